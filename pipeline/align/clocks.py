@@ -1,0 +1,161 @@
+"""Clocks of several loggers: t_logger = offset + (1 + skew) t, t on the clock of the torque's logger.
+
+`single` and `synchronised` loggers share one time base. Of `independent` loggers each has its own offset and drift;
+which pulse belongs to which is found from the pattern of pulse periods, never from the start times of the headers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.records import Array, ClockFit, Finding, Refusal
+
+LEAST_OVERLAP = 0.3
+"""Part of the shorter pulse train that has to overlap for a lag to be tried."""
+LEAST_PULSES = 4
+CLEAR_EVIDENCE = 5.0
+"""Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A logger's clock against that of the reference, with the findings of its fit."""
+
+    fit: ClockFit
+    stderr_skew: float = 0.0
+    residual_std: float = 0.0
+    lag: int = 0
+    evidence: float = float("inf")
+    findings: tuple[Finding, ...] = ()
+
+    def to_reference(self, time: Array) -> Array:
+        """Return times of the logger on the clock of the reference [s]."""
+        return (time - self.fit.offset_s) / (1.0 + 1e-6 * self.fit.skew_ppm)
+
+    def from_reference(self, time: Array) -> Array:
+        """Return times of the reference on the clock of the logger [s]."""
+        return self.fit.offset_s + (1.0 + 1e-6 * self.fit.skew_ppm) * time
+
+
+def same_clock(logger: str, method: str = "same clock") -> Clock:
+    """Return the clock of a logger that shares the reference's time base."""
+    return Clock(ClockFit(logger, 0.0, 0.0, 0.0, method))
+
+
+def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
+    """Return lag, evidence and next best lag: ``other[i + lag]`` is the pulse ``reference[i]``.
+
+    The periods of the right lag differ by edge noise only, those of a wrong one by the scatter of the speed too.
+    Evidence = n / 2 ln(mean square difference of the next best lag / that of the best), in nats.
+    """
+    period, other_period = np.diff(reference), np.diff(other)
+    shorter = min(period.size, other_period.size)
+    least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
+    trials = []
+    for lag in range(least - period.size, other_period.size - least + 1):
+        a = period[max(0, -lag) : other_period.size - lag]
+        b = other_period[max(0, lag) : max(0, lag) + a.size]
+        difference = a[: b.size] - b
+        difference = difference[np.isfinite(difference)]
+        if difference.size >= least:
+            trials.append((_robust_mean_square(difference), difference.size, lag))
+    if not trials:
+        return 0, 0.0, 0
+    trials.sort()
+    if len(trials) == 1:
+        return trials[0][2], 0.0, trials[0][2]
+    best, rival = trials[0], trials[1]
+    floor = (1e-9) ** 2
+    evidence = 0.5 * min(best[1], rival[1]) * np.log((rival[0] + floor) / (best[0] + floor))
+    return best[2], float(evidence), rival[2]
+
+
+def _robust_mean_square(values: Array) -> float:
+    limit = 5.0 * 1.4826 * np.median(np.abs(values)) + 1e-12
+    return float(np.mean(np.minimum(np.abs(values), limit) ** 2))
+
+
+def fit_clock(logger: str, reference: Array, other: Array, where: str) -> Clock:
+    """Return the clock of a logger from the pulses that it and the reference both recorded.
+
+    Parameters
+    ----------
+    reference, other : pulse times on either clock, one per revolution, nan where a pulse is not proven [s]
+
+    Raises
+    ------
+    Refusal
+        Fewer than four common pulses.
+    """
+    lag, evidence, rival = best_lag(reference, other)
+    first, stop = max(0, -lag), min(reference.size, other.size - lag)
+    a, b = reference[first:stop], other[first + lag : stop + lag]
+    good = np.isfinite(a) & np.isfinite(b)
+    if good.sum() < LEAST_PULSES:
+        raise Refusal(
+            f"{where}: found {int(good.sum())} trigger pulses common to both loggers, expected at least "
+            f"{LEAST_PULSES}; record the "
+            "trigger on both loggers for longer"
+        )
+    line = robust_line(a[good], (b - a)[good])
+    findings = () if evidence >= CLEAR_EVIDENCE else (_ambiguous(logger, lag, rival, evidence, int(good.sum()), where),)
+    stderr = float(np.hypot(line.stderr_middle, line.stderr_slope * np.std(a[good])))
+    fit = ClockFit(logger, line.intercept, 1e6 * line.slope, stderr, "trigger pulses")
+    return Clock(fit, line.stderr_slope, line.residual_std, lag, evidence, findings)
+
+
+def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int, where: str) -> Finding:
+    return Finding(
+        "clock_lag_ambiguous",
+        "warning",
+        f"logger {logger}: the pattern of {n_pulses} pulse periods does not say which pulse belongs to which: a lag of "
+        f"{lag} pulses "
+        f"is used, {rival} fits nearly as well (log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the "
+        "cam angle is right either "
+        "way, but torque and pressure of a cycle may belong to neighbouring revolutions",
+        where,
+    )
+
+
+@dataclass(frozen=True)
+class Line:
+    """Robust straight line with its standard errors."""
+
+    intercept: float
+    slope: float
+    stderr_middle: float
+    stderr_slope: float
+    residual_std: float
+    weights: Array
+
+
+def robust_line(x: Array, y: Array) -> Line:
+    """Fit y = intercept + slope x by Tukey's biweight, iterated from the least-squares line."""
+    middle = float(np.mean(x))
+    u = x - middle
+    weights = np.ones(x.size)
+    for _ in range(20):
+        total = weights.sum()
+        mean_u, mean_y = (weights @ u) / total, (weights @ y) / total
+        slope = (weights @ ((u - mean_u) * (y - mean_y))) / (weights @ (u - mean_u) ** 2)
+        residual = y - mean_y - slope * (u - mean_u)
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-12)
+        weights = np.clip(1.0 - (residual / (4.685 * scale)) ** 2, 0.0, None) ** 2
+    kept: NDArray[np.bool_] = weights > 0.0
+    n = max(3, int(kept.sum()))
+    std = float(np.sqrt(np.sum(residual[kept] ** 2) / (n - 2)))
+    spread = float(np.sum((u - np.mean(u))[kept] ** 2))
+    centre = float(mean_y - slope * mean_u)
+    # Tukey's biweight has an efficiency of 95 % for normal noise.
+    grow = 1.0 / np.sqrt(0.95)
+    return Line(
+        centre - float(slope) * middle,
+        float(slope),
+        grow * std / np.sqrt(n),
+        grow * std / np.sqrt(spread),
+        std,
+        weights,
+    )

@@ -1,0 +1,300 @@
+"""Recording -> cycles on one cam-angle grid, with nominal alignment.
+
+Nominal means: declared delays taken off, trigger edge at its nominal angle, clocks from the pulses. Whatever is fitted
+(trigger angle, twist, delay error) enters once, on the model side. A cycle runs from the zero of the lift table to one
+revolution later; its number is that of the pulse inside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
+from pipeline.align.budget import angle_error_budget
+from pipeline.align.clocks import Clock, fit_clock, same_clock
+from pipeline.align.options import AlignOptions
+from pipeline.align.polarity import check_quantities
+from pipeline.align.pulses import PulseTrain, number_teeth, shifted, train_findings
+from pipeline.align.quality import ChannelDamage, CycleTable, apply_cuts
+from pipeline.align.resample import choose_rule, damage_of, empty_rows, resample_row
+from pipeline.align.triggers import Edges, find_edges
+from pipeline.records import Array, CamCycles, Channel, Estimate, Recording, Refusal
+
+
+@dataclass(frozen=True)
+class TriggerTrain:
+    """Pulses of one trigger channel on its own logger's clock."""
+
+    channel: Channel
+    edges: Edges
+    train: PulseTrain
+
+
+@dataclass(frozen=True)
+class AlignedChannel:
+    """One channel on the grid, before the cuts."""
+
+    channel: Channel
+    rows: Array
+    damage: ChannelDamage
+    samples_per_step: float
+    rule: int
+
+
+def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
+    """Return the cycles of a recording on one cam-angle grid.
+
+    Parameters
+    ----------
+    recording : calibrated channels
+    options : choices of the alignment
+
+    Raises
+    ------
+    Refusal
+        No pressure or trigger, no pulses, no complete cycle, torque and pressure under each other's name.
+    """
+    options = options or AlignOptions()
+    channels = _physical_channels(recording)
+    reference = next(iter(channels.values())).logger
+    triggers = _trigger_trains(recording, options)
+    main = triggers.get(reference) or _shared_trigger(recording, triggers, reference)
+    clocks = _clocks(recording, triggers, main, reference)
+    angle = cam_angle(_on_reference(main, clocks, recording), recording.config.trigger, options.speed_law)
+    cycles = angle.candidate_cycles()
+    complete = _covered(angle, cycles, channels, clocks)
+    aligned = {
+        quantity: _align_channel(channel, angle, cycles, complete, clocks[channel.logger], options)
+        for quantity, channel in channels.items()
+    }
+    findings = list(check_quantities({q: a.rows for q, a in aligned.items()}, complete, recording))
+    table = _table(angle, cycles, complete, aligned, options)
+    used, cut_flow = apply_cuts(table)
+    if not used.any():
+        worst = max(cut_flow, key=lambda row: row.cycles_single)
+        raise Refusal(
+            f"{recording.config.id}: none of {int(complete.sum())} complete cycles can be used, expected at least one; "
+            "most fail "
+            f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
+        )
+    for trigger in triggers.values():
+        where = f"{trigger.channel.path.name}, channel {trigger.channel.name!r}"
+        findings += [*trigger.edges.findings, *train_findings(trigger.train, where)]
+    for clock in clocks.values():
+        findings += clock.findings
+    return _cam_cycles(recording, options, table, used, cut_flow, aligned, clocks, main, findings)
+
+
+def _physical_channels(recording: Recording) -> dict[str, Channel]:
+    """Return the torque (if there is one) and the pressure channel; the first one's logger is the reference."""
+    channels = {}
+    for quantity in ("torque", "pressure"):
+        of_quantity = recording.of(quantity)
+        if len(of_quantity) > 1:
+            raise Refusal(
+                f"{recording.config.id}: found {len(of_quantity)} {quantity} channels, expected one; keep one "
+                "[[channels]] entry"
+            )
+        if of_quantity:
+            channels[quantity] = of_quantity[0]
+    for quantity in ("pressure", "trigger"):
+        if not recording.of(quantity):
+            raise Refusal(
+                f"{recording.config.id}: no {quantity} channel, expected one; without it there are no aligned cycles; "
+                "add a "
+                f'[[channels]] entry with quantity = "{quantity}"'
+            )
+    return channels
+
+
+def _trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
+    config = recording.config
+    trains = {}
+    for channel in recording.of("trigger"):
+        edges = find_edges(channel, config.trigger, config.nominal_speed, options.block_samples)
+        where = f"{channel.path.name}, channel {channel.name!r}"
+        train = number_teeth(edges.time, edges.width, config.trigger, where)
+        trains[channel.logger] = TriggerTrain(channel, edges, shifted(train, config.trigger.switching_delay))
+    return trains
+
+
+def _independent(recording: Recording, logger: str) -> bool:
+    return any(spec.id == logger and spec.clock == "independent" for spec in recording.config.loggers)
+
+
+def _shared_trigger(recording: Recording, triggers: dict[str, TriggerTrain], reference: str) -> TriggerTrain:
+    """Return a trigger of a logger that shares the reference's time base."""
+    for logger, trigger in triggers.items():
+        if not _independent(recording, logger) and not _independent(recording, reference):
+            return trigger
+    raise Refusal(
+        f"{recording.config.id}: logger {reference!r} has its own clock and recorded no trigger, expected the trigger "
+        "on every "
+        "logger with an independent clock; record it there too"
+    )
+
+
+def _clocks(
+    recording: Recording, triggers: dict[str, TriggerTrain], main: TriggerTrain, reference: str
+) -> dict[str, Clock]:
+    clocks = {reference: same_clock(reference, "reference")}
+    for channel in recording.channels:
+        if channel.logger in clocks:
+            continue
+        if not _independent(recording, channel.logger) and not _independent(recording, reference):
+            clocks[channel.logger] = same_clock(channel.logger, "common time base")
+            continue
+        if channel.logger not in triggers:
+            raise Refusal(
+                f"{recording.config.id}: logger {channel.logger!r} has its own clock and recorded no trigger, expected "
+                "the trigger on "
+                "every logger with an independent clock; record it there too"
+            )
+        own = _revolution_times(triggers[channel.logger].train, recording)
+        clocks[channel.logger] = fit_clock(
+            channel.logger, _revolution_times(main.train, recording), own, channel.path.name
+        )
+    return clocks
+
+
+def _revolution_times(train: PulseTrain, recording: Recording) -> Array:
+    """Return the times of the pulses at the nominal angle, one per revolution, nan where missing or repaired."""
+    per_rev = recording.config.trigger.pulses_per_rev
+    first = -(-int(train.step[0]) // per_rev)
+    last = int(train.step[-1]) // per_rev
+    times = np.full(last - first + 1, np.nan)
+    whole = (train.step % per_rev == 0) & ~train.repaired
+    times[train.step[whole] // per_rev - first] = train.time[whole]
+    return times
+
+
+def _on_reference(main: TriggerTrain, clocks: dict[str, Clock], recording: Recording) -> PulseTrain:
+    return main.train
+
+
+def _positions(channel: Channel, clock: Clock, times: Array) -> Array:
+    """Sample positions at which a channel shows what happened at the given reference times."""
+    delay = channel.calibration.delay if channel.calibration else 0.0
+    return (clock.from_reference(times + delay) - channel.start_time) * channel.sample_rate
+
+
+def _covered(
+    angle: CamAngle, cycles: NDArray[np.int64], channels: dict[str, Channel], clocks: dict[str, Clock]
+) -> NDArray[np.bool_]:
+    """Tell which cycles every channel covers from theta = 0 to one revolution later."""
+    begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
+    covered = np.ones(cycles.size, dtype=bool)
+    for channel in channels.values():
+        clock = clocks[channel.logger]
+        covered &= _positions(channel, clock, begin) >= 1.0
+        covered &= _positions(channel, clock, end) <= channel.n_samples - 2.0
+    return covered
+
+
+def _align_channel(
+    channel: Channel,
+    angle: CamAngle,
+    cycles: NDArray[np.int64],
+    complete: NDArray[np.bool_],
+    clock: Clock,
+    options: AlignOptions,
+) -> AlignedChannel:
+    """Resample one channel, reading it once from front to back."""
+    path = None if options.scratch_dir is None else str(options.scratch_dir / f"{channel.quantity}_aligned.npy")
+    rows = empty_rows(cycles.size, options.n_theta, path)
+    counts = np.zeros((4, cycles.size), dtype=np.int64)
+    span = channel.sample_rate * float(np.median(np.diff(angle.time))) * TWO_PI / float(np.median(np.diff(angle.angle)))
+    rule = choose_rule(options.interpolation, span / options.n_theta)
+    calibration = channel.calibration
+    gain = channel.sign * channel.scale * calibration.gain if calibration else channel.scale
+    zero = calibration.zero_volts / channel.scale if calibration else 0.0
+    limits = (calibration.output_min_volts, calibration.output_max_volts) if calibration else (-np.inf, np.inf)
+    low, high = limits[0] / channel.scale, limits[1] / channel.scale
+    block, first, stop = np.empty(0), 0, 0
+    for k, cycle in enumerate(cycles):
+        if not complete[k]:
+            rows[k] = np.nan
+            continue
+        position = _positions(channel, clock, angle.times(int(cycle), options.n_theta))
+        begin, end = max(0, int(position[0]) - 2), min(channel.n_samples, int(position[-1]) + 4)
+        if end > stop or begin < first:
+            first, stop = begin, min(channel.n_samples, max(end, begin + options.block_samples))
+            block = np.ascontiguousarray(channel.source.read(first, stop), dtype=np.float64)
+        position = np.maximum(position - first, 0.0)
+        resample_row(block, position, rule, gain, zero, rows[k])
+        inside = block[int(position[1]) : int(position[-1]) + 1]
+        counts[:3, k] = damage_of(inside, low, high)
+        counts[3, k] = inside.size
+    return AlignedChannel(channel, rows, ChannelDamage(*counts), span / options.n_theta, rule)
+
+
+def _table(
+    angle: CamAngle,
+    cycles: NDArray[np.int64],
+    complete: NDArray[np.bool_],
+    aligned: dict[str, AlignedChannel],
+    options: AlignOptions,
+) -> CycleTable:
+    begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
+    speed = TWO_PI / (end - begin)
+    uncertain = angle.broken.copy()
+    return CycleTable(
+        index=cycles,
+        speed=speed,
+        speed_change=_speed_change(angle, cycles),
+        complete=complete,
+        unproven=np.array([angle.touches(int(k), uncertain) for k in cycles]),
+        clock_jump=np.zeros(cycles.size, dtype=bool),
+        rows={quantity: item.rows for quantity, item in aligned.items()},
+        damage={quantity: item.damage for quantity, item in aligned.items()},
+        options=options,
+    )
+
+
+def _speed_change(angle: CamAngle, cycles: NDArray[np.int64]) -> Array:
+    """Largest relative change of the mean speed from a cycle to its neighbours."""
+    bounds = angle.time_at(np.r_[cycles, cycles[-1] + 1] * TWO_PI) if cycles.size else np.empty(0)
+    period = np.diff(bounds)
+    change = np.zeros(cycles.size)
+    if cycles.size > 1:
+        relative = np.abs(np.diff(period)) / np.minimum(period[1:], period[:-1])
+        change[1:] = relative
+        change[:-1] = np.maximum(change[:-1], relative)
+    return change
+
+
+def _cam_cycles(recording, options, table, used, cut_flow, aligned, clocks, main, findings):  # type: ignore[no-untyped-def]
+    chosen = np.flatnonzero(used)
+    rows = {quantity: _compacted(item.rows, chosen) for quantity, item in aligned.items()}
+    speed = table.speed[chosen]
+    delay = aligned["torque"].channel.calibration if "torque" in aligned else None
+    jitter = main.edges.noise
+    return CamCycles(
+        theta=np.arange(options.n_theta) * (TWO_PI / options.n_theta),
+        torque=rows.get("torque"),
+        pressure=rows["pressure"],
+        speed=speed,
+        index=table.index[chosen],
+        held_out=np.arange(chosen.size) % 2 == 1,
+        cycles_found=int(table.complete.sum()),
+        duration=max(channel.duration for channel in recording.channels),
+        speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)),
+        cut_flow=cut_flow,
+        clocks=tuple(clock.fit for clock in clocks.values()),
+        angle_errors=angle_error_budget(recording, table, used, clocks, aligned, jitter),
+        trigger_jitter_s=jitter,
+        findings=tuple(findings),
+        torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
+        details={},
+    )
+
+
+def _compacted(rows: Array, chosen: NDArray[np.int64]) -> Array:
+    """Move the used rows to the front, in place: no second copy of a long recording."""
+    for place, k in enumerate(chosen):
+        if place != k:
+            rows[place] = rows[k]
+    return rows[: chosen.size]
