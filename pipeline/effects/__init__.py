@@ -1,1 +1,21 @@
-"""."""
+"""What the rigid model leaves out: one file per effect, law and parameter rows side by side."""
+
+from __future__ import annotations
+
+from pipeline.effects import chamber, damping, driveline, friction, sensor, spring
+from pipeline.effects.rows import ParameterRow
+
+EFFECTS: dict[str, tuple[ParameterRow, ...]] = {
+    "chamber": chamber.ROWS,
+    "friction": friction.ROWS,
+    "damping": damping.ROWS,
+    "driveline": driveline.ROWS,
+    "sensor": sensor.ROWS,
+    "spring": spring.ROWS,
+}
+"""Effect -> its parameter rows; the lift correction has coefficients instead of named rows."""
+
+ROWS: dict[str, ParameterRow] = {row.name: row for rows in EFFECTS.values() for row in rows}
+"""Every named parameter."""
+EFFECT_OF: dict[str, str] = {row.name: effect for effect, rows in EFFECTS.items() for row in rows}
+"""Parameter -> effect."""

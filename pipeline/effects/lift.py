@@ -1,0 +1,73 @@
+"""Lift table: its rounding and measuring noise enter through the slope times the contact force.
+
+At 1300 bar a slope error of 0.05 mm/rad, half a micrometre over a degree, is 0.3 N m. The correction is a periodic
+cubic B-spline over the lifted part of the cam whose coefficients have zero mean and the table's own noise as prior;
+B-splines are positive and sum to one, so the correction never exceeds its largest coefficient. It changes the slope
+(torque) and leaves volume and inertia alone, where a micrometre is nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from pipeline.records import Array, freeze_arrays
+from pipeline.units import DEGREE
+
+KNOT_STEP = 2.0 * DEGREE
+MARGIN = 3.0 * DEGREE
+
+
+@dataclass(frozen=True)
+class LiftCorrection:
+    """Basis of the correction.
+
+    Attributes
+    ----------
+    knots : (n_basis + 4,) [rad], first to last lifted angle with a margin
+    prior_std : standard deviation of each coefficient [m]
+    bound : largest coefficient allowed, the table's resolution [m]
+    """
+
+    knots: Array
+    prior_std: float
+    bound: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def n_basis(self) -> int:
+        """Number of coefficients."""
+        return self.knots.size - 4
+
+    def basis(self, theta: Array, derivative: int = 0) -> Array:
+        """Return the basis at angles of any revolution, (n, n_basis), per coefficient."""
+        return self.correction(theta, np.eye(self.n_basis), derivative)
+
+    def correction(self, theta: Array, coefficients: Array, derivative: int = 0) -> Array:
+        """Return the correction [m] or its derivative for coefficients (n_basis,) or (n_basis, k)."""
+        wrapped = self.knots[0] + np.mod(theta - self.knots[0], 2.0 * np.pi)
+        outside = wrapped >= self.knots[-1]
+        spline = BSpline(self.knots, coefficients, 3)
+        values = spline(np.where(outside, self.knots[0], wrapped), nu=derivative)
+        values[outside] = 0.0
+        return values
+
+
+def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: float) -> LiftCorrection:
+    """Return the correction basis for a lift given on an angle grid.
+
+    Parameters
+    ----------
+    theta, lift : (n,) [rad], [m]
+    resolution : stated resolution of the table, the bound of the correction [m]
+    noise_std : standard deviation of the table's values about a smooth curve [m]
+    """
+    lifted = theta[lift > 2.0 * resolution + 1e-9]
+    start, stop = lifted.min() - MARGIN, lifted.max() + MARGIN
+    count = int(np.ceil((stop - start) / KNOT_STEP))
+    knots = start + (np.arange(count + 7) - 3.0) * KNOT_STEP
+    return LiftCorrection(knots, min(noise_std, resolution) / 2.0, resolution)
