@@ -1,26 +1,101 @@
-"""Angle error budget before the fit: one row per source, in degrees of cam angle."""
+"""Angle error budget before the fit: one row per source, as a standard deviation in degrees of cam angle."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.align.clocks import Clock
-from pipeline.align.quality import CycleTable
-from pipeline.records import AngleError, Recording
+from pipeline.config import TriggerSpec
+from pipeline.records import AngleError, Channel
+
+HALF_WIDTH_OF_TYPICAL = 0.5
+"""A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of its spread."""
+RECTANGULAR = 1.0 / np.sqrt(3.0)
+"""Standard deviation of a rectangular distribution over its half width."""
+UNKNOWN = float("nan")
 
 
 def angle_error_budget(
-    recording: Recording,
-    table: CycleTable,
-    used: NDArray[np.bool_],
-    clocks: Mapping[str, Clock],
-    aligned: Mapping[str, Any],
-    jitter: float,
+    spec: TriggerSpec,
+    channels: Mapping[str, Channel],
+    clocks: Iterable[Clock],
+    speed: float,
+    speed_change: float,
+    edge_noise: float,
 ) -> tuple[AngleError, ...]:
-    """Return the rows of the budget."""
-    speed_deg = np.degrees(float(np.mean(table.speed[used])))
-    return (AngleError("trigger edge jitter", jitter * speed_deg, "noise of the plateaus over the slope of the edge"),)
+    """Return the rows of the budget.
+
+    Parameters
+    ----------
+    spec : trigger or tooth wheel
+    channels : torque (if any) and pressure
+    clocks : clocks of the loggers
+    speed : mean speed of the used cycles [rad/s]
+    speed_change : rms relative change of the period from one revolution to the next
+    edge_noise : standard error of one edge time [s]
+    """
+    per_second = float(np.degrees(speed))
+    delay_text = "declared total delay of the {}, times the speed"
+    return (
+        AngleError(
+            "trigger edge time",
+            edge_noise * per_second,
+            f"{1e6 * edge_noise:.2f} us: noise of the plateaus over the slope of the edge",
+        ),
+        AngleError(
+            "trigger switching delay",
+            HALF_WIDTH_OF_TYPICAL * RECTANGULAR * spec.switching_delay * per_second,
+            "the sheet gives a typical value without limits; half of it is assumed as half width",
+        ),
+        AngleError(
+            "trigger installation",
+            float(np.degrees(spec.installation_tolerance)) * RECTANGULAR,
+            "mounting tolerance, the same for all runs of one mounting; fitted on the model side",
+        ),
+        *(
+            AngleError(
+                f"{quantity} delay",
+                (channel.calibration.delay_std if channel.calibration else 0.0) * per_second,
+                delay_text.format(quantity),
+            )
+            for quantity, channel in channels.items()
+        ),
+        *(
+            AngleError(f"clock of logger {clock.fit.logger}", clock.fit.stderr_s * per_second, clock.fit.method)
+            for clock in clocks
+            if clock.fit.stderr_s > 0.0
+        ),
+        *_between_pulses(spec, speed_change),
+    )
+
+
+def _between_pulses(spec: TriggerSpec, speed_change: float) -> tuple[AngleError, ...]:
+    """Speed between pulses: what changes from revolution to revolution is bounded, what repeats is not seen.
+
+    A speed that changes linearly by the relative amount c over a pulse interval of angle a is off by at most c a / 8 in
+    its middle; at a tooth wheel the interval is a tooth.
+    """
+    interval_deg = 360.0 / spec.pulses_per_rev
+    rows = [
+        AngleError(
+            "speed change between pulses",
+            speed_change / spec.pulses_per_rev * interval_deg / 8.0,
+            "bound from the change of the period from one revolution to the next",
+        )
+    ]
+    if spec.pulses_per_rev == 1:
+        rows += [
+            AngleError(
+                "speed ripple within a revolution",
+                UNKNOWN,
+                "one pulse per revolution cannot see it: a ripple of 1 % of order n is 0.57 / n degrees; rebuilt from "
+                "the "
+                "torque and the drive's inertia by the driveline effect",
+            )
+        ]
+    rows.append(
+        AngleError("shaft twist", UNKNOWN, "not corrected here: torque over stiffness, in the driveline effect")
+    )
+    return tuple(rows)

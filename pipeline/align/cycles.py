@@ -205,7 +205,7 @@ def _align_channel(
     """Resample one channel, reading it once from front to back."""
     path = None if options.scratch_dir is None else str(options.scratch_dir / f"{channel.quantity}_aligned.npy")
     rows = empty_rows(cycles.size, options.n_theta, path)
-    counts = np.zeros((4, cycles.size), dtype=np.int64)
+    counts = np.zeros((5, cycles.size), dtype=np.int64)
     span = channel.sample_rate * float(np.median(np.diff(angle.time))) * TWO_PI / float(np.median(np.diff(angle.angle)))
     rule = choose_rule(options.interpolation, span / options.n_theta)
     calibration = channel.calibration
@@ -213,6 +213,8 @@ def _align_channel(
     zero = calibration.zero_volts / channel.scale if calibration else 0.0
     limits = (calibration.output_min_volts, calibration.output_max_volts) if calibration else (-np.inf, np.inf)
     low, high = limits[0] / channel.scale, limits[1] / channel.scale
+    # A sensor with an output from zero upward rests at zero: its lower end is no clipping.
+    low = low if low < 0.0 else -np.inf
     block, first, stop = np.empty(0), 0, 0
     for k, cycle in enumerate(cycles):
         if not complete[k]:
@@ -226,8 +228,8 @@ def _align_channel(
         position = np.maximum(position - first, 0.0)
         resample_row(block, position, rule, gain, zero, rows[k])
         inside = block[int(position[1]) : int(position[-1]) + 1]
-        counts[:3, k] = damage_of(inside, low, high)
-        counts[3, k] = inside.size
+        *counts[:3, k], top, bottom = damage_of(inside, low, high)
+        counts[3:, k] = max(top, bottom) if np.isfinite(low) else top, inside.size
     return AlignedChannel(channel, rows, ChannelDamage(*counts), span / options.n_theta, rule)
 
 
@@ -284,7 +286,14 @@ def _cam_cycles(recording, options, table, used, cut_flow, aligned, clocks, main
         speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)),
         cut_flow=cut_flow,
         clocks=tuple(clock.fit for clock in clocks.values()),
-        angle_errors=angle_error_budget(recording, table, used, clocks, aligned, jitter),
+        angle_errors=angle_error_budget(
+            recording.config.trigger,
+            {quantity: item.channel for quantity, item in aligned.items()},
+            clocks.values(),
+            float(np.mean(speed)),
+            float(np.sqrt(np.mean(table.speed_change[chosen] ** 2))),
+            jitter,
+        ),
         trigger_jitter_s=jitter,
         findings=tuple(findings),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),

@@ -12,6 +12,14 @@ from pipeline.records import Array
 
 POOLED_EDGES = 9
 """Plateaus are the running median over this many neighbouring edges: it follows slow drift."""
+FLANK = (0.05, 0.95)
+"""Heights between which a sample counts as lying on the flank."""
+SHORT_FLANK = 3.0
+"""A flank of fewer samples is fitted as a ramp; on a longer one linear interpolation is as good."""
+LEAST_PAIRS = 5
+LEAST_FOR_DENSITY = 30
+SAME_DURATION = 0.1
+"""Relative spread of the flank's duration over the edges beyond which it is no property of the sensor."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +50,9 @@ def refine_edges(windows: Array, before: NDArray[np.int64]) -> EdgeTimes:
 
     Notes
     -----
-    The first and last quarter of a window are plateau; linear interpolation between the two samples that straddle half
-    height is exact on a linear flank and within dt^2 / (8 D) of a flank of duration D shorter than a sample.
+    The first and last quarter of a window are plateau. Linear interpolation between the two samples that straddle half
+    height is exact while both lie on a straight flank; where the flank is so short that one of them lies on a plateau
+    it is wrong by up to dt^2 / (8 D), and the crossing is found from the flank's duration D instead.
     """
     n, width = windows.shape
     half, quarter = width // 2, max(1, width // 4)
@@ -51,16 +60,64 @@ def refine_edges(windows: Array, before: NDArray[np.int64]) -> EdgeTimes:
     noise = 0.5 * (np.std(windows[:, :quarter], axis=1) + np.std(windows[:, -quarter:], axis=1))
     pooled = min(POOLED_EDGES, n)
     low, high = median_filter(low, pooled, mode="nearest"), median_filter(high, pooled, mode="nearest")
-    column = _crossing_column(windows, 0.5 * (low + high), half)
-    rows = np.arange(n)
-    left, right = windows[rows, column], windows[rows, column + 1]
-    slope = right - left
-    fraction = np.clip((0.5 * (low + high) - left) / np.where(slope > 0.0, slope, np.inf), 0.0, 1.0)
-    return EdgeTimes(before - (half - 1) + column + fraction, high - low, slope, noise)
+    height = high - low
+    part = (windows - low[:, None]) / np.where(height > 0.0, height, 1.0)[:, None]
+    column = _crossing_column(part, half)
+    position, slope = _linear_crossing(part, column)
+    near = _near_columns(part, column)
+    duration = _flank_duration(near)
+    if duration < SHORT_FLANK:
+        position = _ramp_crossing(near, column, position, duration)
+        slope = np.full(n, 1.0 / duration)
+    return EdgeTimes(before - (half - 1) + position, height, slope * height, noise)
 
 
-def _crossing_column(windows: Array, level: Array, half: int) -> NDArray[np.int64]:
-    """Column before the crossing of ``level`` that is nearest to the middle."""
-    crosses = (windows[:, :-1] < level[:, None]) & (windows[:, 1:] >= level[:, None])
-    distance = np.abs(np.arange(windows.shape[1] - 1) - (half - 1))
-    return np.argmin(np.where(crosses, distance, windows.shape[1]), axis=1)
+def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:
+    """Column before the crossing of half height that is nearest to the middle."""
+    crosses = (part[:, :-1] < 0.5) & (part[:, 1:] >= 0.5)
+    distance = np.abs(np.arange(part.shape[1] - 1) - (half - 1))
+    return np.argmin(np.where(crosses, distance, part.shape[1]), axis=1)
+
+
+def _linear_crossing(part: Array, column: NDArray[np.int64]) -> tuple[Array, Array]:
+    rows = np.arange(column.size)
+    left, right = part[rows, column], part[rows, column + 1]
+    slope = np.maximum(right - left, 1e-9)
+    return column.astype(np.float64) + np.clip((0.5 - left) / slope, 0.0, 1.0), slope
+
+
+def _near_columns(part: Array, column: NDArray[np.int64]) -> Array:
+    """Return (n, 4) the two samples on either side of the crossing, as parts of the height."""
+    columns = np.clip(column[:, None] + np.arange(-1, 3), 0, part.shape[1] - 1)
+    return part[np.arange(column.size)[:, None], columns]
+
+
+def _on_flank(near: Array) -> NDArray[np.bool_]:
+    return (near > FLANK[0]) & (near < FLANK[1])
+
+
+def _flank_duration(near: Array) -> float:
+    """Return the duration of the whole flank in samples, inf where it is not known or not short.
+
+    Two samples of one edge on the flank give its slope; where the flank is shorter than a sample, the part of the edges
+    that show a sample on it gives its duration, because edges fall anywhere between the samples.
+    """
+    flank = _on_flank(near)
+    both = flank[:, 1] & flank[:, 2]
+    span = FLANK[1] - FLANK[0]
+    if both.sum() >= LEAST_PAIRS:
+        durations = 1.0 / (near[both, 2] - near[both, 1])
+        usual = float(np.median(durations))
+        spread = 1.4826 * float(np.median(np.abs(durations - usual)))
+        return usual if spread < SAME_DURATION * usual else np.inf
+    density = float(flank.sum()) / max(1, near.shape[0]) / span
+    return density if near.shape[0] >= LEAST_FOR_DENSITY and 0.2 < density < 1.6 else np.inf
+
+
+def _ramp_crossing(near: Array, column: NDArray[np.int64], linear: Array, duration: float) -> Array:
+    """Mean over the samples on the flank of where each puts half height; linear where there is none."""
+    flank = _on_flank(near)
+    places = column[:, None] + np.arange(-1, 3) - duration * (near - 0.5)
+    count = flank.sum(axis=1)
+    mean = np.where(flank, places, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return np.where(count > 0, mean, linear)

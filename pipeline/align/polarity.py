@@ -1,4 +1,9 @@
-"""Inverted torque is turned with a finding; torque and pressure under each other's name are refused."""
+"""Inverted torque is turned with a finding; torque and pressure under each other's name are refused.
+
+Both are seen without a model: the torque of a pump follows line pressure times lift velocity, the pressure does not
+follow torque times lift velocity; a torque swings to both sides or rests near zero on the base circle, a gauge
+pressure stays above zero and keeps a residual there.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +12,88 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.records import Array, Finding, Recording
+from pipeline.records import Array, CamTable, Finding, Recording, Refusal
+
+INVERTED_CORRELATION = -0.3
+TENSION = -0.04
+"""A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the range."""
+REST_FACTOR = 2.0
+"""On the base circle a line pressure keeps this much more of its peak than a torque, at least."""
+DWELL_LIFT_VELOCITY = 0.05
+"""Part of the largest lift velocity below which the follower stands still."""
+SAMPLED_CYCLES = 50
 
 
 def check_quantities(
     rows: Mapping[str, Array], complete: NDArray[np.bool_], recording: Recording
 ) -> tuple[Finding, ...]:
-    """Turn an inverted torque in place and return the findings."""
-    return ()
+    """Turn an inverted torque in place and return the findings.
+
+    Raises
+    ------
+    Refusal
+        The data of torque and pressure look like each other's.
+    """
+    if "torque" not in rows or not complete.any():
+        return ()
+    torque, pressure = (_typical(rows[quantity], complete) for quantity in ("torque", "pressure"))
+    if not (
+        np.isfinite(torque).all() and np.isfinite(pressure).all() and np.ptp(torque) > 0.0 and np.ptp(pressure) > 0.0
+    ):
+        return ()
+    velocity = lift_velocity(recording.cam_table, torque.size)
+    _refuse_swapped(torque, pressure, velocity, recording.config.id)
+    straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
+    if straight > INVERTED_CORRELATION:
+        return ()
+    rows["torque"][...] *= -1.0
+    return (
+        Finding(
+            "torque_inverted",
+            "warning",
+            f"the torque reads {np.mean(torque):+.2f} N m on average and falls while the pressure resists the rising "
+            "lift "
+            f"(correlation {straight:+.2f}): its sign was turned, positive is driving the pump",
+            recording.of("torque")[0].name,
+        ),
+    )
+
+
+def lift_velocity(table: CamTable, n_theta: int) -> Array:
+    """Return dy/dtheta of the lift table on the angle grid by central differences [m/rad]."""
+    grid = np.arange(n_theta) * (2.0 * np.pi / n_theta)
+    slope = np.gradient(np.r_[table.lift[-1], table.lift, table.lift[0]], _wrapped(table.theta))[1:-1]
+    return np.interp(grid, table.theta, slope, period=2.0 * np.pi)
+
+
+def _wrapped(theta: Array) -> Array:
+    return np.r_[theta[-1] - 2.0 * np.pi, theta, theta[0] + 2.0 * np.pi]
+
+
+def _typical(rows: Array, complete: NDArray[np.bool_]) -> Array:
+    """Return the median of at most fifty complete cycles."""
+    chosen = np.flatnonzero(complete)
+    chosen = chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]
+    return np.median(rows[chosen], axis=0)
+
+
+def _correlation(a: Array, b: Array) -> float:
+    return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
+
+
+def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) -> None:
+    straight = abs(_correlation(torque, pressure * velocity))
+    swapped = abs(_correlation(pressure, torque * velocity))
+    dwell = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
+    rest = [abs(float(np.median(signal[dwell]))) / np.max(np.abs(signal)) for signal in (torque, pressure)]
+    lowest = float(pressure.min()) / np.max(np.abs(pressure))
+    if swapped < straight or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
+        return
+    raise Refusal(
+        f"{name}: torque and pressure stand under each other's name: the channel named pressure goes down to "
+        f"{100 * lowest:.0f} % of its peak and rests at {100 * rest[1]:.0f} % on the base circle like a torque, the "
+        "one named "
+        f"torque rests at {100 * rest[0]:.0f} % like a line pressure (correlation {swapped:.2f} swapped, "
+        f"{straight:.2f} as "
+        "named); exchange the two in [[channels]]"
+    )

@@ -22,6 +22,10 @@ CLIPPED_SAMPLES = 3
 """Samples at the end of the output range that make a cycle clipped: one or two may be a disturbance."""
 FROZEN_DEGREES = 3.0
 """A channel that does not change over this angle, and four times longer than in its other cycles, has dropped out."""
+CONSTANT_DEGREES = 270.0
+"""No channel of a running pump stands still over this angle."""
+FLAT_RUN = 6
+"""Equal samples in a row at the top of a cycle that make it clipped: noise leaves two or three."""
 MISFIRE_SWING = 0.7
 """Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."""
 OUTLIER_FACTOR = 2.5
@@ -30,11 +34,15 @@ OUTLIER_FACTOR = 2.5
 
 @dataclass(frozen=True)
 class ChannelDamage:
-    """Per cycle, on the raw samples: clipped, missing, longest run of equal samples, samples in all."""
+    """Per cycle, on the raw samples (see `resample.damage_of`), and the samples in all.
+
+    ``flat_run`` is the longest run at an end where the signal can clip: the top, and the bottom of a torque.
+    """
 
     clipped: NDArray[np.int64]
     missing: NDArray[np.int64]
     longest_run: NDArray[np.int64]
+    flat_run: NDArray[np.int64]
     n_samples: NDArray[np.int64]
 
 
@@ -78,8 +86,8 @@ def _drop_out(table: CycleTable) -> Mask:
     for damage in table.damage.values():
         degrees = 360.0 * damage.longest_run / np.maximum(damage.n_samples, 1)
         usual = np.median(damage.longest_run[table.complete]) if table.complete.any() else 0.0
-        frozen = (degrees > FROZEN_DEGREES) & (damage.longest_run > 4.0 * usual)
-        lost |= (damage.missing > 0) | frozen
+        frozen = (degrees > FROZEN_DEGREES) & (damage.longest_run > 4.0 * usual) | (degrees > CONSTANT_DEGREES)
+        lost |= (damage.missing > 0) | (frozen & (damage.longest_run > damage.flat_run))
     return lost
 
 
@@ -87,7 +95,8 @@ def _clipped(quantity: str) -> Callable[[CycleTable], Mask]:
     def test(table: CycleTable) -> Mask:
         if quantity not in table.damage:
             return np.zeros(table.index.size, dtype=bool)
-        return table.damage[quantity].clipped >= CLIPPED_SAMPLES
+        damage = table.damage[quantity]
+        return (damage.clipped >= CLIPPED_SAMPLES) | (damage.flat_run >= FLAT_RUN)
 
     return test
 
@@ -142,8 +151,8 @@ CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
     "missed_trigger": (_missed_trigger, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
     "clock_jump": (_clock_jump, "a logger's clock jumps inside the cycle"),
     "drop_out": (_drop_out, "samples are missing, or a channel stands still"),
-    "pressure_clipped": (_clipped("pressure"), "the pressure reaches the end of the sensor's output range"),
-    "torque_clipped": (_clipped("torque"), "the torque reaches the end of the sensor's output range"),
+    "pressure_clipped": (_clipped("pressure"), "the pressure stands at the end of its output range or at a flat top"),
+    "torque_clipped": (_clipped("torque"), "the torque stands at an end of its output range or at a flat top"),
     "start_stop": (_start_stop, "the speed changes from one revolution to the next"),
     "speed_outlier": (_speed_outlier, "the speed lies outside the recording's steady band"),
     "misfire": (_misfire, "the pressure does not build up as in the other cycles"),
