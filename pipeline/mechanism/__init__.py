@@ -1,1 +1,41 @@
-"""."""
+"""Pump data and pressure over cam angle -> torque by cause, contact and joint forces, Hertz stress.
+
+::
+
+    CamTable -> cam.lift_law -> CamLaw -> kinematics -> closed_form_tables -> solve_rigid -> RigidTorque
+                                                        denoc, recursion: the same numbers, link by link
+"""
+
+from pipeline.mechanism.cam import LIFT_METHODS, CamLaw, cubic_law, lift_law, quintic_law, smoothing_law
+from pipeline.mechanism.closed_form import CAUSES, OUTPUTS, ClosedForm, closed_form_tables
+from pipeline.mechanism.contact import ContactLoss
+from pipeline.mechanism.kinematics import Kinematics, kinematics
+from pipeline.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
+from pipeline.mechanism.shaft import METHODS, ShaftForces, solve_shaft
+from pipeline.mechanism.solve import acceleration_of, forces_of, solve_rigid
+
+__all__ = [
+    "CAUSES",
+    "LIFT_METHODS",
+    "METHODS",
+    "OUTPUTS",
+    "CamLaw",
+    "ClosedForm",
+    "ContactLoss",
+    "Kinematics",
+    "Mounting",
+    "PumpUnit",
+    "Roller",
+    "ShaftForces",
+    "acceleration_of",
+    "assumed_roller",
+    "closed_form_tables",
+    "cubic_law",
+    "forces_of",
+    "kinematics",
+    "lift_law",
+    "quintic_law",
+    "smoothing_law",
+    "solve_rigid",
+    "solve_shaft",
+]

@@ -1,0 +1,102 @@
+"""One pump, solved: `RigidTorque` and `Forces` from pressure and speed over cam angle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pipeline.config import PumpData
+from pipeline.mechanism.cam import TURN, CamLaw
+from pipeline.mechanism.closed_form import ClosedForm, closed_form_tables
+from pipeline.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
+from pipeline.mechanism.mounting import Mounting, PumpUnit
+from pipeline.mechanism.shaft import solve_shaft
+from pipeline.records import Array, Forces, RigidTorque
+
+
+def acceleration_of(theta: Array, speed: Array) -> Array:
+    """Return alpha = omega d omega / d theta of a speed given over one revolution [rad/s^2].
+
+    Parameters
+    ----------
+    theta : (n_theta,) increasing within one revolution, any spacing [rad]
+    speed : (n_theta,) periodic in it [rad/s]
+    """
+    spline = CubicSpline(np.append(theta, theta[0] + TURN), np.append(speed, speed[0]), bc_type="periodic")
+    return np.asarray(speed) * spline(theta, 1)
+
+
+def solve_rigid(
+    pump: PumpData,
+    law: CamLaw,
+    theta: Array,
+    pressure: Array,
+    speed: Array | float,
+    acceleration: Array | float | None = None,
+    *,
+    method: str = "closed_form",
+    mounting: Mounting | None = None,
+) -> RigidTorque:
+    """Return torque by cause and all forces of one rigid pump on frictionless joints.
+
+    Parameters
+    ----------
+    theta : (n_theta,) cam angle, any spacing [rad]
+    pressure : (n_theta,) on the plunger, gauge [Pa]
+    speed : scalar or (n_theta,) [rad/s]
+    acceleration : scalar or (n_theta,) [rad/s^2]; None where the speed is constant within the revolution
+    method : ``closed_form``, ``recursion`` or ``matrix``: the same numbers at different cost
+    mounting : direction of running, gravity, guide point
+
+    Raises
+    ------
+    Refusal : unknown method, varying speed without acceleration, impossible offset
+
+    Notes
+    -----
+    Where the balance asks the cam to pull, the follower has jumped: ``contact_lost`` is set and the contact forces and
+    the Hertz stress read 0 there. Torque and joint forces then belong to a follower held on the cam, an upper bound
+    of nothing; `ClosedForm.jump` gives the speed and angle at which it starts.
+    """
+    mounting = Mounting() if mounting is None else mounting
+    unit = PumpUnit(pump, law, mounting=mounting)
+    solution = solve_shaft([unit], theta, pressure, speed, acceleration, method=method)
+    tables = closed_form_tables(pump, law, theta, mounting)
+    change = 0.0 if acceleration is None else acceleration
+    return RigidTorque(
+        theta=tables.theta,
+        torque=solution.torque,
+        by_cause=tables.torque_by_cause(pressure, speed, change),
+        forces=_forces(pump, tables, solution.outputs[0]),
+        lift=tables.kinematics.lift,
+        lift_velocity=tables.kinematics.velocity,
+        lift_acceleration=tables.kinematics.acceleration,
+        contact_lost=bool(np.any(solution.outputs[0]["contact_normal"] <= 0.0)),
+    )
+
+
+def forces_of(
+    pump: PumpData, tables: ClosedForm, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0
+) -> Forces:
+    """Return all forces of the rigid pump from its tables, each (n_theta,)."""
+    names = tables.outputs
+    return _forces(pump, tables, {name: tables.evaluate(name, pressure, speed, acceleration) for name in names})
+
+
+def _forces(pump: PumpData, tables: ClosedForm, outputs: Mapping[str, Array]) -> Forces:
+    """Return the record; no contact force where the cam would have to pull."""
+    normal = np.maximum(outputs["contact_normal"], 0.0)
+    hertz = hertz_pressure(tables.hertz_factor, normal)
+    return Forces(
+        contact_normal=normal,
+        contact_tangential=np.where(normal > 0.0, outputs["contact_tangential"], 0.0),
+        bearing_x=outputs["bearing_x"],
+        bearing_y=outputs["bearing_y"],
+        guide=outputs["guide"],
+        guide_moment=outputs["guide_moment"],
+        hertz=hertz,
+        hertz_shear_max=SHEAR_VALUE * hertz,
+        hertz_shear_depth=SHEAR_DEPTH * half_width(pump, hertz, tables.kinematics.relative_radius),
+    )
