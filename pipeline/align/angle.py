@@ -25,7 +25,8 @@ class CamAngle:
     ----------
     angle, time : (n,) unwrapped cam angle of each pulse [rad] and its time on the reference clock [s]
     left, right : (n - 1,) dt/dtheta at the ends of each interval [s/rad]
-    repaired, broken : (n,) of the pulse train
+    repaired, broken, jumped : (n,) of the pulse train
+    repair_error_deg : expected error of a repaired pulse
     """
 
     angle: Array
@@ -34,6 +35,8 @@ class CamAngle:
     right: Array
     repaired: NDArray[np.bool_]
     broken: NDArray[np.bool_]
+    jumped: NDArray[np.bool_]
+    repair_error_deg: float = 0.0
 
     def times(self, cycle: int, n_theta: int) -> Array:
         """Return (n_theta + 2,) times of the grid of a cycle, from one step before it to its end."""
@@ -57,15 +60,20 @@ class CamAngle:
         last = int(np.floor((self.angle[-1] + BEYOND) / TWO_PI + 1e-9))
         return np.arange(first, last, dtype=np.int64)
 
-    def touches(self, cycle: int, flags: NDArray[np.bool_]) -> bool:
-        """Tell whether a flagged pulse (or the interval that ends at it) shapes a cycle."""
-        begin = max(0, int(np.searchsorted(self.angle, cycle * TWO_PI, side="right")) - 1)
-        end = min(self.angle.size - 1, int(np.searchsorted(self.angle, (cycle + 1) * TWO_PI)))
-        return bool(flags[begin : end + 1].any())
+    def touched(self, cycles: NDArray[np.int64], flags: NDArray[np.bool_], pulses_before: int = 0) -> NDArray[np.bool_]:
+        """Tell which cycles overlap an interval that ends at a flagged pulse.
+
+        With ``pulses_before=1`` the pulse at which a cycle's first interval begins counts too.
+        """
+        begin = np.searchsorted(self.angle, cycles * TWO_PI + 1e-9) - pulses_before
+        end = np.minimum(self.angle.size - 1, np.searchsorted(self.angle, (cycles + 1) * TWO_PI - 1e-9))
+        flagged = np.r_[0, np.cumsum(flags)]
+        return flagged[end + 1] > flagged[np.clip(begin, 0, end + 1)]
 
 
 def cam_angle(train: PulseTrain, spec: TriggerSpec, speed_law: str) -> CamAngle:
     """Return the nominal cam angle: a pulse of step 0 passes at the nominal trigger angle."""
     angle: Array = np.asarray(spec.nominal_angle + train.step * (TWO_PI / spec.pulses_per_rev), dtype=np.float64)
-    left, right = hermite_slopes(angle, train.time, speed_law == "smooth")
-    return CamAngle(angle, train.time, left, right, train.repaired, train.broken)
+    jumped = np.zeros(angle.size, dtype=bool) if train.jumped is None else train.jumped
+    left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:], speed_law == "smooth")
+    return CamAngle(angle, train.time, left, right, train.repaired, train.broken, jumped, 360.0 * train.repair_error)

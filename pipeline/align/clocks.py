@@ -16,13 +16,25 @@ from pipeline.records import Array, ClockFit, Finding, Refusal
 LEAST_OVERLAP = 0.3
 """Part of the shorter pulse train that has to overlap for a lag to be tried."""
 LEAST_PULSES = 4
+STEP_TIMES_SCATTER = 10.0
+LEAST_STEP = 20.0e-6
+"""Steps of a clock smaller than this are edge noise [s]."""
 CLEAR_EVIDENCE = 5.0
 """Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A logger's clock against that of the reference, with the findings of its fit."""
+    """A logger's clock against that of the reference.
+
+    Attributes
+    ----------
+    fit : offset, skew and standard error
+    stderr_skew : [-]
+    residual_std : of one pulse about the line [s]
+    lag, evidence : pulse ``i`` of the reference is pulse ``i + lag``; log-likelihood ratio to the next best lag
+    breaks, steps : reference times at which the clock jumps, and what is added to its time before, between, after [s]
+    """
 
     fit: ClockFit
     stderr_skew: float = 0.0
@@ -30,14 +42,23 @@ class Clock:
     lag: int = 0
     evidence: float = float("inf")
     findings: tuple[Finding, ...] = ()
+    breaks: tuple[float, ...] = ()
+    steps: tuple[float, ...] = (0.0,)
 
     def to_reference(self, time: Array) -> Array:
         """Return times of the logger on the clock of the reference [s]."""
-        return (time - self.fit.offset_s) / (1.0 + 1e-6 * self.fit.skew_ppm)
+        rate = 1.0 + 1e-6 * self.fit.skew_ppm
+        if not self.breaks:
+            return (time - self.fit.offset_s) / rate
+        borders = self.fit.offset_s + rate * np.array(self.breaks) + 0.5 * (np.array(self.steps[:-1]) + self.steps[1:])
+        return (time - self.fit.offset_s - np.array(self.steps)[np.searchsorted(borders, time)]) / rate
 
     def from_reference(self, time: Array) -> Array:
         """Return times of the reference on the clock of the logger [s]."""
-        return self.fit.offset_s + (1.0 + 1e-6 * self.fit.skew_ppm) * time
+        straight = self.fit.offset_s + (1.0 + 1e-6 * self.fit.skew_ppm) * time
+        if not self.breaks:
+            return straight
+        return straight + np.array(self.steps)[np.searchsorted(self.breaks, time)]
 
 
 def same_clock(logger: str, method: str = "same clock") -> Clock:
@@ -100,11 +121,48 @@ def fit_clock(logger: str, reference: Array, other: Array, where: str) -> Clock:
             f"{LEAST_PULSES}; record the "
             "trigger on both loggers for longer"
         )
-    line = robust_line(a[good], (b - a)[good])
-    findings = () if evidence >= CLEAR_EVIDENCE else (_ambiguous(logger, lag, rival, evidence, int(good.sum()), where),)
-    stderr = float(np.hypot(line.stderr_middle, line.stderr_slope * np.std(a[good])))
+    a, difference = a[good], (b - a)[good]
+    breaks, steps = clock_steps(a, difference)
+    line = robust_line(a, difference - np.array(steps)[np.searchsorted(breaks, a)])
+    findings = [] if evidence >= CLEAR_EVIDENCE else [_ambiguous(logger, lag, rival, evidence, a.size, where)]
+    findings += [_jumped(logger, moment, steps[i + 1] - steps[i], where) for i, moment in enumerate(breaks)]
+    stderr = float(np.hypot(line.stderr_middle, line.stderr_slope * np.std(a)))
     fit = ClockFit(logger, line.intercept, 1e6 * line.slope, stderr, "trigger pulses")
-    return Clock(fit, line.stderr_slope, line.residual_std, lag, evidence, findings)
+    return Clock(fit, line.stderr_slope, line.residual_std, lag, evidence, tuple(findings), breaks, steps)
+
+
+def clock_steps(time: Array, difference: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Find lasting steps of the difference of two clocks.
+
+    Returns
+    -------
+    Times of the steps (middle of the interval), and the sum of the steps before, between and after them [s].
+    """
+    change = np.diff(difference)
+    centred = change - np.median(change)
+    limit = max(STEP_TIMES_SCATTER * 1.4826 * float(np.median(np.abs(centred))), LEAST_STEP)
+    breaks, steps = [], [0.0]
+    for i in np.flatnonzero(np.abs(centred) > limit):
+        drift = np.median(change) * (np.arange(difference.size) - i)
+        level = difference - drift
+        before, after = level[max(0, i - 3) : i + 1], level[i + 1 : i + 5]
+        lasting = float(np.median(after) - np.median(before))
+        # A single wrong edge makes two opposite changes and leaves no step behind.
+        if abs(lasting) > limit and abs(lasting - centred[i]) < 0.5 * abs(centred[i]):
+            breaks.append(float(0.5 * (time[i] + time[i + 1])))
+            steps.append(steps[-1] + lasting)
+    return tuple(breaks), tuple(steps)
+
+
+def _jumped(logger: str, moment: float, step: float, where: str) -> Finding:
+    return Finding(
+        "clock_jump",
+        "warning",
+        f"the clock of logger {logger} jumps by {1e3 * step:+.4g} ms against the reference; the cycle there is cut out "
+        "and the "
+        "stretches before and after have their own offset",
+        f"{where}, near {moment:.4g} s",
+    )
 
 
 def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int, where: str) -> Finding:

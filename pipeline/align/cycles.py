@@ -7,6 +7,7 @@ revolution later; its number is that of the pulse inside it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,23 +15,13 @@ from numpy.typing import NDArray
 
 from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
 from pipeline.align.budget import angle_error_budget
-from pipeline.align.clocks import Clock, fit_clock, same_clock
+from pipeline.align.clocks import Clock
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
-from pipeline.align.pulses import PulseTrain, number_teeth, shifted, train_findings
 from pipeline.align.quality import ChannelDamage, CycleTable, apply_cuts
 from pipeline.align.resample import choose_rule, damage_of, empty_rows, resample_row
-from pipeline.align.triggers import Edges, find_edges
-from pipeline.records import Array, CamCycles, Channel, Estimate, Recording, Refusal
-
-
-@dataclass(frozen=True)
-class TriggerTrain:
-    """Pulses of one trigger channel on its own logger's clock."""
-
-    channel: Channel
-    edges: Edges
-    train: PulseTrain
+from pipeline.align.timebase import TimeBase, time_base
+from pipeline.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
 
 
 @dataclass(frozen=True)
@@ -60,17 +51,15 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     options = options or AlignOptions()
     channels = _physical_channels(recording)
     reference = next(iter(channels.values())).logger
-    triggers = _trigger_trains(recording, options)
-    main = triggers.get(reference) or _shared_trigger(recording, triggers, reference)
-    clocks = _clocks(recording, triggers, main, reference)
-    angle = cam_angle(_on_reference(main, clocks, recording), recording.config.trigger, options.speed_law)
+    base = time_base(recording, reference, options)
+    angle = cam_angle(base.train, recording.config.trigger, options.speed_law)
     cycles = angle.candidate_cycles()
-    complete = _covered(angle, cycles, channels, clocks)
+    complete = _covered(angle, cycles, channels, base.clocks)
     aligned = {
-        quantity: _align_channel(channel, angle, cycles, complete, clocks[channel.logger], options)
+        quantity: _align_channel(channel, angle, cycles, complete, base.clocks[channel.logger], options)
         for quantity, channel in channels.items()
     }
-    findings = list(check_quantities({q: a.rows for q, a in aligned.items()}, complete, recording))
+    findings = check_quantities({q: a.rows for q, a in aligned.items()}, complete, recording)
     table = _table(angle, cycles, complete, aligned, options)
     used, cut_flow = apply_cuts(table)
     if not used.any():
@@ -80,12 +69,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
             "most fail "
             f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
         )
-    for trigger in triggers.values():
-        where = f"{trigger.channel.path.name}, channel {trigger.channel.name!r}"
-        findings += [*trigger.edges.findings, *train_findings(trigger.train, where)]
-    for clock in clocks.values():
-        findings += clock.findings
-    return _cam_cycles(recording, options, table, used, cut_flow, aligned, clocks, main, findings)
+    return _cam_cycles(recording, table, used, cut_flow, aligned, base, (*base.findings, *findings))
 
 
 def _physical_channels(recording: Recording) -> dict[str, Channel]:
@@ -110,71 +94,6 @@ def _physical_channels(recording: Recording) -> dict[str, Channel]:
     return channels
 
 
-def _trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
-    config = recording.config
-    trains = {}
-    for channel in recording.of("trigger"):
-        edges = find_edges(channel, config.trigger, config.nominal_speed, options.block_samples)
-        where = f"{channel.path.name}, channel {channel.name!r}"
-        train = number_teeth(edges.time, edges.width, config.trigger, where)
-        trains[channel.logger] = TriggerTrain(channel, edges, shifted(train, config.trigger.switching_delay))
-    return trains
-
-
-def _independent(recording: Recording, logger: str) -> bool:
-    return any(spec.id == logger and spec.clock == "independent" for spec in recording.config.loggers)
-
-
-def _shared_trigger(recording: Recording, triggers: dict[str, TriggerTrain], reference: str) -> TriggerTrain:
-    """Return a trigger of a logger that shares the reference's time base."""
-    for logger, trigger in triggers.items():
-        if not _independent(recording, logger) and not _independent(recording, reference):
-            return trigger
-    raise Refusal(
-        f"{recording.config.id}: logger {reference!r} has its own clock and recorded no trigger, expected the trigger "
-        "on every "
-        "logger with an independent clock; record it there too"
-    )
-
-
-def _clocks(
-    recording: Recording, triggers: dict[str, TriggerTrain], main: TriggerTrain, reference: str
-) -> dict[str, Clock]:
-    clocks = {reference: same_clock(reference, "reference")}
-    for channel in recording.channels:
-        if channel.logger in clocks:
-            continue
-        if not _independent(recording, channel.logger) and not _independent(recording, reference):
-            clocks[channel.logger] = same_clock(channel.logger, "common time base")
-            continue
-        if channel.logger not in triggers:
-            raise Refusal(
-                f"{recording.config.id}: logger {channel.logger!r} has its own clock and recorded no trigger, expected "
-                "the trigger on "
-                "every logger with an independent clock; record it there too"
-            )
-        own = _revolution_times(triggers[channel.logger].train, recording)
-        clocks[channel.logger] = fit_clock(
-            channel.logger, _revolution_times(main.train, recording), own, channel.path.name
-        )
-    return clocks
-
-
-def _revolution_times(train: PulseTrain, recording: Recording) -> Array:
-    """Return the times of the pulses at the nominal angle, one per revolution, nan where missing or repaired."""
-    per_rev = recording.config.trigger.pulses_per_rev
-    first = -(-int(train.step[0]) // per_rev)
-    last = int(train.step[-1]) // per_rev
-    times = np.full(last - first + 1, np.nan)
-    whole = (train.step % per_rev == 0) & ~train.repaired
-    times[train.step[whole] // per_rev - first] = train.time[whole]
-    return times
-
-
-def _on_reference(main: TriggerTrain, clocks: dict[str, Clock], recording: Recording) -> PulseTrain:
-    return main.train
-
-
 def _positions(channel: Channel, clock: Clock, times: Array) -> Array:
     """Sample positions at which a channel shows what happened at the given reference times."""
     delay = channel.calibration.delay if channel.calibration else 0.0
@@ -182,7 +101,7 @@ def _positions(channel: Channel, clock: Clock, times: Array) -> Array:
 
 
 def _covered(
-    angle: CamAngle, cycles: NDArray[np.int64], channels: dict[str, Channel], clocks: dict[str, Clock]
+    angle: CamAngle, cycles: NDArray[np.int64], channels: Mapping[str, Channel], clocks: Mapping[str, Clock]
 ) -> NDArray[np.bool_]:
     """Tell which cycles every channel covers from theta = 0 to one revolution later."""
     begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
@@ -240,42 +159,47 @@ def _table(
     aligned: dict[str, AlignedChannel],
     options: AlignOptions,
 ) -> CycleTable:
-    begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
-    speed = TWO_PI / (end - begin)
-    uncertain = angle.broken.copy()
+    period = angle.time_at((cycles + 1) * TWO_PI) - angle.time_at(cycles * TWO_PI)
+    jump = angle.touched(cycles, angle.jumped)
+    unproven = angle.touched(cycles, angle.broken)
+    if angle.repair_error_deg > options.repaired_angle_deg:
+        unproven |= angle.touched(cycles, angle.repaired, pulses_before=1)
     return CycleTable(
         index=cycles,
-        speed=speed,
-        speed_change=_speed_change(angle, cycles),
+        speed=TWO_PI / period,
+        speed_change=_speed_change(period, jump | unproven),
         complete=complete,
-        unproven=np.array([angle.touches(int(k), uncertain) for k in cycles]),
-        clock_jump=np.zeros(cycles.size, dtype=bool),
+        unproven=unproven,
+        clock_jump=jump,
         rows={quantity: item.rows for quantity, item in aligned.items()},
         damage={quantity: item.damage for quantity, item in aligned.items()},
         options=options,
     )
 
 
-def _speed_change(angle: CamAngle, cycles: NDArray[np.int64]) -> Array:
-    """Largest relative change of the mean speed from a cycle to its neighbours."""
-    bounds = angle.time_at(np.r_[cycles, cycles[-1] + 1] * TWO_PI) if cycles.size else np.empty(0)
-    period = np.diff(bounds)
-    change = np.zeros(cycles.size)
-    if cycles.size > 1:
-        relative = np.abs(np.diff(period)) / np.minimum(period[1:], period[:-1])
-        change[1:] = relative
-        change[:-1] = np.maximum(change[:-1], relative)
-    return change
+def _speed_change(period: Array, unknown: NDArray[np.bool_]) -> Array:
+    """Return the largest relative change of the period from a cycle to its neighbours, where both are known."""
+    relative = np.abs(np.diff(period)) / np.minimum(period[1:], period[:-1])
+    relative[unknown[1:] | unknown[:-1]] = 0.0
+    return np.maximum(np.r_[0.0, relative], np.r_[relative, 0.0])
 
 
-def _cam_cycles(recording, options, table, used, cut_flow, aligned, clocks, main, findings):  # type: ignore[no-untyped-def]
+def _cam_cycles(
+    recording: Recording,
+    table: CycleTable,
+    used: NDArray[np.bool_],
+    cut_flow: tuple[CutFlowRow, ...],
+    aligned: Mapping[str, AlignedChannel],
+    base: TimeBase,
+    findings: tuple[Finding, ...],
+) -> CamCycles:
     chosen = np.flatnonzero(used)
     rows = {quantity: _compacted(item.rows, chosen) for quantity, item in aligned.items()}
     speed = table.speed[chosen]
     delay = aligned["torque"].channel.calibration if "torque" in aligned else None
-    jitter = main.edges.noise
+    n_theta = table.options.n_theta
     return CamCycles(
-        theta=np.arange(options.n_theta) * (TWO_PI / options.n_theta),
+        theta=np.linspace(0.0, TWO_PI, n_theta, endpoint=False),
         torque=rows.get("torque"),
         pressure=rows["pressure"],
         speed=speed,
@@ -285,17 +209,17 @@ def _cam_cycles(recording, options, table, used, cut_flow, aligned, clocks, main
         duration=max(channel.duration for channel in recording.channels),
         speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)),
         cut_flow=cut_flow,
-        clocks=tuple(clock.fit for clock in clocks.values()),
+        clocks=tuple(clock.fit for clock in base.clocks.values()),
         angle_errors=angle_error_budget(
             recording.config.trigger,
             {quantity: item.channel for quantity, item in aligned.items()},
-            clocks.values(),
+            base.clocks.values(),
             float(np.mean(speed)),
             float(np.sqrt(np.mean(table.speed_change[chosen] ** 2))),
-            jitter,
+            base.edge_noise,
         ),
-        trigger_jitter_s=jitter,
-        findings=tuple(findings),
+        trigger_jitter_s=base.edge_noise,
+        findings=findings,
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
         details={},
     )

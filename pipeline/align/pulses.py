@@ -35,6 +35,7 @@ class PulseTrain:
     broken : (n,) True where the way from the pulse before is not proven
     repair_error : expected error of a repaired pulse, in parts of a period
     counts : ``bounced``, ``doubled``, ``missed``, ``gaps``
+    jumped : (n,) True where a clock jumps on the way from the pulse before; None before it was looked for
     """
 
     time: Array
@@ -43,6 +44,7 @@ class PulseTrain:
     broken: NDArray[np.bool_]
     repair_error: float
     counts: Mapping[str, int]
+    jumped: NDArray[np.bool_] | None = None
 
 
 def clean_pulses(time: Array, pulse_width: float) -> PulseTrain:

@@ -18,11 +18,12 @@ RULES = {"linear": LINEAR, "cubic": CUBIC, "average": AVERAGE}
 
 
 @numba.njit(cache=True, nogil=True)
-def hermite_slopes(angle: Array, time: Array, smooth: bool) -> tuple[Array, Array]:
+def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bool) -> tuple[Array, Array]:
     """Slopes dt/dtheta at the left and right end of each interval between pulses.
 
     Smooth: the slope at a pulse is the harmonic mean of the neighbouring ones, which keeps time monotone
-    (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980; Fritsch and Butland 1984); constant: the chord.
+    (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984); constant: the chord. A bad interval (gap, clock jump)
+    tells nothing about its neighbours.
     """
     n = angle.size - 1
     chord = np.empty(n)
@@ -31,6 +32,8 @@ def hermite_slopes(angle: Array, time: Array, smooth: bool) -> tuple[Array, Arra
     left, right = chord.copy(), chord.copy()
     if smooth:
         for i in range(1, n):
+            if bad[i - 1] or bad[i]:
+                continue
             h0, h1 = angle[i] - angle[i - 1], angle[i + 1] - angle[i]
             w0, w1 = 2.0 * h1 + h0, h1 + 2.0 * h0
             slope = (w0 + w1) / (w0 / chord[i - 1] + w1 / chord[i])

@@ -1,0 +1,160 @@
+"""Trigger channels and clocks of a recording -> one pulse train on the clock of the torque's logger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.align.clocks import Clock, fit_clock, same_clock
+from pipeline.align.jumps import mark_jumps
+from pipeline.align.options import AlignOptions
+from pipeline.align.pulses import PulseTrain, number_teeth, shifted, train_findings
+from pipeline.align.triggers import Edges, find_edges
+from pipeline.records import Array, Channel, Finding, Recording, Refusal
+
+
+@dataclass(frozen=True)
+class TriggerTrain:
+    """Pulses of one trigger channel on its own logger's clock, the switching delay taken off."""
+
+    channel: Channel
+    edges: Edges
+    train: PulseTrain
+
+    @property
+    def where(self) -> str:
+        """File and channel."""
+        return f"{self.channel.path.name}, channel {self.channel.name!r}"
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """One time for all loggers.
+
+    Attributes
+    ----------
+    reference : the logger whose clock is the time
+    clocks : logger -> its clock
+    train : pulses on the reference clock
+    triggers : logger -> pulses on its own clock
+    edge_noise : standard error of one pulse time [s]
+    """
+
+    reference: str
+    clocks: Mapping[str, Clock]
+    train: PulseTrain
+    triggers: Mapping[str, TriggerTrain]
+    edge_noise: float
+    findings: tuple[Finding, ...]
+
+
+def time_base(recording: Recording, reference: str, options: AlignOptions) -> TimeBase:
+    """Find the pulses of every trigger channel and put all loggers on the clock of ``reference``.
+
+    Raises
+    ------
+    Refusal
+        A trigger without pulses, or a logger with its own clock and nothing to tie it to the others.
+    """
+    triggers = _trigger_trains(recording, options)
+    clocks = {reference: same_clock(reference, "reference")}
+    main = _trigger_of(recording, triggers, reference)
+    for channel in recording.channels:
+        if channel.logger not in clocks:
+            clocks[channel.logger] = _clock(recording, triggers, main, reference, channel)
+    train, noise = _fused(recording, triggers, main, clocks)
+    train, jump_findings = mark_jumps(train, clocks, recording.config.trigger)
+    findings = [
+        finding for t in triggers.values() for finding in (*t.edges.findings, *train_findings(t.train, t.where))
+    ]
+    findings += [finding for clock in clocks.values() for finding in clock.findings]
+    return TimeBase(reference, clocks, train, triggers, noise, (*findings, *jump_findings))
+
+
+def _trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
+    config = recording.config
+    trains = {}
+    for channel in recording.of("trigger"):
+        edges = find_edges(channel, config.trigger, config.nominal_speed, options.block_samples)
+        where = f"{channel.path.name}, channel {channel.name!r}"
+        train = number_teeth(edges.time, edges.width, config.trigger, where)
+        trains[channel.logger] = TriggerTrain(channel, edges, shifted(train, config.trigger.switching_delay))
+    return trains
+
+
+def _independent(recording: Recording, logger: str) -> bool:
+    return any(spec.id == logger and spec.clock == "independent" for spec in recording.config.loggers)
+
+
+def _same_base(recording: Recording, one: str, other: str) -> bool:
+    return one == other or not (_independent(recording, one) or _independent(recording, other))
+
+
+def _trigger_of(recording: Recording, triggers: Mapping[str, TriggerTrain], reference: str) -> TriggerTrain:
+    """Return the trigger on the reference's time base."""
+    for logger, trigger in triggers.items():
+        if _same_base(recording, logger, reference):
+            return trigger
+    raise _no_tie(recording, reference)
+
+
+def _no_tie(recording: Recording, logger: str) -> Refusal:
+    return Refusal(
+        f"{recording.config.id}: logger {logger!r} has its own clock and recorded no trigger, expected the trigger on "
+        "every "
+        "logger with an independent clock; record it there too"
+    )
+
+
+def _clock(
+    recording: Recording,
+    triggers: Mapping[str, TriggerTrain],
+    main: TriggerTrain,
+    reference: str,
+    channel: Channel,
+) -> Clock:
+    if _same_base(recording, channel.logger, reference):
+        return same_clock(channel.logger, "common time base")
+    if channel.logger not in triggers:
+        raise _no_tie(recording, channel.logger)
+    per_rev = recording.config.trigger.pulses_per_rev
+    own = revolution_times(triggers[channel.logger].train, per_rev)
+    return fit_clock(channel.logger, revolution_times(main.train, per_rev), own, channel.path.name)
+
+
+def revolution_times(train: PulseTrain, pulses_per_rev: int) -> Array:
+    """Return the times of the pulses at the nominal angle, one per revolution, nan where none was seen."""
+    first = -(-int(train.step[0]) // pulses_per_rev)
+    last = int(train.step[-1]) // pulses_per_rev
+    times = np.full(last - first + 1, np.nan)
+    whole = (train.step % pulses_per_rev == 0) & ~train.repaired
+    times[train.step[whole] // pulses_per_rev - first] = train.time[whole]
+    return times
+
+
+def _fused(
+    recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain, clocks: Mapping[str, Clock]
+) -> tuple[PulseTrain, float]:
+    """Average the pulses that several loggers recorded, weighted by their edge noise; one fills the other's gaps.
+
+    Only a plain trigger is fused: a wheel already has more pulses than the angle needs.
+    """
+    train, noise = main.train, main.edges.noise
+    if recording.config.trigger.pulses_per_rev > 1:
+        return train, noise
+    for logger, other in triggers.items():
+        if other is main or logger not in clocks:
+            continue
+        time = clocks[logger].to_reference(other.train.time)
+        nearest = np.clip(np.searchsorted(time, train.time), 1, time.size - 1)
+        nearest -= np.abs(time[nearest - 1] - train.time) < np.abs(time[nearest] - train.time)
+        same = (np.abs(time[nearest] - train.time) < 0.01 * np.median(np.diff(train.time))) & ~other.train.repaired[
+            nearest
+        ]
+        weight = np.where(train.repaired, 1.0, noise**2 / (noise**2 + other.edges.noise**2))
+        fused = np.where(same, (1.0 - weight) * train.time + weight * time[nearest], train.time)
+        train = replace(train, time=fused, repaired=train.repaired & ~same)
+        noise = 1.0 / np.hypot(1.0 / noise, 1.0 / other.edges.noise)
+    return train, float(noise)
