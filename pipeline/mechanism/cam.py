@@ -99,10 +99,14 @@ class CamLaw:
 
     def continuity(self) -> Array:
         """Return the largest jump of derivatives 0 to 3 across any knot, in units of that derivative, (4,)."""
+        return np.max(self.continuity_at_knots(), axis=1)
+
+    def continuity_at_knots(self) -> Array:
+        """Return the jump of derivatives 0 to 3 at the right end of every piece, (4, m)."""
         width = np.diff(self.knots)
         ends = np.stack([_piece_value(self.coefficients, width, k) for k in range(4)])
         starts = np.stack([_piece_value(self.coefficients, np.zeros_like(width), k) for k in range(4)])
-        return np.max(np.abs(ends - np.roll(starts, -1, axis=1)), axis=1)
+        return np.abs(ends - np.roll(starts, -1, axis=1))
 
 
 def _piece_value(coefficients: Array, x: Array, derivative: int) -> Array:

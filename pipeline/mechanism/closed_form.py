@@ -1,7 +1,7 @@
 """The rigid solution tabulated over cam angle: every output is exactly x0 + x1 p + x2 omega^2 + x3 alpha.
 
-The kinematics depend on cam angle alone and the equations of motion are linear in pressure, omega^2 and alpha, so that a
-table made once serves every cycle, speed and load. Solved by hand from sub-system II, then I (paper Section 2.1)::
+The kinematics depend on cam angle alone and the equations of motion are linear in pressure, omega^2 and alpha, so that
+a table made once serves every cycle, speed and load. Solved by hand from sub-system II, then I (paper Section 2.1)::
 
     lambda_y = m (y'' omega^2 + y' alpha) + f_s0 + k y + A p - m g_y
     F_t      = I_r omega_2' / r_r,           omega_2' = q' omega^2 + q alpha,  q = 1 - L / r_r
@@ -113,6 +113,14 @@ def _causes(pump: PumpData, path: Kinematics, mounting: Mounting, roller: Roller
     return {name: np.stack(row) for name, row in rows.items()}
 
 
+def sum_of(tables: Mapping[str, Array]) -> Array:
+    """Return the sum of tables (pairwise by hand: a reduction over a stack costs several times as much)."""
+    total = np.zeros_like(next(iter(tables.values())))
+    for table in tables.values():
+        total += table
+    return total
+
+
 def _multipliers(pump: PumpData, path: Kinematics, mounting: Mounting, roller: Roller) -> tuple[Array, Array]:
     """Return the tables of lambda_y and of the tangential force."""
     mass, zero = moving_mass(pump, mounting), np.zeros_like(path.lift)
@@ -124,6 +132,8 @@ def _multipliers(pump: PumpData, path: Kinematics, mounting: Mounting, roller: R
 
 def _constant(table: Array, value: float) -> Array:
     """Return a table with a constant added to its part at rest."""
+    if value == 0.0:
+        return table
     shifted = table.copy()
     shifted[0] += value
     return shifted
@@ -172,5 +182,5 @@ def closed_form_tables(pump: PumpData, law: CamLaw, theta: Array, mounting: Moun
     roller = assumed_roller(pump)
     path = kinematics(pump, law, theta, mounting.rotation)
     causes = _causes(pump, path, mounting, roller)
-    outputs = _outputs(pump, path, mounting, roller, np.sum(list(causes.values()), axis=0))
+    outputs = _outputs(pump, path, mounting, roller, sum_of(causes))
     return ClosedForm(path, outputs, causes, hertz_factor(pump, path.relative_radius), roller, mounting)

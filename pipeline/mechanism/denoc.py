@@ -78,7 +78,7 @@ class Chain:
 def build_chain(joints: list[Array], masses: list[float], inertias: list[float]) -> Chain:
     """Return the chain of links with these joint-motion vectors, masses [kg] and moments of inertia about Z."""
     size = len(joints)
-    lower = np.kron(np.tril(np.ones((size, size))), twist_propagation(np.zeros(3)))
+    lower = np.asarray(np.kron(np.tril(np.ones((size, size))), twist_propagation(np.zeros(3))), dtype=np.float64)
     motion = np.zeros((6 * size, size))
     mass, coupling = np.zeros((6 * size, 6 * size)), np.zeros((6 * size, 6 * size))
     for i, (joint, m, inertia) in enumerate(zip(joints, masses, inertias, strict=True)):
@@ -140,7 +140,7 @@ def follower_rates(path: Kinematics, speed: Array, acceleration: Array) -> tuple
 
 
 def external_wrench(chain: Chain, force_along: Array, gravity: Array) -> Array:
-    """Return w^e of sub-system II: weight of both links, and spring and fluid along Y1 on the follower, (n_theta, 12)."""
+    """Return w^e of sub-system II: weights, and spring and fluid along Y1 on the follower, (n_theta, 12)."""
     wrench = np.zeros((force_along.size, 6 * chain.size))
     for i in range(chain.size):
         wrench[:, 6 * i + 3 : 6 * i + 6] = chain.mass[6 * i + 3, 6 * i + 3] * gravity
@@ -160,7 +160,8 @@ def cut_wrench_basis(arm: Array) -> Array:
 def lagrange_multipliers(chain: Chain, inertia: Array, external: Array, basis: Array) -> Array:
     """Solve N^T (M t' + W M E t - w^e) = N^T A lambda for the two multipliers of one pump, (n_theta, 2)."""
     complement = chain.complement
-    return np.linalg.solve(complement.T @ basis, ((inertia - external) @ complement)[:, :, None])[:, :, 0]
+    free = ((inertia - external) @ complement)[:, :, None]
+    return np.asarray(np.linalg.solve(complement.T @ basis, free)[:, :, 0], dtype=np.float64)
 
 
 def joint_reactions(chain: Chain, inertia: Array, applied: Array) -> Array:

@@ -101,8 +101,8 @@ def base_height(pump: PumpData) -> float:
     distance = pump.base_circle_radius + pump.roller_radius
     if not abs(pump.follower_offset) < distance:
         raise Refusal(
-            f"pump: follower offset {pump.follower_offset} m, expected less than the {distance} m between cam and roller "
-            "centre on the base circle; check the sheet"
+            f"pump: follower offset {pump.follower_offset} m, expected less than the {distance} m between cam and "
+            "roller centre on the base circle; check the sheet"
         )
     return float(np.sqrt(distance**2 - pump.follower_offset**2))
 

@@ -1,8 +1,8 @@
 """Smoothing of a rounded lift table: how far follows from the resolution that the table states.
 
-The law is the periodic quintic spline with its knots on the table that minimises ``integral (y''')^2`` while its residual
-has the standard deviation of the table's error (Reinsch 1967, with the discrepancy principle). An interpolant turns an
-error sigma into 5-6 sigma / step^2 of y'': 1 um on a 1 degree table is a quarter of the true acceleration.
+The law is the periodic quintic spline with its knots on the table that minimises ``integral (y''')^2`` while its
+residual has the standard deviation of the table's error (Reinsch 1967, with the discrepancy principle). An interpolant
+turns an error sigma into 5-6 sigma / step^2 of y'': 1 um on a 1 degree table is a quarter of the true acceleration.
 """
 
 from __future__ import annotations
