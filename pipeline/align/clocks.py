@@ -19,6 +19,8 @@ LEAST_PULSES = 4
 STEP_TIMES_SCATTER = 10.0
 LEAST_STEP = 20.0e-6
 """Steps of a clock smaller than this are edge noise [s]."""
+LARGEST_SKEW = 300.0e-6
+"""Two crystals differ by 10 to 100 ppm; a common difference of the periods beyond this is no drift."""
 CLEAR_EVIDENCE = 5.0
 """Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."""
 
@@ -75,6 +77,7 @@ def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
     period, other_period = np.diff(reference), np.diff(other)
     shorter = min(period.size, other_period.size)
     least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
+    most = LARGEST_SKEW * float(np.nanmedian(period))
     trials = []
     for lag in range(least - period.size, other_period.size - least + 1):
         a = period[max(0, -lag) : other_period.size - lag]
@@ -82,6 +85,7 @@ def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
         difference = a[: b.size] - b
         difference = difference[np.isfinite(difference)]
         if difference.size >= least:
+            difference = difference - np.clip(np.median(difference), -most, most)
             trials.append((_robust_mean_square(difference), difference.size, lag))
     if not trials:
         return 0, 0.0, 0

@@ -28,6 +28,8 @@ FLAT_RUN = 6
 """Equal samples in a row at the top of a cycle that make it clipped: noise leaves two or three."""
 MISFIRE_SWING = 0.7
 """Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."""
+OUTLIER_SWING = 0.003
+"""A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.4 %."""
 OUTLIER_FACTOR = 2.5
 """An outlier is also this much further from the robust mean cycle than the median cycle."""
 
@@ -133,9 +135,16 @@ def _outlier(table: CycleTable) -> Mask:
         distance = _distance(rows, normal)
         usual = np.median(distance[normal])
         spread = 1.4826 * np.median(np.abs(distance[normal] - usual))
-        limit = max(usual + table.options.outlier_z * spread, OUTLIER_FACTOR * usual)
+        limit = max(
+            usual + table.options.outlier_z * spread, OUTLIER_FACTOR * usual, OUTLIER_SWING * _swing(rows, normal)
+        )
         outlier |= np.nan_to_num(distance) > limit
     return outlier
+
+
+def _swing(rows: Array, normal: Mask) -> float:
+    middle = rows[np.flatnonzero(normal)[int(normal.sum()) // 2]]
+    return float(np.ptp(middle))
 
 
 def _distance(rows: Array, normal: Mask) -> Array:
