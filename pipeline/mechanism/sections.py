@@ -126,7 +126,7 @@ def tangent_sections(
 def _power_matrices() -> tuple[Array, Array, Array]:
     """Return Chebyshev nodes on [0, 1], and the matrices from values to series and on to powers, highest first."""
     nodes = chebyshev.chebpts1(ORDER + 1)
-    to_series = np.linalg.inv(chebyshev.chebvander(nodes, ORDER))
+    to_series = np.asarray(np.linalg.inv(chebyshev.chebvander(nodes, ORDER)), dtype=np.float64)
     powers = [Chebyshev.basis(k, domain=[0.0, 1.0]).convert(kind=Polynomial).coef for k in range(ORDER + 1)]
     to_powers = np.array([np.pad(power, (0, ORDER + 1 - power.size)) for power in powers]).T
     return 0.5 * (nodes + 1.0), to_series, to_powers[::-1]

@@ -1,0 +1,257 @@
+"""A pump without a recording: torque, forces and Hertz stress over angle, and a sweep over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from pipeline.config_pump import PressureCurve, PumpConfig
+from pipeline.mechanism.cam import TURN, CamLaw, lift_law
+from pipeline.mechanism.closed_form import closed_form_tables
+from pipeline.mechanism.contact import ContactLoss
+from pipeline.mechanism.elastic import solve_elastic
+from pipeline.mechanism.kinematics import Kinematics, flat_pressure_angle
+from pipeline.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
+from pipeline.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
+from pipeline.mechanism.shaft import solve_shaft
+from pipeline.mechanism.solve import solve_rigid
+from pipeline.records import Array, Finding, Refusal, RigidTorque, freeze_arrays
+from pipeline.units import BAR, DEGREE, RPM
+
+SAMPLES = 3600
+STRIDE = 5
+"""Every fifth sample (0.5 degrees) goes into the document."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a pump will do at several speeds.
+
+    Attributes
+    ----------
+    theta : (n_theta,) shaft angle [rad]
+    pressure : (n_theta,) pressure on the plunger of the first pump [Pa]
+    speeds : (n_speeds,) [rad/s]
+    pumps : per speed, the solution of the first pump
+    shaft_torque : (n_speeds, n_theta) at the drive end, all pumps [N m]
+    kinematics : of the first pump
+    jump, jump_without_pressure : lowest speed at which the follower leaves the cam, with the pressure and without
+    flat_pressure_angles : bounds of the flat check [rad]
+    roller : as given or assumed
+    """
+
+    theta: Array
+    pressure: Array
+    speeds: Array
+    pumps: tuple[RigidTorque, ...]
+    shaft_torque: Array
+    kinematics: Kinematics
+    jump: ContactLoss
+    jump_without_pressure: ContactLoss
+    flat_pressure_angles: tuple[float, float]
+    roller: Roller
+    findings: tuple[Finding, ...]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+def cam_of(config: PumpConfig, method: str = "smoothing") -> CamLaw:
+    """Return the lift law of a pump file, from its table or from its sections."""
+    if config.cam_table is not None:
+        return lift_law(config.cam_table, method)
+    sections: list[Section] = []
+    for spec in config.sections:
+        if spec.kind == "dwell":
+            sections.append(dwell(spec.angle))
+        elif spec.kind == "tangent":
+            pump = config.pump
+            sections.extend(tangent_sections(pump.base_circle_radius, pump.roller_radius, spec.rise, spec.nose_radius))
+        else:
+            sections.append(flank(spec.kind, spec.angle, spec.rise))
+    return section_law(sections, config.sections_start)
+
+
+def mounting_of(config: PumpConfig) -> Mounting:
+    """Return direction of running, gravity, spring mass and guide point of a pump file."""
+    return Mounting(config.rotation, config.gravity, config.spring_mass, config.guide_height)
+
+
+def pressure_at(curve: PressureCurve, theta: Array) -> Array:
+    """Return the pressure at any cam angles, by periodic monotone cubics: no overshoot where the port opens [Pa].
+
+    The paper uses splines, which undershoot below zero behind a collapse.
+    """
+    angle = np.concatenate([curve.theta[-2:] - TURN, curve.theta, curve.theta[:2] + TURN])
+    pressure = np.concatenate([curve.pressure[-2:], curve.pressure, curve.pressure[:2]])
+    return PchipInterpolator(angle, pressure)(curve.theta[0] + np.mod(theta - curve.theta[0], TURN))
+
+
+def predict(
+    config: PumpConfig,
+    speeds: Sequence[float] | Array,
+    pressure: PressureCurve | None = None,
+    *,
+    lift_method: str = "smoothing",
+) -> Prediction:
+    """Return torque, forces and Hertz stress of a pump at several speeds.
+
+    Parameters
+    ----------
+    config : `pipeline.config_pump.load_pump_config`
+    speeds : cam speeds, positive [rad/s]
+    pressure : on the plunger over cam angle, the same at every speed; None for a dry pump (spring and inertia only)
+
+    Raises
+    ------
+    Refusal : no speed, a speed that is not positive, a cam that cannot be built
+    """
+    speed = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
+    if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
+        raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
+    law, mounting = cam_of(config, lift_method), mounting_of(config)
+    theta = np.linspace(0.0, TURN, SAMPLES, endpoint=False, dtype=np.float64)
+    units = [PumpUnit(config.pump, law, phase, mounting) for phase in config.phases]
+    curve = PressureCurve(np.array([0.0, np.pi]), np.zeros(2)) if pressure is None else pressure
+    load = np.stack([pressure_at(curve, theta - phase) for phase in config.phases])
+    own = pressure_at(curve, theta)
+    tables = closed_form_tables(config.pump, law, theta, mounting)
+    torque = np.stack([_shaft_torque(config, units, theta, load, value) for value in speed])
+    pumps = tuple(solve_rigid(config.pump, law, theta, own, value, mounting=mounting) for value in speed)
+    roller = assumed_roller(config.pump)
+    return Prediction(
+        theta=theta,
+        pressure=own,
+        speeds=speed,
+        pumps=pumps,
+        shaft_torque=torque,
+        kinematics=tables.kinematics,
+        jump=tables.jump(own),
+        jump_without_pressure=tables.jump(),
+        flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation),
+        roller=roller,
+        findings=_findings(tables.kinematics, law, roller, pumps, speed, pressure is None),
+    )
+
+
+def _shaft_torque(config: PumpConfig, units: list[PumpUnit], theta: Array, load: Array, speed: float) -> Array:
+    """Return the torque at the drive end of a rigid or an elastic shaft [N m]."""
+    if np.isinf(config.shaft_stiffness):
+        return solve_shaft(units, theta, load, speed).torque
+    stiffness = np.full(len(units), config.shaft_stiffness)
+    return solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping)).torque
+
+
+def _findings(
+    path: Kinematics, law: CamLaw, roller: Roller, pumps: tuple[RigidTorque, ...], speeds: Array, dry: bool
+) -> tuple[Finding, ...]:
+    """Return what the designer has to know."""
+    found = []
+    if dry:
+        found.append(Finding("no_pressure", "warning", "no pressure was given: spring and inertia only"))
+    if roller.assumed:
+        text = f"roller assumed to be a solid steel disk: {roller.mass:.4g} kg, {roller.inertia:.3g} kg m^2"
+        found.append(Finding("roller_assumed", "info", text))
+    flanks = (
+        ("undercut", "error", "the roller is too large: no cam can drive this lift", path.undercut),
+        ("concave_flank", "info", "the cam is hollow on its flank: check the grinding wheel", path.concave),
+    )
+    for code, severity, text, mask in flanks:
+        if np.any(mask):
+            found.append(Finding(code, severity, text, f"{np.rad2deg(path.theta[mask][0]):.1f} deg"))
+    if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
+        found.append(Finding("acceleration_jump", "warning", "the acceleration of the lift jumps: shocks at speed"))
+    for pump, speed in zip(pumps, speeds, strict=True):
+        if pump.contact_lost:
+            found.append(Finding("contact_lost", "warning", "the follower leaves the cam", f"{speed / RPM:.0f} rpm"))
+    return tuple(found)
+
+
+def sweep_rows(prediction: Prediction) -> list[dict[str, Any]]:
+    """Return one row of extremes per speed, in border units."""
+    return [
+        _row(pump, torque, speed)
+        for pump, torque, speed in zip(prediction.pumps, prediction.shaft_torque, prediction.speeds, strict=True)
+    ]
+
+
+def _row(pump: RigidTorque, shaft_torque: Array, speed: float) -> dict[str, Any]:
+    """Return the extremes of one speed."""
+    forces, peak = pump.forces, int(np.argmax(pump.torque))
+    strongest = int(np.nanargmax(forces.hertz))
+    return {
+        "speed_rpm": float(speed / RPM),
+        "shaft_torque_max_nm": float(np.max(shaft_torque)),
+        "shaft_torque_min_nm": float(np.min(shaft_torque)),
+        "shaft_torque_mean_nm": float(np.mean(shaft_torque)),
+        "pump_torque_max_nm": float(pump.torque[peak]),
+        "pump_torque_max_deg": float(np.rad2deg(pump.theta[peak])),
+        "contact_normal_max_n": float(np.max(forces.contact_normal)),
+        "bearing_max_n": float(np.max(np.hypot(forces.bearing_x, forces.bearing_y))),
+        "guide_max_n": float(np.max(np.abs(forces.guide))),
+        "hertz_max_gpa": float(forces.hertz[strongest]) / 1e9,
+        "hertz_max_deg": float(np.rad2deg(pump.theta[strongest])),
+        "shear_max_gpa": float(forces.hertz_shear_max[strongest]) / 1e9,
+        "shear_depth_um": float(forces.hertz_shear_depth[strongest]) * 1e6,
+        "contact_lost": pump.contact_lost,
+    }
+
+
+def prediction_document(prediction: Prediction) -> dict[str, Any]:
+    """Return the prediction as JSON-ready values in border units; a jump that never comes is null."""
+    path, roller = prediction.kinematics, prediction.roller
+    return {
+        "schema": "camtorque.predict/1",
+        "sweep": sweep_rows(prediction),
+        "pressure_angle_max_deg": float(np.max(path.pressure_angle)) / DEGREE,
+        "pressure_angle_min_deg": float(np.min(path.pressure_angle)) / DEGREE,
+        "pressure_angle_flat_check_deg": [value / DEGREE for value in prediction.flat_pressure_angles],
+        "surface_radius_min_mm": _least_radius(path),
+        "undercut": bool(np.any(path.undercut)),
+        "concave": bool(np.any(path.concave)),
+        "jump": _jump(prediction.jump),
+        "jump_without_pressure": _jump(prediction.jump_without_pressure),
+        "roller": {"mass_kg": roller.mass, "inertia_kg_m2": roller.inertia, "assumed": roller.assumed},
+        "findings": [asdict(finding) for finding in prediction.findings],
+        "curves": _curves(prediction),
+    }
+
+
+def _curves(prediction: Prediction) -> dict[str, Any]:
+    """Return the curves over angle, every `STRIDE`-th sample; per speed where they depend on it."""
+    path, pumps = prediction.kinematics, prediction.pumps
+    names = ("contact_normal", "contact_tangential", "bearing_x", "bearing_y", "guide")
+    return {
+        "theta_deg": _list(prediction.theta / DEGREE),
+        "pressure_bar": _list(prediction.pressure / BAR),
+        "lift_mm": _list(1e3 * path.lift),
+        "pressure_angle_deg": _list(path.pressure_angle / DEGREE),
+        "shaft_torque_nm": [_list(row) for row in prediction.shaft_torque],
+        "by_cause_nm": [{name: _list(row) for name, row in pump.by_cause.items()} for pump in pumps],
+        **{f"{name}_n": [_list(getattr(pump.forces, name)) for pump in pumps] for name in names},
+        "guide_moment_nm": [_list(pump.forces.guide_moment) for pump in pumps],
+        "hertz_gpa": [_list(1e-9 * pump.forces.hertz) for pump in pumps],
+    }
+
+
+def _least_radius(path: Kinematics) -> float | None:
+    """Return the least convex radius of the cam surface [mm], None where the cam is undercut."""
+    if np.any(path.undercut):
+        return None
+    return 1e3 / float(np.max(path.surface_curvature))
+
+
+def _list(values: Array) -> list[float | None]:
+    """Return a thinned list with null for what could not be determined (an undercut cam has no Hertz stress)."""
+    return [float(value) if np.isfinite(value) else None for value in values[::STRIDE]]
+
+
+def _jump(loss: ContactLoss) -> dict[str, float] | None:
+    """Return jump speed and angle, or None where the follower never leaves the cam."""
+    if not np.isfinite(loss.speed):
+        return None
+    return {"speed_rpm": loss.speed / RPM, "theta_deg": loss.theta / DEGREE}
