@@ -65,7 +65,7 @@ def as_cycles(
 
 
 def mean_cycle(run: RigRun, n_theta: int = 3600, **options) -> dict[str, np.ndarray]:
-    """Return the mean over cycles of `as_cycles`, ``torque_std`` and the true mean ``chamber_pressure`` on true angle."""
+    """Return the mean over cycles of `as_cycles`, ``torque_std`` and the true mean ``chamber_pressure``."""
     cycles = as_cycles(run, n_theta, **options)
     return {
         "theta": cycles["theta"],

@@ -1,22 +1,22 @@
 """Compiled time stepping of chamber, valve, line and injector: classical RK4 in as many sub-steps as the ports need.
 
 State: 0 chamber mass, 1 pressure at the pump end of the line, 2 valve lift (0..1), 3 its speed, 4 nozzle pressure,
-5 needle lift (0..1); then running totals: 6-8 mass through ports, leak and valve, 9-11 their enthalpy, 12 plunger work, 13 mass
-injected. The chamber is closed by its mass, so a cavity opens and closes without a special case.
+5 needle lift (0..1); then running totals: 6-8 mass through ports, leak and valve, 9-11 their enthalpy, 12 plunger work,
+13 mass injected. The chamber is closed by its mass, so a cavity opens and closes without a special case.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from rigs.constants import LAMINAR_PORT, LAMINAR_SMALL
+from rigs.jit import compiled
 from rigs.laws import TWO_PI, density_of, enthalpy_of, lift_law, orifice, pressure_of, ramp
 
 N_HYDRAULIC = 14
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def valve_opening(k, drop, lift_state):
     """Return the opening (0..1): massless law of the pressure difference, or the lift of a valve with mass."""
     if k.valve_frequency > 0.0:
@@ -24,7 +24,7 @@ def valve_opening(k, drop, lift_state):
     return ramp((drop - k.valve_opening) / k.valve_span)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def ports_area(k, lift, angle, spill_lift):
     """Return the effective area of inlet and spill port at a lift."""
     area = k.port_area * ramp((k.port_close_lift - lift) / k.port_height)
@@ -33,7 +33,7 @@ def ports_area(k, lift, angle, spill_lift):
     return area
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def outlet_factor(k, angle, end_angle):
     """Return how far the outlet is open: 1 before the end of delivery, 0 after it in a closed-volume pump."""
     if k.spill:
@@ -41,7 +41,7 @@ def outlet_factor(k, angle, end_angle):
     return 1.0 - ramp((angle - end_angle) / k.close_width)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def pipe_inflow(k, pressure, wave):
     """Return the flow into the pipe at an end where ``wave`` = p - Z q arrives."""
     if not k.waves:
@@ -49,7 +49,7 @@ def pipe_inflow(k, pressure, wave):
     return (pressure - wave) / (k.impedance + k.resistance)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def hydraulic_rates(k, x, out, angle, speed, end_angle, spill_lift, nozzle_factor, wave_pump, wave_nozzle):
     """Write dx/dt of the hydraulic state."""
     wrapped = angle % TWO_PI
@@ -70,29 +70,36 @@ def hydraulic_rates(k, x, out, angle, speed, end_angle, spill_lift, nozzle_facto
         valve = max(valve, 0.0)
     valve_mass = valve * density
 
+    # a valve on its stop neither moves nor displaces liquid
+    valve_speed = x[3]
+    if (x[2] <= 0.0 and valve_speed < 0.0) or (x[2] >= 1.0 and valve_speed > 0.0):
+        valve_speed = 0.0
+
     out[0] = -port_mass - leak_mass - valve_mass
     line_modulus = k.modulus + k.slope * x[1]
-    into_line = valve * (1.0 + drop / line_modulus)
-    needle_flow = nozzle_factor * k.nozzle_area * x[5]
+    into_line = valve * (1.0 + drop / line_modulus) + k.unloading_volume * valve_speed
+    needle_flow = nozzle_factor * k.nozzle_area * x[5] if x[5] > 1e-6 else 0.0
     if k.waves:
-        out[1] = line_modulus / k.end_volume * (into_line + k.unloading_volume * x[3] - pipe_inflow(k, x[1], wave_pump))
+        out[1] = line_modulus / k.end_volume * (into_line - pipe_inflow(k, x[1], wave_pump))
         nozzle_modulus = k.modulus + k.slope * x[4]
         injected = orifice(needle_flow, max(x[4], 0.0), k.density, LAMINAR_SMALL)
         out[4] = nozzle_modulus / k.nozzle_volume * (-pipe_inflow(k, x[4], wave_nozzle) - injected)
-        injected_mass = injected * density_of(k, x[4])
+        injected_mass = injected * density_of(k, x[4]) if injected > 0.0 else 0.0
         needle_pressure = x[4]
     else:
         injected = orifice(needle_flow, max(x[1], 0.0), k.density, LAMINAR_SMALL)
-        out[1] = line_modulus / k.end_volume * (into_line + k.unloading_volume * x[3] - injected)
+        out[1] = line_modulus / k.end_volume * (into_line - injected)
         out[4] = out[1]
-        injected_mass = injected * density_of(k, x[1])
+        injected_mass = injected * density_of(k, x[1]) if injected > 0.0 else 0.0
         needle_pressure = x[1]
 
     if k.valve_frequency > 0.0:
         target = (drop - k.valve_opening) / k.valve_span
         w = k.valve_frequency
-        out[2] = x[3]
-        out[3] = w * w * (target - x[2]) - 2.0 * k.valve_damping * w * x[3]
+        push = w * w * (target - x[2]) - 2.0 * k.valve_damping * w * valve_speed
+        resting = (x[2] <= 0.0 and push < 0.0) or (x[2] >= 1.0 and push > 0.0)
+        out[2] = valve_speed
+        out[3] = 0.0 if resting and valve_speed == 0.0 else push
     else:
         out[2] = 0.0
         out[3] = 0.0
@@ -116,7 +123,7 @@ def hydraulic_rates(k, x, out, angle, speed, end_angle, spill_lift, nozzle_facto
     out[13] = injected_mass
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def sub_steps(k, x, step, angle, end_angle, spill_lift):
     """Return how many RK4 sub-steps keep step * rate below one."""
     wrapped = angle % TWO_PI
@@ -138,7 +145,7 @@ def sub_steps(k, x, step, angle, end_angle, spill_lift):
     return min(64, 1 + int(step * rate))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def advance_hydraulics(k, x, work, step, angle, speed, acceleration, ends, waves):
     """Advance the hydraulic state by one base step in place; ``waves`` holds arriving waves at its start and end."""
     end_angle, spill_lift, nozzle_factor = ends
@@ -172,15 +179,17 @@ def advance_hydraulics(k, x, work, step, angle, speed, acceleration, ends, waves
         clip_stops(k, x)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def clip_stops(k, x):
-    """Inelastic stops of the valve; the line does not go below the cavitation floor (counted in x[14])."""
-    if x[2] < 0.0:
-        x[2] = 0.0
-        x[3] = max(x[3], 0.0)
-    elif x[2] > 1.0:
-        x[2] = 1.0
-        x[3] = min(x[3], 0.0)
+    """Inelastic stops of the valve; the line does not go below the cavitation floor (counted in x[14]).
+
+    Liquid displaced by overshooting a stop is given back to the line.
+    """
+    over = min(x[2], 0.0) + max(x[2] - 1.0, 0.0)
+    if over != 0.0:
+        x[2] -= over
+        x[3] = 0.0
+        x[1] -= (k.modulus + k.slope * x[1]) / k.end_volume * k.unloading_volume * over
     for j in (1, 4):
         if x[j] < k.floor:
             x[j] = k.floor

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from rigs.jit import compiled
 
 TWO_PI = 2.0 * np.pi
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _unit_flank(profile, x):
     """Return f, f', f'' of a flank from (0, 0) to (1, 1) with dwell at both ends."""
     if profile == 0:  # 4-5-6-7 polynomial
@@ -37,7 +38,7 @@ def _unit_flank(profile, x):
     return x - np.sin(z) / TWO_PI, 1.0 - np.cos(z), TWO_PI * np.sin(z)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _flank(profile, skew, angle, width, height):
     """Return lift and derivatives with respect to angle of a skewed rising flank."""
     x = angle / width
@@ -54,7 +55,7 @@ def _flank(profile, skew, angle, width, height):
     return height * f, height * f1 * g1 / width, height * (f2 * g1 * g1 + f1 * g2) / (width * width)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def lift_law(k, theta):
     """Return y, y', y'' at cam angle theta in [0, 2 pi)."""
     x = theta - k.rise_start
@@ -72,13 +73,13 @@ def lift_law(k, theta):
     return 0.0, 0.0, 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def density_of(k, pressure):
     """Liquid density from dp/drho * rho = modulus + slope p."""
     return k.density * (1.0 + k.slope * pressure / k.modulus) ** (1.0 / k.slope)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def pressure_of(k, density):
     """Inverse of `density_of`, not below the cavitation floor."""
     if density <= k.floor_density:
@@ -86,21 +87,21 @@ def pressure_of(k, density):
     return k.modulus / k.slope * ((density / k.density) ** k.slope - 1.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def enthalpy_of(k, pressure, density):
     """Integral of dp/rho from zero gauge pressure [J/kg]."""
     u = 1.0 + k.slope * pressure / k.modulus
     return k.modulus / ((k.slope - 1.0) * k.density) * (u * k.density / density - 1.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def orifice(effective_area, pressure_drop, density, laminar):
     """Signed orifice flow [m^3/s], linear below about ``laminar``: A sqrt(2/rho) dp / (dp^2 + laminar^2)^(1/4)."""
     root = np.sqrt(np.sqrt(pressure_drop * pressure_drop + laminar * laminar))
     return effective_area * np.sqrt(2.0 / density) * pressure_drop / root
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def ramp(x):
     """0 below 0, 1 above 1, linear between."""
     if x <= 0.0:

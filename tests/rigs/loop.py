@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from rigs.hydraulics import advance_hydraulics
+from rigs.jit import compiled
 from rigs.laws import TWO_PI, lift_law, pressure_of
 from rigs.mechanics import (
     ACCELERATION,
@@ -63,7 +63,7 @@ TOTALS = [
 N_WORK = 9
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _delayed(buffer, size, index, delay):
     """Return what was sent ``delay`` steps before step ``index``, linear between steps."""
     whole = int(delay)
@@ -74,7 +74,7 @@ def _delayed(buffer, size, index, delay):
     return near + part * (buffer[(index - whole - 1) % size] - near)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _arrivals(k, forward, backward, delays, index, waves):
     """Return the waves that reach both ends at steps ``index`` and ``index + 1``."""
     if not k.waves:
@@ -87,7 +87,7 @@ def _arrivals(k, forward, backward, delays, index, waves):
     waves[3] = _delayed(forward[last], size, index + 1, delays[last])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _send_waves(k, x, forward, backward, delays, index, waves):
     """Store the waves that leave the ends and the lumped resistances at step ``index`` (method of characteristics)."""
     if not k.waves:
@@ -108,7 +108,7 @@ def _send_waves(k, x, forward, backward, delays, index, waves):
         backward[j, here] = right - 2.0 * z * flow
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _advance_mechanics(k, x, work, f, step, pressure, time, knots, knot_step, feed_forward):
     """Advance the mechanical state by one RK4 step in place; pressure is linear over the step."""
     last, k1, y, total = work[0], work[1], work[2], work[3]
@@ -136,7 +136,7 @@ def _advance_mechanics(k, x, work, f, step, pressure, time, knots, knot_step, fe
     mechanic_rates(k, x, last, f, pressure[1], knots[n] + slope * (time + step - n * knot_step), slope, feed_forward)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _powers(k, f, w, pressure, angle, powers):
     """Fill the powers that are summed into the mechanical totals."""
     _, y1, _ = lift_law(k, angle % TWO_PI)
@@ -147,7 +147,7 @@ def _powers(k, f, w, pressure, angle, powers):
     powers[8] = f[SPRING_POWER]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def _kinetic(k, x):
     y, y1, _ = lift_law(k, x[4] % TWO_PI)
     lever = y1 - k.offset
@@ -156,7 +156,7 @@ def _kinetic(k, x):
     return 0.5 * inertia * x[5] * x[5]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def run_loop(
     k,
     step,

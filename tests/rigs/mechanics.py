@@ -9,8 +9,8 @@ error, 7 pre-sliding state of the guide (-1..1).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from rigs.jit import compiled
 from rigs.laws import TWO_PI, lift_law
 
 N_MECHANIC = 8
@@ -21,13 +21,13 @@ SPRING_POWER, DRIVE_TORQUE = 13, 14
 N_FORCE = 15
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def smooth_sign(value, width):
     """Coulomb sign, smooth over ``width``."""
     return value / np.sqrt(value * value + width * width)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def solve_contact(k, angle, w, pressure, guide_state, shaft_torque, given_acceleration, known, f):
     """Fill the force vector: cam acceleration from the shaft torque, or (``known``) shaft torque from the acceleration.
 
@@ -92,7 +92,7 @@ def solve_contact(k, angle, w, pressure, guide_state, shaft_torque, given_accele
     return velocity, q0, q1
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled
 def mechanic_rates(k, x, out, f, pressure, set_speed, set_acceleration, feed_forward):
     """Write dx/dt of the mechanical state and fill the force vector."""
     w_set = set_speed

@@ -128,8 +128,11 @@ def simulate(
     seed: int = 0,
     step: float = STEP,
     run_in: int = RUN_IN_CYCLES,
+    record_deg: float = 0.06,
 ) -> RigRun:
     """Return a run of ``n_cycles`` whole revolutions (and one more at either end) after running in.
+
+    Rows are kept about every ``record_deg`` of cam angle; for minutes of running take 0.3 and a ``step`` of 10 us.
 
     The first `CONSTANT_SPEED_CYCLES` turn at constant speed to find the mean torque that the speed control starts from.
     """
@@ -158,7 +161,7 @@ def simulate(
     mean_torque = work / TWO_PI
     advance(k, round(run_in * revolution / step), 1 << 60, mean_torque, 0, 0)
 
-    every = max(1, int(0.06 / 360.0 * revolution / step))
+    every = max(1, int(record_deg / 360.0 * revolution / step))
     n_steps = int((n_cycles + 2.6) * revolution / step)
     hyd[N_HYDRAULIC] = 0.0
     start = clock[0]

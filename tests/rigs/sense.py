@@ -100,7 +100,7 @@ def pressure_signal(
     """Return the line pressure channel in volts. Without ``rng`` no noise."""
     sensor = run.truth.pressure_sensor
     t = _sample_times(run, rate, start)
-    reading = np.interp(t - sensor.delay, run.time, run.history["line_pressure"])
+    reading = np.interp(t - sensor.delay, run.time, run.history[f"{sensor.at}_pressure"])
     value = (1.0 + sensor.gain_error) * reading + sensor.zero + sensor.zero_residual
     if rng is not None:
         value = value + sensor.noise * rng.standard_normal(t.size)

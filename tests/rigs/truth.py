@@ -92,8 +92,8 @@ class Chamber:
     leak_growth: float = 0.0
     """Clearance growth per pascal: leakage is multiplied by (1 + growth * p)^3."""
     end: str = "closed"
-    end_angle_zero_load: float = 32.0 * DEGREE
-    end_angle_span: float = 18.0 * DEGREE
+    end_angle_zero_load: float = 30.0 * DEGREE
+    end_angle_span: float = 16.0 * DEGREE
     close_width: float = 1.5 * DEGREE
     spill_area: float = 6.0e-6
     spill_height: float = 0.5e-3
@@ -128,7 +128,7 @@ class Line:
     """
 
     waves: bool = True
-    end_volume: float = 0.5e-6
+    end_volume: float = 0.8e-6
     nozzle_volume: float = 0.5e-6
     length: float = 0.6
     bore: float = 1.8e-3
@@ -136,7 +136,7 @@ class Line:
     needle_open: float = 250.0e5
     needle_close: float = 160.0e5
     needle_time: float = 8.0e-5
-    nozzle_area: float = 0.12e-6
+    nozzle_area: float = 0.045e-6
     """Effective area of the nozzle holes (flow coefficient included) [m^2]."""
 
 
@@ -176,7 +176,7 @@ class Driveline:
 
     shaft_stiffness: float = 6000.0
     shaft_damping: float = 0.6
-    drive_inertia: float = 0.25
+    drive_inertia: float = 0.5
     camshaft_inertia: float = 1.2e-4
     coupling_stiffness: float = np.inf
     coupling_damping: float = 0.5
@@ -227,8 +227,9 @@ class TorqueSensor:
 
 @dataclass(frozen=True)
 class PressureSensor:
-    """Sensor at the pump end of the line."""
+    """Sensor at the pump end of the ``line``, or in the ``chamber`` itself (a rig with nothing between)."""
 
+    at: str = "line"
     volts_per_unit: float = 0.005 / BAR
     gain_error: float = 0.0
     zero: float = 0.5e5
