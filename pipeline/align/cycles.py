@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
 from pipeline.align.budget import angle_error_budget
 from pipeline.align.clocks import Clock
+from pipeline.align.damage import damage_of
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
 from pipeline.align.quality import ChannelDamage, CycleTable, apply_cuts
-from pipeline.align.resample import choose_rule, damage_of, empty_rows, resample_row
+from pipeline.align.resample import choose_rule, empty_rows, resample_row
 from pipeline.align.timebase import TimeBase, time_base
 from pipeline.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
 
@@ -147,8 +148,7 @@ def _align_channel(
         position = np.maximum(position - first, 0.0)
         resample_row(block, position, rule, gain, zero, rows[k])
         inside = block[int(position[1]) : int(position[-1]) + 1]
-        *counts[:3, k], top, bottom = damage_of(inside, low, high)
-        counts[3:, k] = max(top, bottom) if np.isfinite(low) else top, inside.size
+        counts[:, k] = *damage_of(inside, low, high), inside.size
     return AlignedChannel(channel, rows, ChannelDamage(*counts), span / options.n_theta, rule)
 
 

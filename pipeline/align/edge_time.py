@@ -23,38 +23,35 @@ SAME_DURATION = 0.1
 
 
 @dataclass(frozen=True)
-class EdgeTimes:
-    """Edges of one polarity found in one block.
+class EdgeSamples:
+    """Edges of one polarity, as few samples as their times need; flanks turned so that all rise.
 
     Attributes
     ----------
-    position : (n,) sample index of the half-height crossing, with its fraction
+    before : (n,) sample index before the half-height crossing
+    near : (n, 4) the two samples on either side of the crossing, as parts of the height
     height : (n,) plateau to plateau [V]
-    slope : (n,) [V per sample] at half height
     noise : (n,) standard deviation of the voltage on the plateaus [V]
     """
 
-    position: Array
+    before: NDArray[np.int64]
+    near: Array
     height: Array
-    slope: Array
     noise: Array
 
 
-def refine_edges(windows: Array, before: NDArray[np.int64]) -> EdgeTimes:
-    """Return half-height crossings of rising edges.
+def edge_samples(windows: Array, before: NDArray[np.int64]) -> EdgeSamples:
+    """Normalise rising edges by the plateaus on their two sides.
 
     Parameters
     ----------
-    windows : (n, 2 k) samples around each edge, the edge between columns k - 1 and k [V]
+    windows : (n, 2 k) samples around each edge, the edge between columns k - 1 and k; the first and last quarter of a
+        window are plateau [V]
     before : (n,) sample index of column k - 1
-
-    Notes
-    -----
-    The first and last quarter of a window are plateau. Linear interpolation between the two samples that straddle half
-    height is exact while both lie on a straight flank; where the flank is so short that one of them lies on a plateau
-    it is wrong by up to dt^2 / (8 D), and the crossing is found from the flank's duration D instead.
     """
     n, width = windows.shape
+    if not n:
+        return EdgeSamples(before, np.empty((0, 4)), np.empty(0), np.empty(0))
     half, quarter = width // 2, max(1, width // 4)
     low, high = np.median(windows[:, :quarter], axis=1), np.median(windows[:, -quarter:], axis=1)
     noise = 0.5 * (np.std(windows[:, :quarter], axis=1) + np.std(windows[:, -quarter:], axis=1))
@@ -63,13 +60,28 @@ def refine_edges(windows: Array, before: NDArray[np.int64]) -> EdgeTimes:
     height = high - low
     part = (windows - low[:, None]) / np.where(height > 0.0, height, 1.0)[:, None]
     column = _crossing_column(part, half)
-    position, slope = _linear_crossing(part, column)
-    near = _near_columns(part, column)
-    duration = _flank_duration(near)
-    if duration < SHORT_FLANK:
-        position = _ramp_crossing(near, column, position, duration)
-        slope = np.full(n, 1.0 / duration)
-    return EdgeTimes(before - (half - 1) + position, height, slope * height, noise)
+    return EdgeSamples(before - (half - 1) + column, _near_columns(part, column), height, noise)
+
+
+def joined(parts: list[EdgeSamples]) -> EdgeSamples:
+    """Return the edges of all blocks."""
+    names = ("before", "near", "height", "noise")
+    return EdgeSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def crossings(edges: EdgeSamples) -> tuple[Array, float]:
+    """Return the half-height crossings in samples, with their fraction, and the flank's slope [heights per sample].
+
+    Linear interpolation between the two samples that straddle half height is exact while both lie on a straight flank;
+    where the flank is so short that one of them lies on a plateau it is wrong by up to dt^2 / (8 D), and the crossing
+    is found from the flank's duration D instead.
+    """
+    slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
+    linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
+    duration = _flank_duration(edges.near)
+    if duration >= SHORT_FLANK:
+        return edges.before + linear, float(np.median(slope)) if slope.size else 1.0
+    return edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration
 
 
 def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:
@@ -77,13 +89,6 @@ def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:
     crosses = (part[:, :-1] < 0.5) & (part[:, 1:] >= 0.5)
     distance = np.abs(np.arange(part.shape[1] - 1) - (half - 1))
     return np.argmin(np.where(crosses, distance, part.shape[1]), axis=1)
-
-
-def _linear_crossing(part: Array, column: NDArray[np.int64]) -> tuple[Array, Array]:
-    rows = np.arange(column.size)
-    left, right = part[rows, column], part[rows, column + 1]
-    slope = np.maximum(right - left, 1e-9)
-    return column.astype(np.float64) + np.clip((0.5 - left) / slope, 0.0, 1.0), slope
 
 
 def _near_columns(part: Array, column: NDArray[np.int64]) -> Array:
@@ -114,10 +119,10 @@ def _flank_duration(near: Array) -> float:
     return density if near.shape[0] >= LEAST_FOR_DENSITY and 0.2 < density < 1.6 else np.inf
 
 
-def _ramp_crossing(near: Array, column: NDArray[np.int64], linear: Array, duration: float) -> Array:
+def _ramp_crossing(near: Array, linear: Array, duration: float) -> Array:
     """Mean over the samples on the flank of where each puts half height; linear where there is none."""
     flank = _on_flank(near)
-    places = column[:, None] + np.arange(-1, 3) - duration * (near - 0.5)
+    places = np.arange(-1, 3) - duration * (near - 0.5)
     count = flank.sum(axis=1)
     mean = np.where(flank, places, 0.0).sum(axis=1) / np.maximum(count, 1)
     return np.where(count > 0, mean, linear)

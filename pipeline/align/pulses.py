@@ -18,6 +18,8 @@ SAME_PERIOD = 0.15
 """Relative difference within which two gaps together count as one period."""
 PROVEN_PERIOD = 0.02
 """A gap is an integer number of periods when the neighbours' periods agree with it this closely."""
+MAX_EXTRA = 4
+"""Pulses too many within one period that neighbours can prove."""
 MAX_MISSED = 3
 """Pulses missed in a row that neighbours can prove."""
 LOCAL_PERIODS = 9
@@ -81,19 +83,18 @@ def _without_bounces(time: Array, pulse_width: float) -> tuple[Array, int]:
 
 
 def _without_extras(time: Array) -> tuple[Array, int]:
-    """Drop a pulse whose two gaps together make one period."""
-    n_before = time.size
-    while time.size > 3:
-        gaps = np.diff(time)
-        period = _local_period(time)
-        around = 0.5 * (period[:-1] + period[1:])
-        both = gaps[:-1] + gaps[1:]
-        extra = (np.abs(both / around - 1.0) < SAME_PERIOD) & (
-            np.maximum(gaps[:-1], gaps[1:]) < (1 - SAME_PERIOD) * around
-        )
-        if not extra.any():
-            break
-        time = np.delete(time, 1 + np.flatnonzero(extra)[0])
+    """Drop pulses between two that lie one period apart."""
+    n_before, i = time.size, 0
+    period = _local_period(time)
+    while i < time.size - 2:
+        expected = period[min(i, period.size - 1)]
+        ahead = time[i + 2 : i + 2 + MAX_EXTRA] - time[i]
+        if time[i + 1] - time[i] < (1.0 - SAME_PERIOD) * expected and ahead.size:
+            nearest = int(np.argmin(np.abs(ahead - expected)))
+            if abs(ahead[nearest] / expected - 1.0) < SAME_PERIOD:
+                time = np.delete(time, slice(i + 1, i + 2 + nearest))
+                period = _local_period(time)
+        i += 1
     return time, n_before - time.size
 
 

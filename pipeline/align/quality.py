@@ -24,8 +24,6 @@ FROZEN_DEGREES = 3.0
 """A channel that does not change over this angle, and four times longer than in its other cycles, has dropped out."""
 CONSTANT_DEGREES = 270.0
 """No channel of a running pump stands still over this angle."""
-FLAT_RUN = 6
-"""Equal samples in a row at the top of a cycle that make it clipped: noise leaves two or three."""
 MISFIRE_SWING = 0.7
 """Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."""
 OUTLIER_SWING = 0.003
@@ -38,7 +36,7 @@ OUTLIER_FACTOR = 2.5
 class ChannelDamage:
     """Per cycle, on the raw samples (see `resample.damage_of`), and the samples in all.
 
-    ``flat_run`` is the longest run at an end where the signal can clip: the top, and the bottom of a torque.
+    ``flat_run`` is the length of the longest clipped top (or bottom of a torque), 0 where there is none.
     """
 
     clipped: NDArray[np.int64]
@@ -88,8 +86,8 @@ def _drop_out(table: CycleTable) -> Mask:
     for damage in table.damage.values():
         degrees = 360.0 * damage.longest_run / np.maximum(damage.n_samples, 1)
         usual = np.median(damage.longest_run[table.complete]) if table.complete.any() else 0.0
-        frozen = (degrees > FROZEN_DEGREES) & (damage.longest_run > 4.0 * usual) | (degrees > CONSTANT_DEGREES)
-        lost |= (damage.missing > 0) | (frozen & (damage.longest_run > damage.flat_run))
+        frozen = (degrees > FROZEN_DEGREES) & (damage.longest_run > 4.0 * usual)
+        lost |= (damage.missing > 0) | (frozen & (damage.longest_run > damage.flat_run)) | (degrees > CONSTANT_DEGREES)
     return lost
 
 
@@ -98,7 +96,7 @@ def _clipped(quantity: str) -> Callable[[CycleTable], Mask]:
         if quantity not in table.damage:
             return np.zeros(table.index.size, dtype=bool)
         damage = table.damage[quantity]
-        return (damage.clipped >= CLIPPED_SAMPLES) | (damage.flat_run >= FLAT_RUN)
+        return (damage.clipped >= CLIPPED_SAMPLES) | (damage.flat_run > 0)
 
     return test
 
@@ -119,7 +117,7 @@ def _misfire(table: CycleTable) -> Mask:
     swing = np.where(table.undamaged, swing - low, np.nan)
     if not table.undamaged.any():
         return np.zeros(table.index.size, dtype=bool)
-    return np.nan_to_num(swing / np.nanmedian(swing), nan=1.0) < MISFIRE_SWING
+    return swing < MISFIRE_SWING * np.nanmedian(swing)
 
 
 def _outlier(table: CycleTable) -> Mask:

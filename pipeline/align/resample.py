@@ -108,46 +108,6 @@ def _integral_to(volts: Array, i: int, f: float) -> float:
     return f * volts[i] + 0.5 * f * f * (volts[i + 1] - volts[i])
 
 
-@numba.njit(cache=True, nogil=True)
-def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, int, int, int]:
-    """Count what is wrong with the samples of a cycle.
-
-    Returns
-    -------
-    Samples at or beyond the output range; samples that are no numbers; longest run of equal samples; longest run at the
-    largest and at the smallest value. Runs are looked for only where a first, fast pass finds equal neighbours.
-    """
-    clipped, missing, equal = 0, 0, 0
-    for i in range(volts.size):
-        value = volts[i]
-        missing += value != value
-        clipped += (value <= lowest) | (value >= highest)
-    for i in range(1, volts.size):
-        equal += volts[i] == volts[i - 1]
-    if equal < 2:
-        return clipped, missing, 1, 1, 1
-    return clipped, missing, *_runs(volts)
-
-
-@numba.njit(cache=True, nogil=True)
-def _runs(volts: Array) -> tuple[int, int, int]:
-    run, longest, at_top, at_bottom = 1, 1, 1, 1
-    top, bottom = volts[0], volts[0]
-    for i in range(1, volts.size):
-        value = volts[i]
-        run = run + 1 if value == volts[i - 1] else 1
-        longest = max(longest, run)
-        if value > top:
-            top, at_top = value, 1
-        elif value == top:
-            at_top = max(at_top, run)
-        if value < bottom:
-            bottom, at_bottom = value, 1
-        elif value == bottom:
-            at_bottom = max(at_bottom, run)
-    return longest, at_top, at_bottom
-
-
 def choose_rule(interpolation: str, samples_per_step: float) -> int:
     """Return the rule of the module text for a channel."""
     if interpolation == "auto":

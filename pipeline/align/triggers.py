@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter, median_filter
 
-from pipeline.align.edge_time import EdgeTimes, refine_edges
+from pipeline.align.edge_time import EdgeSamples, crossings, edge_samples, joined
 from pipeline.config import TriggerSpec
 from pipeline.records import Array, Channel, Finding, Refusal
 
@@ -24,6 +24,10 @@ WINDOW_REVOLUTIONS = 1.5
 """Length of a level window: at least one whole pulse at nominal speed lies inside."""
 POOLED_WINDOWS = 5
 """A level follows the running median over this many windows: one disturbed window does not move it."""
+NEIGHBOUR_WINDOWS = 9
+"""Windows among which the highest pulse sets what counts as a pulse."""
+NOISE_HEIGHTS = 12.0
+"""Pulses are higher than this many standard deviations of the noise, whose extremes span eight."""
 LONGEST_HALF_WINDOW = 64
 """Return the samples on either side of an edge that are looked at, at most."""
 REST_HIGH = 0.65
@@ -89,29 +93,45 @@ def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_
         last = min(channel.n_samples, start + block + LONGEST_HALF_WINDOW)
         volts = channel.read_volts(first, last)
         stop = min(start + block, channel.n_samples) - first
-        crossings = _scan_block(volts, start - first, stop, window, scan, first)
-        up, down = crossings[crossings > 0] - 1, -crossings[crossings < 0] - 1
-        half = _half_window(np.abs(crossings))
-        rising.append(_refine(volts, first, up, half, 1.0))
-        falling.append(_refine(volts, first, down, half, -1.0))
+        places = _scan_block(volts, start - first, stop, window, scan, first)
+        up, down = places[places > 0] - 1, -places[places < 0] - 1
+        half = _half_window(np.abs(places))
+        rising.append(_samples_at(volts, first, up, half, 1.0))
+        falling.append(_samples_at(volts, first, down, half, -1.0))
         n_nan += _count_nan(volts[start - first : stop])
-    return _edges(channel, spec, _joined(rising), _joined(falling), scan.n_high / max(1, channel.n_samples), n_nan)
+    return _edges(channel, spec, joined(rising), joined(falling), scan.n_high / max(1, channel.n_samples), n_nan)
 
 
 def _scan_block(volts: Array, begin: int, stop: int, window: int, scan: _Scan, first: int) -> NDArray[np.int64]:
-    low, high = _window_extremes(volts, window)
-    low, high = (median_filter(extreme, POOLED_WINDOWS, mode="nearest") for extreme in (low, high))
-    height = high - low
-    # A window without a pulse (standstill, gap) has only noise for a height: it takes the level of the block.
-    flat = height < 0.5 * np.max(height)
-    low[flat], high[flat] = np.median(low[~flat]), np.median(high[~flat])
-    level, margin = 0.5 * (low + high), HYSTERESIS * (high - low)
-    crossings = np.empty(max(64, (stop - begin) // 4), dtype=np.int64)
+    level, margin = _levels(*_window_extremes(volts, window), NOISE_HEIGHTS * _noise(volts))
+    places = np.empty(max(1, stop - begin), dtype=np.int64)
     count, scan.state, scan.crossing, n_high = _transitions(
-        volts, begin, stop, first, window, level - margin, level, level + margin, scan.state, scan.crossing, crossings
+        volts, begin, stop, first, window, level - margin, level, level + margin, scan.state, scan.crossing, places
     )
     scan.n_high += n_high
-    return crossings[:count]
+    return places[:count]
+
+
+def _noise(volts: Array) -> float:
+    """Robust noise of the plateaus from the differences of neighbouring samples [V]."""
+    differences = np.abs(np.diff(volts[: 16 * (volts.size // 16)].reshape(-1, 16)[:, :2], axis=1))
+    finite = differences[np.isfinite(differences)]
+    return 1.4826 / np.sqrt(2.0) * float(np.median(finite)) if finite.size else 0.0
+
+
+def _levels(low: Array, high: Array, least_height: float) -> tuple[Array, Array]:
+    """Return half height and hysteresis of each window; a window without a pulse takes those of its neighbours.
+
+    A window at standstill or in a gap has only noise for a height. Without any pulse the level is out of reach.
+    """
+    low, high = (median_filter(extreme, POOLED_WINDOWS, mode="nearest") for extreme in (low, high))
+    height = high - low
+    sound = np.flatnonzero((height >= 0.5 * maximum_filter(height, NEIGHBOUR_WINDOWS)) & (height > least_height))
+    if not sound.size:
+        return np.full(height.size, np.inf), np.zeros(height.size)
+    windows = np.arange(height.size)
+    level = np.interp(windows, sound, 0.5 * (low + high)[sound])
+    return level, HYSTERESIS * np.interp(windows, sound, height[sound])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -121,10 +141,11 @@ def _window_extremes(volts: Array, window: int) -> tuple[Array, Array]:
     for w in range(n_windows):
         stop = volts.size if w == n_windows - 1 else (w + 1) * window
         smallest, largest = np.inf, -np.inf
-        for i in range(w * window, stop):
-            value = volts[i]
-            smallest = value if value < smallest else smallest
-            largest = value if value > largest else largest
+        for i in range(w * window + 1, stop):
+            # The lower (higher) of two neighbours: a spike of one sample is no plateau.
+            lower, higher = min(volts[i - 1], volts[i]), max(volts[i - 1], volts[i])
+            smallest = higher if higher < smallest else smallest
+            largest = lower if lower > largest else largest
         low[w], high[w] = (smallest, largest) if largest >= smallest else (0.0, 0.0)
     return low, high
 
@@ -176,36 +197,28 @@ def _half_window(crossings: NDArray[np.int64]) -> int:
     return int(np.clip(gap // 2, 2, LONGEST_HALF_WINDOW))
 
 
-def _refine(volts: Array, first: int, before: NDArray[np.int64], half: int, sign: float) -> EdgeTimes:
+def _samples_at(volts: Array, first: int, before: NDArray[np.int64], half: int, sign: float) -> EdgeSamples:
     columns = before[:, None] - first + np.arange(-half + 1, half + 1)[None, :]
-    windows = volts[np.clip(columns, 0, volts.size - 1)] if before.size else np.empty((0, 2 * half))
-    if not before.size:
-        empty = np.empty(0)
-        return EdgeTimes(empty, empty, empty, empty)
-    return refine_edges(sign * windows, before)
-
-
-def _joined(parts: list[EdgeTimes]) -> EdgeTimes:
-    names = ("position", "height", "slope", "noise")
-    return EdgeTimes(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return edge_samples(sign * volts[np.clip(columns, 0, volts.size - 1)], before)
 
 
 def _edges(
-    channel: Channel, spec: TriggerSpec, rising: EdgeTimes, falling: EdgeTimes, high: float, n_nan: int
+    channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: EdgeSamples, high: float, n_nan: int
 ) -> Edges:
     where = f"{channel.path.name}, channel {channel.name!r}"
     inverted = high > REST_HIGH and spec.edge == "rising"
     edge = "falling" if inverted else spec.edge
     taken, other = (falling, rising) if edge == "falling" else (rising, falling)
     height, noise = _median(taken.height), _median(taken.noise)
-    if taken.position.size < 2 or height < MIN_HEIGHT_TO_NOISE * noise:
+    if taken.before.size < 2 or height < MIN_HEIGHT_TO_NOISE * noise:
         raise Refusal(
-            f"{where}: found {taken.position.size} trigger pulses of {height:.3g} V over noise of {noise:.2g} V, "
+            f"{where}: found {taken.before.size} trigger pulses of {height:.3g} V over noise of {noise:.2g} V, "
             "expected at "
             "least two; check that the channel is the trigger and that the sensor saw the tooth"
         )
-    time = channel.start_time + taken.position / channel.sample_rate
-    width = _pulse_width(taken.position, other.position) / channel.sample_rate
+    position, slope = crossings(taken)
+    time = channel.start_time + position / channel.sample_rate
+    width = _pulse_width(position, other.before) / channel.sample_rate
     findings = []
     if inverted:
         findings.append(
@@ -222,15 +235,15 @@ def _edges(
         findings.append(
             Finding("trigger_drop_out", "warning", f"{n_nan} trigger samples are missing (not a number)", where)
         )
-    slope = _median(taken.slope) * channel.sample_rate
-    return Edges(time, width, height, noise / slope, high, edge, n_nan, tuple(findings))
+    edge_noise = noise / (height * slope * channel.sample_rate)
+    return Edges(time, width, height, edge_noise, high, edge, n_nan, tuple(findings))
 
 
 def _median(values: Array) -> float:
     return float(np.median(values)) if values.size else 0.0
 
 
-def _pulse_width(taken: Array, other: Array) -> float:
+def _pulse_width(taken: Array, other: NDArray[np.int64]) -> float:
     """Median samples from a taken edge to the opposite one that follows."""
     following = np.searchsorted(other, taken)
     inside = following < other.size

@@ -1,0 +1,356 @@
+"""Damaged logs: what is repaired, what is cut for which reason, what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from align_truth import Rig, Samples, Shaft, angle_error_deg, calibration, make, pressure_of, torque_of
+
+from pipeline.align import AlignOptions, align
+from pipeline.align.quality import CUTS
+from pipeline.records import CamCycles, Recording, Refusal
+
+RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
+PULSES = RIG.pulse_times()
+ANGLE_DEG = 0.05
+
+
+def edited(quantity: str, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    recording = make(RIG)
+    channels = tuple(
+        replace(c, source=Samples(change(c.source.values.copy()))) if c.quantity == quantity else c
+        for c in recording.channels
+    )
+    return replace(recording, channels=channels)
+
+
+def check_angle(cycles: CamCycles) -> None:
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < ANGLE_DEG
+    assert abs(angle_error_deg(cycles.pressure, pressure_of, cycles.theta)) < ANGLE_DEG
+
+
+def lost(cycles: CamCycles) -> dict[str, int]:
+    """Complete cycles that were rejected, by reason."""
+    return {row.reason: row.cycles for row in cycles.cut_flow if row.cycles and row.reason != "incomplete"}
+
+
+def codes(cycles: CamCycles) -> set[str]:
+    return {finding.code for finding in cycles.findings}
+
+
+def part(begin: float, end: float, value: float | None = None) -> Callable[[np.ndarray], np.ndarray]:
+    """Replace a part of the record by a value, or by its first sample."""
+
+    def change(volts: np.ndarray) -> np.ndarray:
+        i, j = int(begin * volts.size), int(end * volts.size)
+        volts[i:j] = volts[i] if value is None else value
+        return volts
+
+    return change
+
+
+def test_sound_recording_loses_nothing() -> None:
+    cycles = align(make(RIG))
+    assert lost(cycles) == {}
+    assert codes(cycles) == set()
+    assert cycles.cycles_found == len(cycles.index) == 32
+
+
+@pytest.mark.parametrize("missing", [[10], [10, 20], [10, 11], [10, 11, 12]])
+def test_missed_pulses_are_put_in_where_the_neighbours_prove_it(missing: list[int]) -> None:
+    cycles = align(make(RIG, np.delete(PULSES, missing)))
+    assert lost(cycles) == {}
+    assert f"{len(missing)} trigger pulses were missing" in cycles.findings[0].text
+    check_angle(cycles)
+    assert cycles.index[-1] == align(make(RIG)).index[-1]
+
+
+def test_a_long_gap_is_not_filled() -> None:
+    cycles = align(make(RIG, np.delete(PULSES, range(10, 15))))
+    # Five pulses are gone: the six revolutions between their neighbours, and the one that begins before the first.
+    assert lost(cycles) == {"missed_trigger": 7}
+    assert "trigger_gap" in codes(cycles)
+    assert cycles.index[-1] == align(make(RIG)).index[-1]
+    check_angle(cycles)
+
+
+def test_repaired_cycles_are_not_used_when_the_speed_does_not_prove_them() -> None:
+    rough = replace(RIG, edge_jitter=4.0e-5)
+    pulses = np.delete(rough.pulse_times(), [10])
+    assert lost(align(make(rough, pulses)))["missed_trigger"] >= 2
+    assert "missed_trigger" not in lost(align(make(rough, pulses), AlignOptions(repaired_angle_deg=5.0)))
+
+
+@pytest.mark.parametrize("extra", [[0.05], [0.03, 0.07], [0.02, 0.05, 0.09]])
+def test_doubled_pulses_are_left_out(extra: list[float]) -> None:
+    doubled = np.sort(np.r_[PULSES, PULSES[12] + np.array(extra)])
+    cycles = align(make(RIG, doubled))
+    assert lost(cycles) == {}
+    assert f"{len(extra)} trigger pulses too many" in cycles.findings[0].text
+    check_angle(cycles)
+
+
+def test_bounces_are_left_out() -> None:
+    def bounce(volts: np.ndarray) -> np.ndarray:
+        rising = np.flatnonzero((volts[1:] > 2.5) & (volts[:-1] <= 2.5))
+        for i in rising[::5]:
+            volts[i + 4 : i + 7] = 0.05
+        return volts
+
+    cycles = align(edited("trigger", bounce))
+    assert lost(cycles) == {}
+    assert "7 trigger edges followed another within a bounce" in cycles.findings[0].text
+    check_angle(cycles)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda v: v * np.linspace(1.0, 0.4, v.size) + np.linspace(0.0, 2.0, v.size),
+        lambda v: v + 0.5 * np.sin(np.arange(v.size) * 2 * np.pi * 50.0 / RIG.trigger_rate),
+        lambda v: 0.02 * v - 3.0,
+        lambda v: v + 0.3 * np.random.default_rng(3).standard_normal(v.size),
+    ],
+    ids=["fading and drifting", "mains hum", "100 mV pulses", "noise of 0.3 V"],
+)
+def test_level_follows_the_pulses(change: Callable[[np.ndarray], np.ndarray]) -> None:
+    cycles = align(edited("trigger", change))
+    assert lost(cycles) == {}
+    check_angle(cycles)
+
+
+@pytest.mark.parametrize("change", [lambda v: 5.0 - v, lambda v: -v], ids=["rests high", "negative pulses"])
+def test_turned_trigger_keeps_its_leading_edge(change: Callable[[np.ndarray], np.ndarray]) -> None:
+    cycles = align(edited("trigger", change))
+    assert codes(cycles) == {"trigger_inverted"}
+    check_angle(cycles)
+
+
+def test_declared_falling_edge_is_taken() -> None:
+    cycles = align(make(replace(RIG, edge="falling")))
+    # The trailing edge passes one pulse width (0.11 rad) later, at the nominal angle.
+    assert angle_error_deg(cycles.torque, torque_of, cycles.theta) == pytest.approx(-np.degrees(0.11), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda v: 0.06 + 0.01 * np.random.default_rng(0).standard_normal(v.size), lambda v: 0.0 * v],
+    ids=["noise", "constant"],
+)
+def test_no_pulses_are_refused(change: Callable[[np.ndarray], np.ndarray]) -> None:
+    with pytest.raises(Refusal, match=r"DAQ\.dat, channel 'trigger': found 0 trigger pulses .* expected at least two"):
+        align(edited("trigger", change))
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+@pytest.mark.parametrize(
+    ("change", "n_lost"), [(part(0.4, 0.5, np.nan), 4), (part(0.4, 0.42), 2), (part(0.4, 0.42, 0.0), 2)]
+)
+def test_drop_outs_cost_their_cycles(quantity: str, change: Callable[[np.ndarray], np.ndarray], n_lost: int) -> None:
+    cycles = align(edited(quantity, change))
+    assert lost(cycles) == {"drop_out": n_lost}
+    check_angle(cycles)
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_constant_channel_is_refused(quantity: str) -> None:
+    with pytest.raises(Refusal, match=r"none of 32 complete cycles can be used.*'drop_out'"):
+        align(edited(quantity, lambda v: 0.0 * v + 1.0))
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_clipped_cycles_are_cut(quantity: str) -> None:
+    def clip_half(volts: np.ndarray) -> np.ndarray:
+        volts[: volts.size // 2] = np.minimum(volts[: volts.size // 2], 0.9 * volts.max())
+        return volts
+
+    assert lost(align(edited(quantity, clip_half))) == {f"{quantity}_clipped": 16}
+
+
+def test_end_of_the_output_range_is_clipping() -> None:
+    recording = make(RIG)
+    pressure = next(c for c in recording.channels if c.quantity == "pressure")
+    tight = replace(pressure, calibration=replace(calibration("pressure", 4e-6), output_max_volts=2.5))
+    recording = replace(recording, channels=(recording.channels[0], tight, recording.channels[2]))
+    with pytest.raises(Refusal, match="pressure_clipped"):
+        align(recording)
+
+
+def test_coarse_converter_is_not_clipping() -> None:
+    step = 20.0 / 4096.0
+    quiet = replace(RIG, torque_noise=0.0, pressure_noise=0.0)
+    recording = make(quiet)
+    channels = tuple(
+        c if c.quantity == "trigger" else replace(c, source=Samples(step * np.round(c.source.values / step)))
+        for c in recording.channels
+    )
+    assert lost(align(replace(recording, channels=channels))) == {}
+
+
+def test_misfire_is_cut() -> None:
+    def weaken(volts: np.ndarray) -> np.ndarray:
+        i, j = int(0.40 * volts.size), int(0.43 * volts.size)
+        volts[i:j] = 0.4 + 0.4 * (volts[i:j] - 0.4)
+        return volts
+
+    reasons = lost(align(edited("pressure", weaken)))
+    # The weak stretch is one revolution long and reaches into a second cycle, which may be an outlier.
+    assert reasons["misfire"] == 1
+    assert set(reasons) <= {"misfire", "outlier"}
+
+
+def test_outlier_is_cut_and_named() -> None:
+    def disturb(volts: np.ndarray) -> np.ndarray:
+        i, j = int(0.40 * volts.size), int(0.43 * volts.size)
+        volts[i:j] += 0.1 * np.sin(np.linspace(0.0, 40.0, j - i))
+        return volts
+
+    assert set(lost(align(edited("torque", disturb)))) == {"outlier"}
+
+
+def test_speed_ramp_is_cut_where_it_is_not_steady() -> None:
+    cycles = align(make(replace(RIG, shaft=Shaft(ramp=0.03), duration=3.0)))
+    assert set(lost(cycles)) == {"speed_outlier"}
+    # 3 % per second for 3 s: the steady band of 2 % to either side is 1.3 s, 11 revolutions.
+    assert len(cycles.index) == pytest.approx(11, abs=2)
+
+
+def test_fast_ramp_is_refused() -> None:
+    with pytest.raises(Refusal, match="start_stop"):
+        align(make(replace(RIG, shaft=Shaft(ramp=0.2))))
+
+
+def test_inverted_torque_is_turned_with_a_finding() -> None:
+    cycles = align(edited("torque", lambda v: -v))
+    assert codes(cycles) == {"torque_inverted"}
+    check_angle(cycles)
+
+
+def test_swapped_channels_are_refused() -> None:
+    recording = make(RIG)
+    torque, pressure, trigger = recording.channels
+    swapped = (
+        replace(pressure, quantity="torque", calibration=torque.calibration),
+        replace(torque, quantity="pressure", calibration=pressure.calibration),
+        trigger,
+    )
+    with pytest.raises(Refusal, match=r"torque and pressure stand under each other's name.*exchange the two"):
+        align(replace(recording, channels=swapped))
+
+
+def test_lost_samples_are_a_clock_jump() -> None:
+    recording = make(RIG)
+    channels = []
+    for c in recording.channels:
+        at = int(0.5 * c.n_samples)
+        channels.append(
+            replace(c, source=Samples(np.delete(c.source.values, slice(at, at + round(0.01 * c.sample_rate)))))
+        )
+    cycles = align(replace(recording, channels=tuple(channels)))
+    assert set(lost(cycles)) == {"clock_jump"}
+    assert lost(cycles)["clock_jump"] <= 2
+    assert "clock_jump" in codes(cycles)
+    check_angle(cycles)
+
+
+def test_jump_between_two_loggers_is_cut_and_both_sides_are_used() -> None:
+    rig = replace(RIG, clock_kind="independent", duration=6.0)
+    recording = make(rig)
+    channels = []
+    for c in recording.channels:
+        values = c.source.values
+        if c.logger == "B":
+            at = int(0.5 * values.size)
+            values = np.delete(values, slice(at, at + 15))
+        channels.append(replace(c, source=Samples(values)))
+    cycles = align(replace(recording, channels=tuple(channels)))
+    assert set(lost(cycles)) == {"clock_jump"}
+    assert 1 <= lost(cycles)["clock_jump"] <= 2
+    check_angle(cycles)
+
+
+@pytest.mark.parametrize(("duration", "n_cycles"), [(0.30, 1), (0.40, 2), (0.52, 3)])
+def test_a_few_cycles_are_enough(duration: float, n_cycles: int) -> None:
+    cycles = align(make(replace(RIG, duration=duration)))
+    assert len(cycles.index) == n_cycles
+    check_angle(cycles)
+
+
+def test_first_used_cycle_is_fitted_and_the_next_scores() -> None:
+    cycles = align(make(RIG))
+    np.testing.assert_array_equal(cycles.held_out, np.arange(32) % 2 == 1)
+
+
+def test_recording_without_torque() -> None:
+    recording = make(RIG)
+    cycles = align(replace(recording, channels=recording.channels[1:]))
+    assert cycles.torque is None
+    assert abs(angle_error_deg(cycles.pressure, pressure_of, cycles.theta)) < ANGLE_DEG
+
+
+@pytest.mark.parametrize("missing", ["pressure", "trigger"])
+def test_recording_without_pressure_or_trigger_is_refused(missing: str) -> None:
+    recording = make(RIG)
+    channels = tuple(c for c in recording.channels if c.quantity != missing)
+    with pytest.raises(Refusal, match=f"no {missing} channel, expected one"):
+        align(replace(recording, channels=channels))
+
+
+def test_two_torque_channels_are_refused() -> None:
+    recording = make(RIG)
+    with pytest.raises(Refusal, match="found 2 torque channels, expected one"):
+        align(replace(recording, channels=(recording.channels[0], *recording.channels)))
+
+
+WHEEL = replace(RIG, pulses_per_rev=60, missing_teeth=2, trigger_rate=50e3)
+
+
+def test_wheel_without_a_mark_is_refused() -> None:
+    with pytest.raises(Refusal, match="60 pulses per revolution without a mark"):
+        align(make(replace(WHEEL, missing_teeth=0)))
+
+
+def test_wheel_whose_mark_is_not_there_is_refused() -> None:
+    with pytest.raises(Refusal, match="no mark found among 34 teeth, expected 2 missing teeth once in 60"):
+        align(make(WHEEL, PULSES))
+
+
+def test_wheel_survives_missed_and_doubled_teeth() -> None:
+    teeth = WHEEL.pulse_times()
+    damaged = np.sort(np.r_[np.delete(teeth, [200, 500, 900]), teeth[300] + 7e-4])
+    cycles = align(make(WHEEL, damaged))
+    assert codes(cycles) == {"trigger_missed", "trigger_doubled"}
+    assert lost(cycles) == {}
+    check_angle(cycles)
+
+
+def test_cut_flow_counts_single_and_cumulative() -> None:
+    cycles = align(edited("torque", part(0.4, 0.5, np.nan)))
+    assert [row.reason for row in cycles.cut_flow] == list(CUTS)
+    left = [row.cycles_left for row in cycles.cut_flow]
+    assert left[-1] == len(cycles.index)
+    assert left == sorted(left, reverse=True)
+    assert all(row.cycles_single >= row.cycles for row in cycles.cut_flow)
+
+
+def test_ninety_five_percent_of_sound_cycles_are_used() -> None:
+    for seed in range(20):
+        cycles = align(make(replace(RIG, seed=seed, duration=3.0)), AlignOptions(n_theta=720))
+        assert len(cycles.index) >= 0.95 * cycles.cycles_found
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_theta": 10}, "n_theta is 10"),
+        ({"interpolation": "spline"}, "interpolation is 'spline'"),
+        ({"speed_law": "free"}, "speed_law is 'free'"),
+        ({"block_samples": 10}, "block_samples is 10"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict, message: str) -> None:
+    with pytest.raises(Refusal, match=message):
+        AlignOptions(**options)
