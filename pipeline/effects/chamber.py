@@ -6,7 +6,7 @@ chamber is one closed volume with four ways out, and the same balance of mass ho
     d(rho V)/dt = -rho_0 (Q_port + Q_spill + Q_valve + Q_leak),   V = V_0 + A (y_top - y)
     rho(p)/rho_0 = (1 + b p / beta_0)**(1/b)                      bulk modulus beta = beta_0 + b p
     Q_port  = k_port max(0, y_port - y) sqrt(p - p_feed)          open until the plunger covers the port
-    Q_spill = k_spill max(0, theta - theta_spill) sqrt(p - p_feed)  helix uncovers the port again
+    Q_spill = k_spill max(0, y - y_spill) sqrt(p - p_feed)  the helix uncovers a port above this lift
     Q_valve = a k_valve z(d / w) sqrt(p - p_line),  d = p - p_line - p_open   a: outlet open until end of delivery
     Q_leak  = g (p - p_feed)
 
@@ -44,7 +44,7 @@ ROWS = (
             "volume above the plunger at full lift, holder and bores up to the valve", "fitted; no sheet gives it"),
     display("bulk_modulus", "beta_0", "GPa", 1.0e9, (1.30, 1.0, 1.7, 0.02), (1.30, 0.05),
             "bulk modulus of the fuel at feed pressure", "Payri, Fuel 2011: 1.25-1.33 GPa"),
-    display("bulk_modulus_slope", "b", "-", 1.0, (10.0, 6.0, 14.0, 0.5), (10.0, 0.7),
+    display("bulk_modulus_slope", "b", "-", 1.0, (10.0, 5.0, 15.0, 0.5), (10.0, 2.0),
             "increase of the bulk modulus with pressure", "Payri, Fuel 2011; Nikolic, Thermal Science 2012"),
     display("feed_pressure", "p_feed", "bar", BAR, (3.0, 0.0, 15.0, 1.0), (3.0, 2.0),
             "gauge pressure in the feed gallery", "typical of gallery pumps, 1-6 bar"),
@@ -64,17 +64,18 @@ ROWS = (
             "cam angle at which the outlet has closed", "depends on the load; fitted", "own"),
     display("end_width", "w_end", "deg", DEGREE, (0.8, 0.1, 6.0, 0.2), (0.8, 0.6),
             "cam angle that the outlet takes to close", "assumed; closing times of 0.1-0.5 ms"),
-    display("spill_angle", "theta_spill", "deg", DEGREE, (40.0, 5.0, 175.0, 0.2), None,
-            "cam angle at which the helix uncovers the port", "depends on the load; fitted", "own"),
-    display("spill_rate", "b_spill", "mm^2/deg", DISCHARGE * 1.0e-6 / DEGREE, (0.5, 0.02, 20.0, 0.1), (0.6, 0.6),
-            "spill area per cam angle", "port width times plunger velocity", "own"),
+    display("spill_lift", "y_spill", "mm", 1.0e-3, (5.0, 0.05, 30.0, 0.02), None,
+            "lift at which the helix uncovers the spill port, and covers it again on the return",
+            "depends on the load; fitted", "own"),
+    display("spill_width", "b_spill", "mm", DISCHARGE * 1.0e-3, (3.0, 0.05, 60.0, 0.5), (4.0, 4.0),
+            "spill area per lift above it (Cd = 0.7)", "port diameters of 2-4 mm", "own"),
     display("pressure_zero", "p_0", "bar", BAR, (0.0, -12.0, 12.0, 0.5), (0.0, 1.0),
             "error of the zero of the line pressure", "certificate and standstill readings", "own"),
 )  # fmt: skip
 
 KERNEL_ORDER = (
     "dead_volume", "bulk_modulus", "bulk_modulus_slope", "feed_pressure", "valve_opening", "valve_area", "valve_range",
-    "leakage", "port_closing_lift", "port_width", "end_of_delivery", "end_width", "spill_angle", "spill_rate",
+    "leakage", "port_closing_lift", "port_width", "end_of_delivery", "end_width", "spill_lift", "spill_width",
     "pressure_zero",
 )  # fmt: skip
 """Order of the parameters in the kernel's vector."""
@@ -147,8 +148,8 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
         volume = v0 + area * (top_lift - lift[i])
         port_gap = y_port - lift[i]
         port_area = k_port * port_gap if port_gap > 0.0 else 0.0
-        spill_gap = theta[i] - spill
-        spill_area = k_spill * spill_gap if (spill_gap > 0.0 and k_spill > 0.0) else 0.0
+        spill_gap = lift[i] - spill
+        spill_area = k_spill * spill_gap if spill_gap > 0.0 else 0.0
         outlet = _ramp(theta[i], end, width)
         line = line_pressure[i] - p_zero
         clamped = False
@@ -218,7 +219,7 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
             outlet_theta = -1.0 / width
             partial[10] = time_step * k_valve * z * line_root / width
             partial[11] = -time_step * k_valve * z * line_root * outlet / width
-        if spill_gap > 0.0 and k_spill > 0.0:
+        if spill_gap > 0.0:
             partial[12] = -time_step * k_spill * feed_root
             partial[13] = time_step * spill_gap * feed_root
         partial[14] = time_step * valve_area * (z_d / w * line_root + z * line_root_d)
@@ -226,9 +227,9 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
             by_lift = -area * density
             if port_gap > 0.0:
                 by_lift -= time_step * k_port * feed_root
+            if spill_gap > 0.0:
+                by_lift += time_step * k_spill * feed_root
             by_theta = time_step * k_valve * z * line_root * outlet_theta
-            if spill_gap > 0.0 and k_spill > 0.0:
-                by_theta += time_step * k_spill * feed_root
             partial[15 + j] = (by_lift * slope[i] + by_theta) * shifts[i, j]
         for k in range(n_all):
             tangents[i, k] = -(partial[k] - mass_tangent[k]) / slope_f

@@ -35,9 +35,7 @@ TWIST_BANDWIDTH_HZ = 2500.0
 """Above this the measured torque holds no twist, only noise; a smooth roll-off of order 8."""
 
 
-def angle_shifts(
-    shaft_torque: Array, theta: Array, speed: float, trigger_angle: float
-) -> tuple[Array, Array, Array]:
+def angle_shifts(shaft_torque: Array, theta: Array, speed: float, trigger_angle: float) -> tuple[Array, Array, Array]:
     """Return the cam-angle shift per unit of trigger offset, compliance and drive admittance.
 
     Parameters

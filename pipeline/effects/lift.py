@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 from pipeline.records import Array, freeze_arrays
 from pipeline.units import DEGREE
 
-KNOT_STEP = 2.0 * DEGREE
+KNOT_STEP = 1.5 * DEGREE
 MARGIN = 3.0 * DEGREE
 
 
@@ -51,7 +51,11 @@ class LiftCorrection:
         """Return the correction [m] or its derivative for coefficients (n_basis,) or (n_basis, k)."""
         wrapped = self.knots[0] + np.mod(theta - self.knots[0], 2.0 * np.pi)
         outside = wrapped >= self.knots[-1]
-        spline = BSpline(self.knots, coefficients, 3)
+        step = self.knots[1] - self.knots[0]
+        pad = step * np.arange(1, 4)
+        knots = np.concatenate([self.knots[0] - pad[::-1], self.knots, self.knots[-1] + pad])
+        zeros = np.zeros((3, *coefficients.shape[1:]))
+        spline = BSpline(knots, np.concatenate([zeros, coefficients, zeros]), 3)
         values = spline(np.where(outside, self.knots[0], wrapped), nu=derivative)
         values[outside] = 0.0
         return values
@@ -70,4 +74,4 @@ def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: flo
     start, stop = lifted.min() - MARGIN, lifted.max() + MARGIN
     count = int(np.ceil((stop - start) / KNOT_STEP))
     knots = start + (np.arange(count + 7) - 3.0) * KNOT_STEP
-    return LiftCorrection(knots, min(noise_std, resolution) / 2.0, resolution)
+    return LiftCorrection(knots, 0.7 * min(max(noise_std, 0.2 * resolution), resolution), resolution)

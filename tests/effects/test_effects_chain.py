@@ -34,7 +34,9 @@ class HarmonicLaw:
 
 
 def pump() -> PumpData:
-    return PumpData(0.02, 0.008, 0.005, 0.002, 0.25, 5e-5, 0.075, 2e4, 110.0, 0.008, 2.1e11, 2.1e11, Path("x"), "a", "b")
+    return PumpData(
+        0.02, 0.008, 0.005, 0.002, 0.25, 5e-5, 0.075, 2e4, 110.0, 0.008, 2.1e11, 2.1e11, Path("x"), "a", "b"
+    )
 
 
 def chain_input(**changes) -> ChainInput:
@@ -52,7 +54,7 @@ def chain_input(**changes) -> ChainInput:
 def start_values() -> dict[str, float]:
     values = {name: ROWS[name].start for name in NONLINEAR_NAMES}
     values.update(
-        dead_volume=1.5e-6, port_closing_lift=1.0e-3, end_of_delivery=47.3 * DEGREE, spill_angle=58.2 * DEGREE,
+        dead_volume=1.5e-6, port_closing_lift=1.0e-3, end_of_delivery=47.3 * DEGREE, spill_lift=7.45e-3,
         drive_admittance=2.0, trigger_offset=0.3 * DEGREE, end_width=1.33 * DEGREE,
     )  # fmt: skip
     return values
@@ -86,7 +88,7 @@ def test_linear_names_are_the_linear_rows():
 def test_closed_chamber_keeps_its_mass():
     # Without port, valve, spill and leak the implicit rule is exact: rho V is constant whatever the step.
     data, values = chain_input(), start_values()
-    values.update(port_width=0.0, valve_area=0.0, leakage=0.0, spill_rate=0.0, dead_volume=4e-6)
+    values.update(port_width=0.0, valve_area=0.0, leakage=0.0, spill_width=0.0, dead_volume=4e-6)
     output = evaluate_chain(data, values)
     volume = values["dead_volume"] + data.pump.plunger_area * (data.top_lift - output.motion.lift[0])
     slope, modulus = values["bulk_modulus_slope"], values["bulk_modulus"]

@@ -1,0 +1,268 @@
+"""A minimum -> `FittedTorque`: torque by cause, forces, losses, metrics, uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.effects.causes import cam_torques, measured_torques, work_per_revolution
+from pipeline.effects.chain import ChainInput, ChainOutput, evaluate_chain
+from pipeline.effects.chamber import KERNEL_ORDER
+from pipeline.fit.advice import next_measurement
+from pipeline.fit.estimates import estimates, prior_findings
+from pipeline.fit.metrics import metrics, stroke_masks
+from pipeline.fit.predict import torque_zero
+from pipeline.fit.prepare import Halves
+from pipeline.fit.problem import Problem
+from pipeline.fit.solve import Solution, chain_coefficients
+from pipeline.fit.uncertainty import Covariance, Variant
+from pipeline.mechanism import Mounting, closed_form_tables, forces_of
+from pipeline.records import (
+    AngleError,
+    Array,
+    CamCycles,
+    Estimate,
+    Finding,
+    FittedTorque,
+    LadderRung,
+    Metrics,
+    ParameterEstimate,
+    Recording,
+    RigidTorque,
+)
+from pipeline.units import DEGREE
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Everything that one chosen model consists of."""
+
+    problem: Problem
+    solution: Solution
+    covariance: Covariance
+    spreads: Array
+    variants: tuple[Variant, ...]
+    ladder: tuple[LadderRung, ...]
+
+
+@dataclass(frozen=True)
+class Modelled:
+    """The model of one recording on the fine grid, for one pair of mean cycles."""
+
+    chain: ChainInput
+    output: ChainOutput
+    values: dict[str, float]
+    cam: dict[str, Array]
+    by_cause: dict[str, Array]
+
+    @property
+    def torque(self) -> Array:
+        """Model of the measured torque, (n_theta,) [N m]."""
+        return np.sum(list(self.by_cause.values()), axis=0)
+
+
+def model_on_grid(problem: Problem, solution: Solution, index: int, chain: ChainInput) -> Modelled:
+    """Return the model of one recording on the fine grid.
+
+    Parameters
+    ----------
+    index : recording in the problem
+    chain : its input with the pressure and torque of the cycles in question, and the links of the problem
+    """
+    values = problem.values(solution.x, index)
+    output = evaluate_chain(chain, values)
+    coefficients = chain_coefficients(problem, solution.c)
+    cam = cam_torques(chain, values, output, coefficients)
+    by_cause = measured_torques(chain, values, cam, torque_zero(problem, solution, index))
+    return Modelled(chain, output, values, cam, by_cause)
+
+
+def swapped(chain: ChainInput, torque: Array, pressure: Array) -> ChainInput:
+    """Return the chain's input with the mean cycles of another half."""
+    return ChainInput(
+        chain.theta, chain.speed, pressure, torque, chain.trigger_angle, chain.pump, chain.law, chain.offset,
+        chain.roller_inertia, chain.lift_basis, chain.uses_chamber,
+    )  # fmt: skip
+
+
+def fitted_torque(
+    fit: Fit, index: int, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: Halves
+) -> FittedTorque:
+    """Return the record of one recording of a fit.
+
+    Parameters
+    ----------
+    fit : the chosen model of one or several recordings
+    index : which recording
+    recording, cycles, rigid, means : the recording, its cycles, rigid solution and mean cycles
+    """
+    problem, solution = fit.problem, fit.solution
+    fitted = model_on_grid(problem, solution, index, problem.data[index].chain)
+    held = model_on_grid(problem, solution, index, swapped(fitted.chain, means.held_torque, means.held_pressure))
+    parameters = _own_parameters(fit, index)
+    config = recording.config
+    mounting = Mounting(rotation=config.rotation)
+    tables = closed_form_tables(config.pump, fitted.chain.law, fitted.output.motion.theta, mounting)
+    motion = fitted.output.motion
+    forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
+    pressure_std = _pressure_std(fit, index, fitted)
+    trigger = _trigger(parameters, config.trigger.nominal_angle)
+    return FittedTorque(
+        effects=problem.effects, parameters=parameters, correlation=fit.covariance.correlation,
+        correlation_names=fit.covariance.names, torque=fitted.torque, torque_held_out=held.torque,
+        by_cause=fitted.by_cause,
+        chamber_pressure=fitted.output.pressure if fitted.chain.uses_chamber else None,
+        chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
+        chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
+        contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
+        metrics=_metrics(means, fitted.torque, held.torque, rigid), ladder=fit.ladder, trigger_angle=trigger,
+        torque_delay=_delay(parameters, cycles.torque_delay),
+        angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger),
+        odd_even_rms=float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2))),
+        next_measurement=next_measurement(parameters),
+        findings=(*prior_findings(parameters), *_fit_findings(fit, index, fitted, means)),
+        details={"variants": {v.name: v.solution.chi_square for v in fit.variants}, "inflation": fit.covariance.inflation,
+                 "iterations": solution.iterations, "converged": solution.converged, "chi_square": solution.chi_square,
+                 "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
+                 "delivery": problem.data[index].delivery},
+    )  # fmt: skip
+
+
+def _own_parameters(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
+    """Return shared parameters and those of one recording, the latter under their plain names."""
+    others = {slot.name for slot in (*fit.problem.nonlinear, *fit.problem.linear) if slot.recording not in (-1, index)}
+    rows = estimates(fit.problem, fit.solution, fit.covariance, fit.spreads)
+    return tuple(row for row in rows if row.name not in others)
+
+
+def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:
+    lift, velocity = rigid.lift, rigid.lift_velocity
+    return {
+        "rigid": metrics(means.torque_all, rigid.torque, rigid.torque, lift, velocity),
+        "fitted": metrics(means.torque, fitted, rigid.torque, lift, velocity),
+        "fitted_held_out_cycles": metrics(means.held_torque, held, rigid.torque, lift, velocity),
+    }
+
+
+def _losses(fit: Fit, index: int, fitted: Modelled, means: Halves) -> dict[str, float]:
+    """Return work per revolution by cause [J], the input and how well they close."""
+    work = work_per_revolution(fitted.chain, fitted.output, fitted.cam)
+    zero = torque_zero(fit.problem, fit.solution, index)
+    total = 2.0 * np.pi * (float(np.mean(means.torque)) - zero)
+    return {**work, "input": total, "closure_percent": 100.0 * (total - sum(work.values())) / total}
+
+
+def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
+    """Return the total standard uncertainty of the chamber pressure over angle, (n_theta,) [Pa]."""
+    if fitted.output.pressure_tangents is None:
+        return None
+    problem = fit.problem
+    tangents = fitted.output.pressure_tangents
+    columns = (*KERNEL_ORDER, "trigger_offset", "shaft_compliance", "drive_admittance")
+    used = [
+        (j, columns.index(slot.row.name)) for j, slot in enumerate(problem.nonlinear)
+        if slot.recording in (-1, index) and slot.row.name in columns
+    ]  # fmt: skip
+    rows = [j for j, _ in used]
+    jacobian = tangents[:, [k for _, k in used]]
+    variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(rows, rows)], jacobian)
+    for variant in fit.variants:
+        other = evaluate_chain(variant.problem.data[index].chain, variant.problem.values(variant.solution.x, index))
+        variance = variance + (other.pressure - fitted.output.pressure) ** 2 / len(fit.variants)
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _chamber_peak(fitted: Modelled, std: Array | None) -> Estimate | None:
+    if std is None:
+        return None
+    top = int(np.argmax(fitted.output.pressure))
+    return Estimate(float(fitted.output.pressure[top]), float(std[top]))
+
+
+def _return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
+    """Return the chamber pressure where the lift has fallen to 95 %."""
+    if std is None:
+        return None
+    lift, velocity = fitted.output.motion.lift[0], fitted.output.motion.lift[1]
+    start = int(np.flatnonzero(stroke_masks(lift, velocity)[1])[0])
+    return Estimate(float(fitted.output.pressure[start]), float(std[start]))
+
+
+def _trigger(parameters: Sequence[ParameterEstimate], nominal: float) -> Estimate:
+    for parameter in parameters:
+        if parameter.name == "trigger_offset":
+            return Estimate(
+                nominal + parameter.value * DEGREE, parameter.stderr * DEGREE, nominal,
+                parameter.stderr_statistical * DEGREE,
+            )  # fmt: skip
+    return Estimate(nominal, float("nan"), nominal)
+
+
+def _delay(parameters: Sequence[ParameterEstimate], nominal: Estimate) -> Estimate:
+    for parameter in parameters:
+        if parameter.name == "delay_error":
+            return Estimate(
+                nominal.value + parameter.value * 1e-6, parameter.stderr * 1e-6, nominal.value,
+                parameter.stderr_statistical * 1e-6,
+            )  # fmt: skip
+    return nominal
+
+
+def _angle_budget(
+    parameters: Sequence[ParameterEstimate], fitted: Modelled, cycles: CamCycles, trigger: Estimate
+) -> tuple[AngleError, ...]:
+    """Return what is left of the angle errors after the fit, in degrees."""
+    known = {parameter.name: parameter for parameter in parameters}
+    speed_deg = cycles.mean_speed / DEGREE
+    rows = []
+    if "trigger_offset" in known:
+        text = f"fitted {known['trigger_offset'].value:+.3f} deg off nominal; model spread included"
+        rows.append(AngleError("trigger angle", float(trigger.stderr / DEGREE), text))
+    if "delay_error" in known:
+        rows.append(
+            AngleError("torque delay", known["delay_error"].stderr * 1e-6 * speed_deg, "fitted under its prior")
+        )
+    for name, column, unit in (("shaft_compliance", 1, 1e-6), ("drive_admittance", 2, 1.0)):
+        if name in known:
+            shift = np.ptp(fitted.chain.shifts[0][:, column]) / DEGREE
+            text = f"corrected by up to {known[name].value * unit * shift:.3f} deg within the revolution"
+            rows.append(AngleError(name.replace("_", " "), float(known[name].stderr * unit * shift / 2.0), text))
+    before = {row.source: row for row in cycles.angle_errors}
+    kept = [row for source, row in before.items() if "install" not in source and "torque delay" not in source]
+    return (*rows, *kept)
+
+
+def _lift_curve(fit: Fit, fitted: Modelled) -> Array:
+    basis = fitted.chain.lift_basis
+    if basis is None or not fit.problem.n_lift:
+        return np.zeros(fitted.chain.theta.size)
+    return basis.correction(fitted.chain.theta, fit.solution.c[len(fit.problem.linear) :])
+
+
+def _fit_findings(fit: Fit, index: int, fitted: Modelled, means: Halves) -> tuple[Finding, ...]:
+    result = []
+    if not fit.solution.converged:
+        text = "the fit used up its iterations; chi-square still falls slowly along a flat direction"
+        result.append(Finding("not_converged", "warning", text))
+    if fit.covariance.inflation > 1.0:
+        text = (
+            f"the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties are "
+            f"widened by {np.sqrt(fit.covariance.inflation):.2f}"
+        )
+        result.append(Finding("model_discrepancy", "info", text))
+    if np.min(fitted.output.load) <= 0.0:
+        angle = float(fitted.chain.theta[int(np.argmin(fitted.output.load))] / DEGREE)
+        text = f"the follower leaves the cam near {angle:.0f} deg"
+        result.append(Finding("contact_lost", "warning", text))
+    factor = (
+        fitted.values["guide_friction"]
+        * np.max(np.abs(fitted.output.motion.lift[1]))
+        / (fitted.chain.pump.base_circle_radius + fitted.chain.pump.roller_radius)
+    )
+    if factor > 0.5:
+        result.append(
+            Finding("guide_near_jamming", "warning", f"mu tan(phi) reaches {factor:.2f}; the guide jams at 1")
+        )
+    return tuple(result)

@@ -1,0 +1,107 @@
+"""One recording: start, ladder, uncertainty, result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.fit.ladder import climb
+from pipeline.fit.predict import held_out_rms
+from pipeline.fit.prepare import Halves, fit_data, halves, held_out_data
+from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
+from pipeline.fit.result import Fit, fitted_torque
+from pipeline.fit.solve import solve
+from pipeline.fit.starts import find_start
+from pipeline.fit.uncertainty import covariance, spread, variants
+from pipeline.mechanism import CamLaw, lift_law
+from pipeline.mechanism.spectral import spectral_law
+from pipeline.records import CamCycles, FittedTorque, LadderRung, Recording, RigidTorque
+
+UNTESTED = "untested on other recordings"
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What a user may choose.
+
+    effects : effects that are offered to the ladder; use_ladder : False keeps them all
+    """
+
+    effects: tuple[str, ...] = FIT_EFFECTS
+    use_ladder: bool = True
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One recording with its start found."""
+
+    recording: Recording
+    cycles: CamCycles
+    rigid: RigidTorque
+    means: Halves
+    data: FitData
+    held: FitData
+
+
+def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
+    """Return a recording whose fit starts in the right basin."""
+    means = halves(cycles)
+    data = find_start(fit_data(recording, cycles, spectral_law(recording.cam_table), means)).data
+    return Prepared(recording, cycles, rigid, means, data, held_out_data(data, means))
+
+
+def other_lift_laws(recording: Recording) -> tuple[CamLaw, ...]:
+    """Return other plausible smoothings of the lift table."""
+    return (lift_law(recording.cam_table, "smoothing"),)
+
+
+def with_law(data: FitData, law: CamLaw) -> FitData:
+    """Return the recording with another lift law."""
+    return replace(data, chain=replace(data.chain, law=law))
+
+
+def rigid_rung(prepared: Prepared) -> LadderRung:
+    """Return the first row of the ladder: line pressure, nominal angle, declared delays, nothing fitted."""
+    means, torque = prepared.means, prepared.rigid.torque
+    rms = float(np.sqrt(np.mean((means.torque - torque) ** 2)))
+    cv_rms = float(np.sqrt(np.mean((means.held_torque - torque) ** 2)))
+    return LadderRung((), 0, rms, float("nan"), "not scored", cv_rms, False, "the rigid model, nothing fitted")
+
+
+def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
+    """Return the chosen model of one recording with its uncertainty."""
+    data, held = prepared.data, prepared.held
+    if options.use_ladder:
+        effects, solution, rungs = climb(
+            [data], lambda names, minimum, items: held_out_rms(build_problem(items, names), minimum, [held]),
+            options.effects, UNTESTED,
+        )  # fmt: skip
+        problem = build_problem([data], effects)
+    else:
+        problem, rungs = build_problem([data], options.effects), ()
+        solution = solve(problem)
+    cov = covariance(problem, solution)
+    laws = [[with_law(data, law)] for law in other_lift_laws(prepared.recording)]
+    others = variants(problem, solution, laws)
+    return Fit(problem, solution, cov, spread(problem, solution, others), others, (rigid_rung(prepared), *rungs))
+
+
+def fit_recording(
+    recording: Recording, cycles: CamCycles, rigid: RigidTorque, options: FitOptions | None = None
+) -> FittedTorque:
+    """Return the fitted model of one recording.
+
+    Parameters
+    ----------
+    recording, cycles, rigid : what the rooms before handed on
+    options : effects to offer
+
+    Raises
+    ------
+    Refusal
+        No torque channel, or fewer than four usable cycles.
+    """
+    prepared = prepare(recording, cycles, rigid)
+    fit = fit_prepared(prepared, options or FitOptions())
+    return fitted_torque(fit, 0, recording, cycles, rigid, prepared.means)
