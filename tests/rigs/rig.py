@@ -129,10 +129,12 @@ def simulate(
     step: float = STEP,
     run_in: int = RUN_IN_CYCLES,
     record_deg: float = 0.06,
+    ramp: float = 0.0,
 ) -> RigRun:
     """Return a run of ``n_cycles`` whole revolutions (and one more at either end) after running in.
 
     Rows are kept about every ``record_deg`` of cam angle; for minutes of running take 0.3 and a ``step`` of 10 us.
+    ``ramp`` is the relative change of the set speed from the first kept revolution to the last.
 
     The first `CONSTANT_SPEED_CYCLES` turn at constant speed to find the mean torque that the speed control starts from.
     """
@@ -142,9 +144,12 @@ def simulate(
     revolution = 2.0 * np.pi / speed
     lead = CONSTANT_SPEED_CYCLES + run_in
     n_all = lead + n_cycles + 6
-    cycles = _cycle_table(truth, load, n_all + 8, rng)
-    knots = _set_speed(truth, speed, 1.05 * n_all * revolution, rng)
+    cycles = _cycle_table(truth, load, int(n_all * (1.0 + max(ramp, 0.0))) + 8, rng)
+    slowest = min(1.0, 1.0 + ramp)
+    knots = _set_speed(truth, speed, 1.05 * n_all * revolution / slowest, rng)
     knots[: 1 + int(CONSTANT_SPEED_CYCLES * revolution / KNOT_STEP)] = speed
+    turned = np.arange(knots.size) * KNOT_STEP / revolution
+    knots *= 1.0 + ramp * np.clip((turned - lead) / n_cycles, 0.0, 1.0)
     mech, hyd = _first_states(truth, k, speed)
     lines, delays = _waves(truth, step)
     f, sums, clock = np.zeros(N_FORCE), np.zeros(N_WORK), np.zeros(2)
@@ -162,7 +167,7 @@ def simulate(
     advance(k, round(run_in * revolution / step), 1 << 60, mean_torque, 0, 0)
 
     every = max(1, int(record_deg / 360.0 * revolution / step))
-    n_steps = int((n_cycles + 2.6) * revolution / step)
+    n_steps = int((n_cycles + 2.6) * revolution / step / slowest)
     hyd[N_HYDRAULIC] = 0.0
     start = clock[0]
     out, totals = advance(k, n_steps, every, mean_torque, n_steps // every, n_cycles + 4)

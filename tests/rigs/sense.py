@@ -107,23 +107,39 @@ def pressure_signal(
     return Signal(start, rate, _digitise(sensor.volts_per_unit * value, quantise and rng is not None))
 
 
-def trigger_edges(run: RigRun, rng: np.random.Generator | None = None) -> np.ndarray:
-    """Return the times of the rising edges as they switch (delay and jitter included) [s]."""
+def _passes(run: RigRun, tooth: int) -> np.ndarray:
+    """Return the times at which a tooth passes the sensor, delay and jitter not yet added."""
+    trigger, angle = run.truth.trigger, run.history["cam_angle"]
+    turn = 2.0 * np.pi
+    first_pass = trigger.nominal_angle + trigger.angle_offset + tooth * turn / trigger.pulses_per_rev
+    first = int(np.ceil((angle[0] - first_pass) / turn))
+    last = int(np.floor((angle[-1] - first_pass) / turn))
+    return np.interp(first_pass + turn * np.arange(first, last + 1), angle, run.time)
+
+
+def _switched(run: RigRun, passes: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
     trigger = run.truth.trigger
-    angle = run.history["cam_angle"]
-    true_angle = trigger.nominal_angle + trigger.angle_offset
-    first = int(np.ceil((angle[0] - true_angle) / (2.0 * np.pi)))
-    last = int(np.floor((angle[-1] - true_angle) / (2.0 * np.pi)))
-    passes = true_angle + 2.0 * np.pi * np.arange(first, last + 1)
-    times = np.interp(passes, angle, run.time) + trigger.switching_delay + trigger.delay_error
+    times = passes + trigger.switching_delay + trigger.delay_error
     return times if rng is None else times + trigger.jitter * rng.standard_normal(times.size)
+
+
+def trigger_edges(run: RigRun, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Return when the reference tooth switches, once per revolution (delay and jitter included) [s]."""
+    return _switched(run, _passes(run, 0), rng)
+
+
+def wheel_edges(run: RigRun, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Return when every tooth of the wheel switches, in order of time [s]."""
+    teeth = range(run.truth.trigger.pulses_per_rev - run.truth.trigger.missing_teeth)
+    return _switched(run, np.sort(np.concatenate([_passes(run, tooth) for tooth in teeth])), rng)
 
 
 def trigger_signal(run: RigRun, rate: float, start: float, edges: np.ndarray, rng: np.random.Generator) -> Signal:
     """Return the trigger channel: pulses from the given rising edges, one tooth wide."""
     trigger = run.truth.trigger
     t = _sample_times(run, rate, start)
-    width = trigger.tooth_angle / np.interp(edges, run.time, run.history["cam_speed"])
+    tooth_angle = min(trigger.tooth_angle, np.pi / trigger.pulses_per_rev)
+    width = tooth_angle / np.interp(edges, run.time, run.history["cam_speed"])
     rising = np.clip((t - _latest(edges, t)) / EDGE_TIME + 0.5, 0.0, 1.0)
     falling = np.clip((t - _latest(edges + width, t)) / EDGE_TIME + 0.5, 0.0, 1.0)
     n_up = np.searchsorted(edges - EDGE_TIME, t)

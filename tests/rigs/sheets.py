@@ -174,9 +174,10 @@ def recording_toml(
                 "installation_tolerance_deg": round(trigger.tolerance / DEGREE, 9),
                 "meaning": "end of pre-stroke / start of pressurisation",
                 "edge": "rising",
-                "pulses_per_rev": 1,
+                "pulses_per_rev": trigger.pulses_per_rev,
                 "level_V": trigger.pulse_height,
                 "switching_delay_typ_s": trigger.switching_delay,
+                **({"missing_teeth": trigger.missing_teeth} if trigger.missing_teeth else {}),
             },
         )
     )

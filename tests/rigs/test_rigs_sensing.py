@@ -10,7 +10,7 @@ from nptdms import TdmsFile
 from rigs.cycles import as_cycles, mean_cycle
 from rigs.families import bare, negative_rotation, sensor_only
 from rigs.rig import simulate
-from rigs.sense import torque_reading, torque_signal, trigger_edges
+from rigs.sense import torque_reading, torque_signal, trigger_edges, wheel_edges
 from rigs.truth import DEGREE, NO_SCATTER, RigTruth, change
 from rigs.write import LAYOUTS, RATES, write_recording
 
@@ -174,3 +174,24 @@ def test_trigger_edges_are_where_the_tooth_passes(run):
     angle = np.interp(times, run.time, run.history["cam_angle"])
     turns = (angle - trigger.nominal_angle - trigger.angle_offset) / TWO_PI
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-7)
+
+
+def test_wheel_lacks_its_missing_teeth_and_starts_at_the_reference_tooth():
+    truth = change(bare(np.random.default_rng(0)), trigger__pulses_per_rev=60, trigger__missing_teeth=2)
+    steady = simulate(truth, 1000.0, n_cycles=2)
+    edges, reference = wheel_edges(steady), trigger_edges(steady)
+    gaps = np.diff(edges) / (60.0 / 1000.0 / 60.0)
+    np.testing.assert_allclose(gaps, np.round(gaps), atol=1e-6)
+    np.testing.assert_allclose(edges[1:][np.round(gaps) == 3.0], reference[-np.sum(np.round(gaps) == 3.0) :], atol=1e-9)
+    assert set(np.round(gaps)) == {1.0, 3.0}
+
+
+@pytest.mark.parametrize("ramp", [-0.2, 0.3])
+def test_a_ramp_changes_the_speed_by_as_much(ramp):
+    # a drive at its set speed: the cam follows but for the twist
+    truth = change(RigTruth(), scatter=NO_SCATTER, driveline__drive_inertia=np.inf)
+    ramped = simulate(truth, 1000.0, n_cycles=10, ramp=ramp)
+    periods = np.diff(trigger_edges(ramped))
+    # the first and the last period are themselves a tenth of the ramp long
+    assert periods[0] / periods[-1] == pytest.approx(1.0 + ramp, abs=1.5 * abs(ramp) / 10.0)
+    assert as_cycles(ramped)["torque"].shape[0] == 10

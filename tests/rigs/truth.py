@@ -188,7 +188,10 @@ class Driveline:
 
 @dataclass(frozen=True)
 class Trigger:
-    """Proximity pulse on the camshaft; the mounted angle is nominal + offset."""
+    """Proximity pulse on the camshaft; the mounted angle is nominal + offset.
+
+    A wheel of ``pulses_per_rev`` pitches lacks its last ``missing_teeth``; its first tooth passes at the trigger angle.
+    """
 
     nominal_angle: float = 20.0 * DEGREE
     angle_offset: float = 0.0
@@ -197,6 +200,8 @@ class Trigger:
     delay_error: float = 0.0
     jitter: float = 3.0e-7
     tooth_angle: float = 6.3 * DEGREE
+    pulses_per_rev: int = 1
+    missing_teeth: int = 0
     pulse_height: float = 5.0
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rigs.files import DIALECTS, SUFFIXES, WRITERS, LogChannel, LogFile, write_csv
 from rigs.rig import RigRun
-from rigs.sense import Signal, pressure_signal, torque_signal, trigger_edges, trigger_signal
+from rigs.sense import Signal, pressure_signal, torque_signal, trigger_signal, wheel_edges
 from rigs.sheets import ChannelLine, recording_toml, write_lift_table, write_sensor_sheets
 
 NAMES = {"torque": "Torque", "pressure": "Line_Pressure", "trigger": "Prox_Trigger"}
@@ -106,7 +106,7 @@ def write_recording(
     (folder / "calibration").mkdir(parents=True, exist_ok=True)
     name = folder.name
     clocks = _clocks(layout, rng, skew_ppm)
-    edges = trigger_edges(run, rng)
+    edges = wheel_edges(run, rng)
     names = GERMAN_NAMES if file_format == "csv" and dialect == "semicolon" else NAMES
     lines, files = [], []
     for logger, quantities in LAYOUTS[layout]:
