@@ -1,0 +1,39 @@
+"""Independent multibody engines give the same torque and forces (extra ``validation``; skipped where not installed).
+
+Tolerance 1e-11 of the greatest value: both sides are exact to rounding, and the engines solve with general matrices.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+from engine_cases import ENGINES, agreement
+from mechanism_cases import Motion, analytic_law, motion, paper_pump
+
+from pipeline.mechanism import Mounting, PumpUnit, solve_shaft
+
+MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
+EXACT = 1e-11
+LAW = analytic_law()
+
+
+def units_and_motion(offset, varying, pumps, size=40):
+    mounting = Mounting(rotation=-1 if offset < 0.0 else 1, gravity=(2.0, -9.81), spring_mass=0.03)
+    units = [PumpUnit(paper_pump(follower_offset=offset), LAW, 2.1 * k, mounting) for k in range(pumps)]
+    run = motion(varying, size)
+    return units, Motion(run.theta, run.pressure * np.array([1.0, 0.4, 0.7])[:pumps, None], run.speed, run.acceleration)
+
+
+@pytest.mark.parametrize("pumps", [1, 3])
+@pytest.mark.parametrize("varying", [False, True])
+@pytest.mark.parametrize("offset", [0.0, 5e-3, -4e-3])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_engine_agrees(engine, offset, varying, pumps):
+    if importlib.util.find_spec(MODULES[engine]) is None:
+        pytest.skip(f"{MODULES[engine]} is not installed (extra 'validation')")
+    units, run = units_and_motion(offset, varying, pumps)
+    ours = solve_shaft(units, run.theta, run.pressure, run.speed, run.acceleration)
+    found = agreement(engine, units, run, ours)
+    assert max(found.values()) < EXACT, found

@@ -1,0 +1,322 @@
+"""Laws of mechanics that the rigid solution has to satisfy to rounding, whatever pump, motion and method.
+
+Tolerance 1e-12 of the greatest value: double precision leaves about 1e-15 per operation, and a solution takes some
+hundred of them. The tangential force is a thousandth of the normal one and comes out of the same 2 x 2 system, so the
+matrix form is compared on the scale of the contact force.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mechanism_cases import (
+    CASES,
+    STEP,
+    analytic_law,
+    case,
+    contact_geometry,
+    kinetic_energy_per_speed,
+    lift_series,
+    motion,
+    newton_euler,
+    paper_pump,
+    worst,
+)
+
+from pipeline.mechanism import (
+    METHODS,
+    OUTPUTS,
+    Mounting,
+    PumpUnit,
+    acceleration_of,
+    assumed_roller,
+    closed_form_tables,
+    denoc,
+    forces_of,
+    kinematics,
+    solve_rigid,
+    solve_shaft,
+)
+from pipeline.records import Refusal
+
+EXACT = 1e-12
+LAW = analytic_law()
+
+
+def solve(name, method="closed_form"):
+    pump, mounting, run = case(name)
+    return solve_shaft(
+        [PumpUnit(pump, LAW, mounting=mounting)], run.theta, run.pressure, run.speed, run.acceleration, method=method
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", CASES)
+def test_solution_is_that_of_newton_and_euler_from_scratch(name, method):
+    pump, mounting, run = case(name)
+    ours = solve(name, method).outputs[0]
+    rows = zip(run.theta, run.pressure, run.speed, run.acceleration, strict=True)
+    reference = [newton_euler(pump, LAW, mounting, *row) for row in rows]
+    scale = max(abs(row["contact_normal"]) for row in reference)
+    for output in OUTPUTS:
+        expected = np.array([row[output] for row in reference])
+        # forces on the scale of the contact force, torque and moment on that force times a centimetre
+        lever = 0.01 if output in ("torque", "guide_moment") else 1.0
+        assert np.max(np.abs(ours[output] - expected)) < EXACT * scale * lever, output
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_torque_is_that_of_lagrange_from_energies(name):
+    # tau = d/dt dT/domega - dT/dtheta + dV/dtheta + A p y' with T = J(theta) omega^2 / 2
+    pump, mounting, run = case(name)
+    expected = []
+    for theta, pressure, speed, acceleration in zip(run.theta, run.pressure, run.speed, run.acceleration, strict=True):
+        _, _, ratio = contact_geometry(pump, LAW, mounting, theta)
+        inertia = kinetic_energy_per_speed(pump, LAW, mounting, theta, ratio)
+        slope = np.imag(inertia(1j * STEP)) / STEP
+        lift, velocity, _ = (f(0.0) for f in lift_series(LAW, theta))
+        mass = pump.follower_mass + mounting.spring_mass / 3.0
+        axial = pump.spring_preload + pump.spring_stiffness * lift - mass * mounting.gravity[1]
+        expected.append(
+            inertia(0.0) * acceleration + 0.5 * slope * speed**2 + velocity * (axial + pump.plunger_area * pressure)
+        )
+    assert worst(solve(name).torque, expected) < EXACT
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_power_of_the_motor_is_what_the_bodies_gain_and_the_fluid_takes(name):
+    pump, mounting, run = case(name)
+    out = solve(name).outputs[0]
+    path = kinematics(pump, LAW, run.theta, mounting.rotation)
+    mass = pump.follower_mass + mounting.spring_mass / 3.0
+    rise = path.velocity * run.speed
+    rise_rate = path.acceleration * run.speed**2 + path.velocity * run.acceleration
+    spin = path.roller_ratio * run.speed
+    spin_rate = path.roller_ratio_slope * run.speed**2 + path.roller_ratio * run.acceleration
+    roller = assumed_roller(pump)
+    kinetic = (
+        pump.cam_inertia * run.speed * run.acceleration + mass * rise * rise_rate + roller.inertia * spin * spin_rate
+    )
+    stored = (pump.spring_preload + pump.spring_stiffness * path.lift - mass * mounting.gravity[1]) * rise
+    fluid = pump.plunger_area * run.pressure * rise
+    assert worst(out["torque"] * run.speed, kinetic + stored + fluid) < EXACT
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_contact_force_does_no_work_because_both_surfaces_move_alike(name):
+    pump, mounting, run = case(name)
+    path = kinematics(pump, LAW, run.theta, mounting.rotation)
+    contact_x, contact_y = path.contact_point
+    cam = np.array([-contact_y, contact_x]) * run.speed
+    spin = path.roller_ratio * run.speed
+    arm_x, arm_y = contact_x - path.offset, contact_y - path.centre_height
+    roller = np.array([-spin * arm_y, path.velocity * run.speed + spin * arm_x])
+    assert worst(roller, cam) < EXACT
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_complement_is_orthogonal_to_the_constraint_wrenches(name):
+    pump, mounting, run = case(name)
+    out = solve(name, "matrix").outputs[0]
+    turn = mounting.rotation
+    chain = denoc.follower_chain(pump, mounting)
+    zero = np.zeros_like(run.theta)
+    # guide on follower, minus the reaction of the roller on it; pin on roller
+    follower = np.stack([zero, zero, zero, turn * (out["guide"] - out["pin_x"]), -out["pin_y"], zero], axis=1)
+    roller = np.stack([zero, zero, zero, turn * out["pin_x"], out["pin_y"], zero], axis=1)
+    work = np.concatenate([follower, roller], axis=1) @ chain.complement
+    assert np.max(np.abs(work)) < EXACT * np.max(np.abs(out["contact_normal"]))
+    # and it is no accident of a zero complement: the same wrenches out of step do work
+    assert np.max(np.abs(np.concatenate([follower, 0.0 * roller], axis=1) @ chain.complement)) > 100.0
+
+
+def test_guide_and_bearing_wrenches_are_orthogonal_to_the_joint_motions():
+    chain = denoc.camshaft_chain([paper_pump()] * 3)
+    force = np.tile([0.0, 0.0, 0.0, 3.0, -7.0, 2.0], 3)
+    assert np.all(force @ chain.complement == 0.0)
+
+
+@pytest.mark.parametrize("pumps", [1, 3])
+def test_generalised_mass_is_symmetric_and_positive(pumps):
+    pump, mounting, _ = case("offset, varying speed")
+    for chain in (denoc.camshaft_chain([pump] * pumps), denoc.follower_chain(pump, mounting)):
+        reduced = chain.complement.T @ chain.mass @ chain.complement
+        for matrix in (chain.mass, reduced):
+            assert np.array_equal(matrix, matrix.T)
+            assert np.all(np.linalg.eigvalsh(matrix) > 0.0)
+
+
+def test_joint_space_mass_of_the_camshaft_counts_every_lobe_beyond_the_joint():
+    chain = denoc.camshaft_chain([paper_pump(cam_inertia=value) for value in (1e-5, 2e-5, 4e-5)])
+    reduced = chain.complement.T @ chain.mass @ chain.complement
+    assert np.allclose(reduced[0], [7e-5, 6e-5, 4e-5], rtol=1e-15)
+
+
+def test_twist_propagation_carries_a_rotation_to_a_distant_point():
+    # v_i = v_j + omega x r_ji, r_ji from j to i; B_ij takes the arm from i to j
+    twist = np.array([0.0, 0.0, 2.0, 1.0, 0.0, 0.0])
+    carried = denoc.twist_propagation(np.array([-0.5, 0.0, 0.0])) @ twist
+    assert np.array_equal(carried, [0.0, 0.0, 2.0, 1.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("varying", [False, True])
+@pytest.mark.parametrize("pumps", [1, 3])
+def test_matrix_recursion_and_closed_form_agree(pumps, varying):
+    run = motion(varying, size=60)
+    units = [
+        PumpUnit(paper_pump(follower_offset=1e-3 * k), LAW, phase=2.0 * k, mounting=Mounting(gravity=(1.0, -9.81)))
+        for k in range(pumps)
+    ]
+    load = run.pressure * np.array([1.0, 0.4, 0.7])[:pumps, None]
+    solved = {m: solve_shaft(units, run.theta, load, run.speed, run.acceleration, method=m) for m in METHODS}
+    reference = solved["closed_form"]
+    scale = np.max(np.abs(reference.outputs[0]["contact_normal"]))
+    for method in ("matrix", "recursion"):
+        assert worst(solved[method].section_torque, reference.section_torque) < EXACT
+        for ours, theirs in zip(solved[method].outputs, reference.outputs, strict=True):
+            for name in OUTPUTS:
+                assert np.max(np.abs(ours[name] - theirs[name])) < EXACT * scale, (method, name)
+
+
+def test_pumps_on_one_shaft_add_up():
+    run = motion(True)
+    units = [PumpUnit(paper_pump(), LAW, phase) for phase in (0.0, 2.1, 4.2)]
+    alone = [
+        solve_shaft([PumpUnit(u.pump, LAW)], run.theta - u.phase, run.pressure, run.speed, run.acceleration).torque
+        for u in units
+    ]
+    together = solve_shaft(units, run.theta, run.pressure, run.speed, run.acceleration)
+    assert worst(together.torque, np.sum(alone, axis=0)) < EXACT
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_turning_the_shaft_the_other_way_mirrors_the_offset(method):
+    run = motion(True)
+    solved = []
+    for offset, rotation in ((5e-3, 1), (-5e-3, -1)):
+        unit = PumpUnit(paper_pump(follower_offset=offset), LAW, mounting=Mounting(rotation, guide_height=0.04))
+        solved.append(solve_shaft([unit], run.theta, run.pressure, run.speed, run.acceleration, method=method))
+    here, mirrored = (s.outputs[0] for s in solved)
+    for name in OUTPUTS:
+        sign = -1.0 if name in ("contact_x", "bearing_x", "guide", "guide_moment", "pin_x") else 1.0
+        assert np.array_equal(mirrored[name], sign * here[name]), name
+
+
+def test_offset_towards_x1_relieves_the_rise_of_positive_rotation():
+    theta = np.linspace(0.0, np.pi / 3.0, 400)
+    greatest = [
+        np.max(kinematics(paper_pump(follower_offset=e), LAW, theta, rotation).pressure_angle)
+        for e, rotation in ((0.0, 1), (5e-3, 1), (5e-3, -1))
+    ]
+    assert greatest[1] < greatest[0] < greatest[2]
+
+
+def test_causes_add_up_to_the_torque():
+    pump, mounting, run = case("offset, varying speed")
+    solved = solve_rigid(pump, LAW, run.theta, run.pressure, run.speed, run.acceleration, mounting=mounting)
+    assert worst(np.sum(list(solved.by_cause.values()), axis=0), solved.torque) < EXACT
+    assert np.max(np.abs(solved.by_cause["gravity"])) > 0.0
+
+
+def test_spring_and_inertia_give_nothing_over_a_revolution():
+    theta = np.arange(3600) * (2.0 * np.pi / 3600)
+    solved = solve_rigid(paper_pump(), LAW, theta, np.zeros(3600), 50.0)
+    for cause in ("spring", "inertia_follower", "inertia_roller"):
+        assert abs(np.mean(solved.by_cause[cause])) < 1e-6 * np.max(np.abs(solved.by_cause[cause])), cause
+
+
+def test_surface_curvature_is_that_of_the_envelope():
+    # osculating circle through three close points of Q in the cam's frame: error h^2 of the curve, about 1e-6
+    pump = paper_pump(follower_offset=3e-3)
+    theta = np.array([0.2, 0.5, 0.9, 1.3, 1.9, 2.2, 4.0])
+    h = 1e-4
+    points = []
+    for shift in (-h, 0.0, h):
+        x, y = kinematics(pump, LAW, theta + shift).contact_point
+        c, s = np.cos(theta + shift), np.sin(theta + shift)
+        points.append(np.array([c * x + s * y, c * y - s * x]))
+    a, b, c = points
+    first, second = (c - a) / (2 * h), (a - 2 * b + c) / h**2
+    # the surface runs clockwise in the cam's frame: convex is a right turn
+    turning = -(first[0] * second[1] - first[1] * second[0]) / np.hypot(*first) ** 3
+    assert np.allclose(kinematics(pump, LAW, theta).surface_curvature, turning, rtol=1e-4)
+    arc = kinematics(pump, LAW, theta).surface_arc
+    assert np.allclose(arc, np.hypot(*first), rtol=1e-5)
+
+
+def test_hertz_of_a_roller_on_the_base_circle_is_the_line_contact_formula():
+    # two steel cylinders of 20 and 8 mm, length 5 mm, 110 N preload: Johnson 1985, equations 4.43 to 4.45
+    solved = solve_rigid(paper_pump(), LAW, np.array([4.0]), np.zeros(1), 50.0)
+    modulus = 210e9 / (2.0 * (1.0 - 0.09))
+    radius = 1.0 / (1.0 / 0.02 + 1.0 / 0.008)
+    p0 = np.sqrt(110.0 * modulus / (np.pi * 0.005 * radius))
+    half_width = np.sqrt(4.0 * 110.0 * radius / (np.pi * 0.005 * modulus))
+    assert solved.forces.hertz[0] == pytest.approx(p0, rel=1e-9)
+    assert solved.forces.hertz_shear_depth[0] == pytest.approx(0.786 * half_width, rel=1e-9)
+    assert solved.forces.hertz_shear_max[0] == pytest.approx(0.3 * p0, rel=1e-9)
+
+
+def test_tables_serve_every_cycle_at_once():
+    theta = np.linspace(0.0, 2.0, 50)
+    pressure = np.random.default_rng(0).uniform(0.0, 6e7, (4, 50))
+    speed = np.array([[30.0], [50.0], [80.0], [120.0]])
+    tables = closed_form_tables(paper_pump(), LAW, theta)
+    together = tables.evaluate("guide", pressure, speed)
+    for row in range(4):
+        alone = solve_rigid(paper_pump(), LAW, theta, pressure[row], speed[row, 0])
+        assert np.allclose(together[row], alone.forces.guide, rtol=1e-13, atol=0.0)
+        forces = forces_of(paper_pump(), tables, pressure[row], speed[row, 0])
+        assert np.array_equal(forces.hertz, alone.forces.hertz)
+
+
+def test_follower_jumps_just_above_the_jump_speed_and_there():
+    theta = np.arange(7200) * (2.0 * np.pi / 7200)
+    pump = paper_pump()
+    loss = closed_form_tables(pump, LAW, theta).jump()
+    below = solve_rigid(pump, LAW, theta, np.zeros(7200), 0.999 * loss.speed)
+    above = solve_rigid(pump, LAW, theta, np.zeros(7200), 1.001 * loss.speed)
+    assert not below.contact_lost
+    assert above.contact_lost
+    lost = theta[above.forces.contact_normal == 0.0]
+    assert lost.min() - 1e-9 <= loss.theta <= lost.max() + 1e-9
+    assert np.all(above.forces.hertz[above.forces.contact_normal == 0.0] == 0.0)
+
+
+def test_heavy_spring_never_lets_go():
+    theta = np.linspace(3.0, 6.0, 20)
+    loss = closed_form_tables(paper_pump(), LAW, theta).jump()
+    assert np.isinf(loss.speed)
+    assert np.isnan(loss.theta)
+
+
+def test_acceleration_of_a_speed_given_over_angle():
+    theta = np.sort(np.random.default_rng(5).uniform(0.0, 2.0 * np.pi, 600))
+    speed = 50.0 + 5.0 * np.sin(2.0 * theta)
+    # cubic spline of a sine with gaps of up to 0.07 rad: its slope is good to about 1e-4
+    assert worst(acceleration_of(theta, speed), speed * 10.0 * np.cos(2.0 * theta)) < 1e-3
+
+
+def test_assumed_roller_is_a_steel_disk_capped_by_the_follower():
+    disk = assumed_roller(paper_pump(roller_mass=None, roller_inertia=None))
+    assert disk.assumed
+    assert disk.mass == pytest.approx(7850.0 * np.pi * 0.008**2 * 0.005)
+    assert disk.inertia == pytest.approx(0.5 * disk.mass * 0.008**2)
+    light = assumed_roller(paper_pump(roller_mass=None, roller_inertia=None, follower_mass=0.01))
+    assert light.mass == 0.005
+    assert not assumed_roller(paper_pump()).assumed
+
+
+def test_refusals_say_what_to_do():
+    theta = np.linspace(0.0, 1.0, 5)
+    with pytest.raises(Refusal, match="method 'magic' is unknown, expected one of closed_form"):
+        solve_rigid(paper_pump(), LAW, theta, np.zeros(5), 50.0, method="magic")
+    with pytest.raises(Refusal, match="speed varies from 50 to 60 rad/s without an acceleration"):
+        solve_rigid(paper_pump(), LAW, theta, np.zeros(5), np.linspace(50.0, 60.0, 5))
+    with pytest.raises(Refusal, match="follower offset 0.03 m, expected less than the 0.028 m"):
+        kinematics(paper_pump(follower_offset=0.03), LAW, theta)
+    with pytest.raises(Refusal, match="a shaft without pumps"):
+        solve_shaft([], theta, np.zeros(5), 50.0)
+    with pytest.raises(ValueError, match="rotation is 2, expected"):
+        Mounting(rotation=2)
+    with pytest.raises(ValueError, match="spring mass is -1"):
+        Mounting(spring_mass=-1.0)
