@@ -75,7 +75,10 @@ class TriggerSpec:
 
 @dataclass(frozen=True)
 class SensorRef:
-    """A sensor as the recording names it: sheet and standstill readings [V] (None where not taken)."""
+    """A sensor as the recording names it: sheet and standstill readings [V] (None where not taken).
+
+    ``idle_from``, ``idle_to`` mark a stretch of the recording at standstill [s after the channel's first sample].
+    """
 
     quantity: str
     serial: str
@@ -83,6 +86,8 @@ class SensorRef:
     zero_before_volts: float | None
     zero_after_volts: float | None
     location: str = ""
+    idle_from: float | None = None
+    idle_to: float | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,11 @@ class LoggerSpec:
 
 @dataclass(frozen=True)
 class ChannelSpec:
-    """One channel by name; ``sample_rate`` [Hz] as the bench file declares it."""
+    """One channel by name; ``sample_rate`` [Hz] as the bench file declares it.
+
+    ``time_channel`` names the column or variable that holds its times ("" where the format or its name tells);
+    ``start_time`` [s] is that of sample 0 where the file has no times; ``duration`` [s] is what the bench ordered.
+    """
 
     quantity: str
     path: Path
@@ -105,6 +114,9 @@ class ChannelSpec:
     logger: str
     sample_rate: float
     sensor: str
+    time_channel: str = ""
+    start_time: float | None = None
+    duration: float | None = None
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,8 @@ class Channel:
     scale : further factor on the raw samples, to volts (mV files: 1e-3)
     sign : -1 where the reading is turned (negative rotation, inverted torque)
     path, name : where it came from
+    breaks, break_steps : samples before which the file's own time jumps, and by how much more than one step [s]
+        (``start_time`` and ``sample_rate`` hold up to the first break)
     """
 
     quantity: str
@@ -151,6 +153,8 @@ class Channel:
     name: str
     scale: float = 1.0
     sign: float = 1.0
+    breaks: tuple[int, ...] = ()
+    break_steps: tuple[float, ...] = ()
 
     @property
     def n_samples(self) -> int:
