@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.align.pulses import PulseTrain
-from pipeline.align.resample import cycle_times, hermite_slopes
+from pipeline.align.resample import fill_times, hermite_slopes, interval_polynomials
 from pipeline.config import TriggerSpec
 from pipeline.records import Array
 
@@ -24,33 +24,25 @@ class CamAngle:
     Attributes
     ----------
     angle, time : (n,) unwrapped cam angle of each pulse [rad] and its time on the reference clock [s]
-    left, right : (n - 1,) dt/dtheta at the ends of each interval [s/rad]
+    polynomials : (n - 1, 4) time in powers of the angle since the interval's first pulse
     repaired, broken, jumped : (n,) of the pulse train
     repair_error_deg : expected error of a repaired pulse
     """
 
     angle: Array
     time: Array
-    left: Array
-    right: Array
+    polynomials: Array
     repaired: NDArray[np.bool_]
     broken: NDArray[np.bool_]
     jumped: NDArray[np.bool_]
     repair_error_deg: float = 0.0
-
-    def times(self, cycle: int, n_theta: int) -> Array:
-        """Return (n_theta + 2,) times of the grid of a cycle, from one step before it to its end."""
-        out = np.empty(n_theta + 2)
-        step = TWO_PI / n_theta
-        cycle_times(self.angle, self.time, self.left, self.right, cycle * TWO_PI - step, step, out)
-        return out
 
     def time_at(self, angle: NDArray[np.floating]) -> Array:
         """Return the times of unwrapped cam angles [s]."""
         out = np.empty(1)
         result = np.empty(angle.size)
         for k, value in enumerate(angle):
-            cycle_times(self.angle, self.time, self.left, self.right, float(value), 0.0, out)
+            fill_times(self.angle, self.polynomials, float(value), 0.0, out)
             result[k] = out[0]
         return result
 
@@ -76,4 +68,5 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, speed_law: str) -> CamAngle:
     angle: Array = np.asarray(spec.nominal_angle + train.step * (TWO_PI / spec.pulses_per_rev), dtype=np.float64)
     jumped = np.zeros(angle.size, dtype=bool) if train.jumped is None else train.jumped
     left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:], speed_law == "smooth")
-    return CamAngle(angle, train.time, left, right, train.repaired, train.broken, jumped, 360.0 * train.repair_error)
+    polynomials = interval_polynomials(angle, train.time, left, right)
+    return CamAngle(angle, train.time, polynomials, train.repaired, train.broken, jumped, 360.0 * train.repair_error)

@@ -8,32 +8,18 @@ revolution later; its number is that of the pulse inside it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
 from pipeline.align.budget import angle_error_budget
-from pipeline.align.clocks import Clock
-from pipeline.align.damage import damage_of
+from pipeline.align.channels import AlignedChannel, align_channels, covered
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
-from pipeline.align.quality import ChannelDamage, CycleTable, apply_cuts
-from pipeline.align.resample import choose_rule, empty_rows, resample_row
+from pipeline.align.quality import CycleTable, apply_cuts
 from pipeline.align.timebase import TimeBase, time_base
 from pipeline.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
-
-
-@dataclass(frozen=True)
-class AlignedChannel:
-    """One channel on the grid, before the cuts."""
-
-    channel: Channel
-    rows: Array
-    damage: ChannelDamage
-    samples_per_step: float
-    rule: int
 
 
 def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
@@ -55,11 +41,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     base = time_base(recording, reference, options)
     angle = cam_angle(base.train, recording.config.trigger, options.speed_law)
     cycles = angle.candidate_cycles()
-    complete = _covered(angle, cycles, channels, base.clocks)
-    aligned = {
-        quantity: _align_channel(channel, angle, cycles, complete, base.clocks[channel.logger], options)
-        for quantity, channel in channels.items()
-    }
+    complete = covered(angle, cycles, channels, base.clocks)
+    aligned = align_channels(channels, angle, cycles, complete, base.clocks, options)
     findings = check_quantities({q: a.rows for q, a in aligned.items()}, complete, recording)
     table = _table(angle, cycles, complete, aligned, options)
     used, cut_flow = apply_cuts(table)
@@ -95,63 +78,6 @@ def _physical_channels(recording: Recording) -> dict[str, Channel]:
     return channels
 
 
-def _positions(channel: Channel, clock: Clock, times: Array) -> Array:
-    """Sample positions at which a channel shows what happened at the given reference times."""
-    delay = channel.calibration.delay if channel.calibration else 0.0
-    return (clock.from_reference(times + delay) - channel.start_time) * channel.sample_rate
-
-
-def _covered(
-    angle: CamAngle, cycles: NDArray[np.int64], channels: Mapping[str, Channel], clocks: Mapping[str, Clock]
-) -> NDArray[np.bool_]:
-    """Tell which cycles every channel covers from theta = 0 to one revolution later."""
-    begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
-    covered = np.ones(cycles.size, dtype=bool)
-    for channel in channels.values():
-        clock = clocks[channel.logger]
-        covered &= _positions(channel, clock, begin) >= 1.0
-        covered &= _positions(channel, clock, end) <= channel.n_samples - 2.0
-    return covered
-
-
-def _align_channel(
-    channel: Channel,
-    angle: CamAngle,
-    cycles: NDArray[np.int64],
-    complete: NDArray[np.bool_],
-    clock: Clock,
-    options: AlignOptions,
-) -> AlignedChannel:
-    """Resample one channel, reading it once from front to back."""
-    path = None if options.scratch_dir is None else str(options.scratch_dir / f"{channel.quantity}_aligned.npy")
-    rows = empty_rows(cycles.size, options.n_theta, path)
-    counts = np.zeros((5, cycles.size), dtype=np.int64)
-    span = channel.sample_rate * float(np.median(np.diff(angle.time))) * TWO_PI / float(np.median(np.diff(angle.angle)))
-    rule = choose_rule(options.interpolation, span / options.n_theta)
-    calibration = channel.calibration
-    gain = channel.sign * channel.scale * calibration.gain if calibration else channel.scale
-    zero = calibration.zero_volts / channel.scale if calibration else 0.0
-    limits = (calibration.output_min_volts, calibration.output_max_volts) if calibration else (-np.inf, np.inf)
-    low, high = limits[0] / channel.scale, limits[1] / channel.scale
-    # A sensor with an output from zero upward rests at zero: its lower end is no clipping.
-    low = low if low < 0.0 else -np.inf
-    block, first, stop = np.empty(0), 0, 0
-    for k, cycle in enumerate(cycles):
-        if not complete[k]:
-            rows[k] = np.nan
-            continue
-        position = _positions(channel, clock, angle.times(int(cycle), options.n_theta))
-        begin, end = max(0, int(position[0]) - 2), min(channel.n_samples, int(position[-1]) + 4)
-        if end > stop or begin < first:
-            first, stop = begin, min(channel.n_samples, max(end, begin + options.block_samples))
-            block = np.ascontiguousarray(channel.source.read(first, stop), dtype=np.float64)
-        position = np.maximum(position - first, 0.0)
-        resample_row(block, position, rule, gain, zero, rows[k])
-        inside = block[int(position[1]) : int(position[-1]) + 1]
-        counts[:, k] = *damage_of(inside, low, high), inside.size
-    return AlignedChannel(channel, rows, ChannelDamage(*counts), span / options.n_theta, rule)
-
-
 def _table(
     angle: CamAngle,
     cycles: NDArray[np.int64],
@@ -171,6 +97,7 @@ def _table(
         complete=complete,
         unproven=unproven,
         clock_jump=jump,
+        extremes={quantity: item.extremes for quantity, item in aligned.items()},
         rows={quantity: item.rows for quantity, item in aligned.items()},
         damage={quantity: item.damage for quantity, item in aligned.items()},
         options=options,

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.align.quality import spread_choice
 from pipeline.records import Array, CamTable, Finding, Recording, Refusal
 
 INVERTED_CORRELATION = -0.3
@@ -21,7 +22,8 @@ REST_FACTOR = 2.0
 """On the base circle a line pressure keeps this much more of its peak than a torque, at least."""
 DWELL_LIFT_VELOCITY = 0.05
 """Part of the largest lift velocity below which the follower stands still."""
-SAMPLED_CYCLES = 50
+SAMPLED_CYCLES = 41
+COARSE_GRID = 720
 
 
 def check_quantities(
@@ -36,12 +38,13 @@ def check_quantities(
     """
     if "torque" not in rows or not complete.any():
         return ()
-    torque, pressure = (_typical(rows[quantity], complete) for quantity in ("torque", "pressure"))
+    stride = max(1, rows["torque"].shape[1] // COARSE_GRID)
+    torque, pressure = (_typical(rows[quantity], complete, stride) for quantity in ("torque", "pressure"))
     if not (
         np.isfinite(torque).all() and np.isfinite(pressure).all() and np.ptp(torque) > 0.0 and np.ptp(pressure) > 0.0
     ):
         return ()
-    velocity = lift_velocity(recording.cam_table, torque.size)
+    velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
     straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
     if straight > INVERTED_CORRELATION:
@@ -70,11 +73,9 @@ def _wrapped(theta: Array) -> Array:
     return np.r_[theta[-1] - 2.0 * np.pi, theta, theta[0] + 2.0 * np.pi]
 
 
-def _typical(rows: Array, complete: NDArray[np.bool_]) -> Array:
-    """Return the median of at most fifty complete cycles."""
-    chosen = np.flatnonzero(complete)
-    chosen = chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]
-    return np.median(rows[chosen], axis=0)
+def _typical(rows: Array, complete: NDArray[np.bool_], stride: int) -> Array:
+    """Return the median of some complete cycles on a coarser grid."""
+    return np.median(rows[spread_choice(complete, SAMPLED_CYCLES), ::stride], axis=0)
 
 
 def _correlation(a: Array, b: Array) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +17,7 @@ from pipeline.records import Array, CutFlowRow
 
 Mask = NDArray[np.bool_]
 
-SAMPLED_CYCLES = 200
+SAMPLED_CYCLES = 41
 """The robust mean cycle is taken over at most this many cycles, spread evenly."""
 CLIPPED_SAMPLES = 3
 """Samples at the end of the output range that make a cycle clipped: one or two may be a disturbance."""
@@ -57,6 +58,7 @@ class CycleTable:
     unproven: Mask
     clock_jump: Mask
     rows: dict[str, Array]
+    extremes: dict[str, Array]
     damage: dict[str, ChannelDamage]
     options: AlignOptions
 
@@ -112,9 +114,8 @@ def _speed_outlier(table: CycleTable) -> Mask:
 
 
 def _misfire(table: CycleTable) -> Mask:
-    swing = np.nanmax(np.where(np.isfinite(table.rows["pressure"]), table.rows["pressure"], -np.inf), axis=1)
-    low = np.nanmin(np.where(np.isfinite(table.rows["pressure"]), table.rows["pressure"], np.inf), axis=1)
-    swing = np.where(table.undamaged, swing - low, np.nan)
+    low, high = table.extremes["pressure"].T
+    swing = np.where(table.undamaged, high - low, np.nan)
     if not table.undamaged.any():
         return np.zeros(table.index.size, dtype=bool)
     return swing < MISFIRE_SWING * np.nanmedian(swing)
@@ -145,12 +146,26 @@ def _swing(rows: Array, normal: Mask) -> float:
     return float(np.ptp(middle))
 
 
+def spread_choice(flags: Mask, most: int) -> NDArray[np.int64]:
+    """Return at most ``most`` of the flagged places, spread evenly."""
+    chosen = np.flatnonzero(flags)
+    return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, most)).astype(int))]
+
+
 def _distance(rows: Array, normal: Mask) -> Array:
-    """RMS distance of each cycle from the median cycle."""
-    chosen = np.flatnonzero(normal)
-    chosen = chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]
-    centre = np.median(rows[chosen], axis=0)
-    return np.array([np.sqrt(np.mean((row - centre) ** 2)) for row in rows])
+    """Return the RMS distance of each cycle from the median cycle."""
+    return _rms_distances(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES)], axis=0))
+
+
+@numba.njit(cache=True, nogil=True)
+def _rms_distances(rows: Array, centre: Array) -> Array:
+    out = np.empty(rows.shape[0])
+    for m in range(rows.shape[0]):
+        total = 0.0
+        for k in range(centre.size):
+            total += (rows[m, k] - centre[k]) ** 2
+        out[m] = np.sqrt(total / centre.size)
+    return out
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {

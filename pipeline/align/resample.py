@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.align.damage import damage_of
 from pipeline.records import Array
 
 LINEAR, CUBIC, AVERAGE = 0, 1, 2
@@ -42,7 +43,21 @@ def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bo
 
 
 @numba.njit(cache=True, nogil=True)
-def cycle_times(angle: Array, time: Array, left: Array, right: Array, start: float, step: float, out: Array) -> None:
+def interval_polynomials(angle: Array, time: Array, left: Array, right: Array) -> Array:
+    """Return (n - 1, 4) coefficients of the time in powers of the angle since the interval's first pulse."""
+    coefficients = np.empty((angle.size - 1, 4))
+    for i in range(angle.size - 1):
+        h = angle[i + 1] - angle[i]
+        chord = (time[i + 1] - time[i]) / h
+        coefficients[i, 0] = time[i]
+        coefficients[i, 1] = left[i]
+        coefficients[i, 2] = (3.0 * chord - 2.0 * left[i] - right[i]) / h
+        coefficients[i, 3] = (left[i] + right[i] - 2.0 * chord) / (h * h)
+    return coefficients
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_times(angle: Array, polynomials: Array, start: float, step: float, out: Array) -> None:
     """Fill ``out`` with the times of the angles ``start + k step``; straight lines beyond the first and last pulse."""
     last = angle.size - 2
     i = min(max(int(np.searchsorted(angle, start)) - 1, 0), last)
@@ -50,39 +65,79 @@ def cycle_times(angle: Array, time: Array, left: Array, right: Array, start: flo
         theta = start + k * step
         while i < last and theta > angle[i + 1]:
             i += 1
+        a, b, c, d = polynomials[i, 0], polynomials[i, 1], polynomials[i, 2], polynomials[i, 3]
+        u = theta - angle[i]
         h = angle[i + 1] - angle[i]
-        u = (theta - angle[i]) / h
-        if u <= 0.0:
-            out[k] = time[i] + left[i] * (theta - angle[i])
-        elif u >= 1.0:
-            out[k] = time[i + 1] + right[i] * (theta - angle[i + 1])
+        if u < 0.0:
+            out[k] = a + b * u
+        elif u > h:
+            out[k] = a + h * (b + h * (c + h * d)) + (b + h * (2.0 * c + h * 3.0 * d)) * (u - h)
         else:
-            v = 1.0 - u
-            out[k] = (
-                (1.0 + 2.0 * u) * v * v * time[i]
-                + u * v * v * h * left[i]
-                + u * u * (3.0 - 2.0 * u) * time[i + 1]
-                - u * u * v * h * right[i]
-            )
+            out[k] = a + u * (b + u * (c + u * d))
 
 
 @numba.njit(cache=True, nogil=True)
-def resample_row(volts: Array, position: Array, rule: int, gain: float, zero: float, out: Array) -> None:
-    """Fill one cycle: ``position`` (n + 2,) are sample positions of the grid, one step more at either end."""
-    for k in range(out.size):
-        x = position[k + 1]
-        if rule == 2:
-            value = _mean_between(volts, 0.5 * (position[k] + x), 0.5 * (x + position[k + 2]))
+def align_block(volts, rate, shift, cycles, angle, polynomials, rule, gain, zero, limits, rows, damage, extremes):  # type: ignore[no-untyped-def]
+    """Resample consecutive cycles from one block of samples, and count their damage.
+
+    Sample position = rate x time + shift (one shift per cycle). ``rows`` (m, n_theta), ``damage`` (m, 5: that of
+    `damage_of`, and the samples in all) and ``extremes`` (m, 2: smallest, largest value) are filled.
+    """
+    n_theta = rows.shape[1]
+    step = 2.0 * np.pi / n_theta
+    position = np.empty(n_theta + 2)
+    for m in range(cycles.size):
+        fill_times(angle, polynomials, cycles[m] * 2.0 * np.pi - step, step, position)
+        for k in range(position.size):
+            position[k] = max(0.0, min(rate * position[k] + shift[m], volts.size - 1.000001))
+        row = rows[m]
+        if rule == AVERAGE:
+            _average_row(volts, position, row)
         else:
-            i = int(x)
-            f = x - i
-            if rule == 1 and 1 <= i < volts.size - 2:
-                value = _cubic(volts[i - 1], volts[i], volts[i + 1], volts[i + 2], f)
-            else:
-                i = min(i, volts.size - 2)
-                f = x - i
-                value = volts[i] + f * (volts[i + 1] - volts[i])
-        out[k] = gain * (value - zero)
+            _interpolate_row(volts, position, rule, row)
+        smallest, largest = np.inf, -np.inf
+        for k in range(n_theta):
+            value = gain * (row[k] - zero)
+            row[k] = value
+            smallest = min(smallest, value)
+            largest = max(largest, value)
+        extremes[m, 0], extremes[m, 1] = smallest, largest
+        inside = volts[int(position[1]) : int(position[-1]) + 1]
+        damage[m, 0], damage[m, 1], damage[m, 2], damage[m, 3] = damage_of(inside, limits[0], limits[1])
+        damage[m, 4] = inside.size
+
+
+@numba.njit(cache=True, nogil=True)
+def _average_row(volts: Array, position: Array, row: Array) -> None:
+    """Mean of the linear interpolant over each grid step; the border of two steps is looked up once."""
+    border = 0.5 * (position[0] + position[1])
+    i = int(border)
+    f = border - i
+    before = f * volts[i] + 0.5 * f * f * (volts[i + 1] - volts[i])
+    for k in range(row.size):
+        end = 0.5 * (position[k + 1] + position[k + 2])
+        j = int(end)
+        total = -before
+        if j > i:
+            total += 0.5 * (volts[i] + volts[j])
+        for m in range(i + 1, j):
+            total += volts[m]
+        f = end - j
+        before = f * volts[j] + 0.5 * f * f * (volts[j + 1] - volts[j])
+        row[k] = (total + before) / (end - border)
+        border, i = end, j
+
+
+@numba.njit(cache=True, nogil=True)
+def _interpolate_row(volts: Array, position: Array, rule: int, row: Array) -> None:
+    for k in range(row.size):
+        x = position[k + 1]
+        i = int(x)
+        f = x - i
+        if rule == CUBIC and 1 <= i < volts.size - 2:
+            row[k] = _cubic(volts[i - 1], volts[i], volts[i + 1], volts[i + 2], f)
+        else:
+            row[k] = volts[i] + f * (volts[i + 1] - volts[i])
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -90,22 +145,6 @@ def _cubic(a: float, b: float, c: float, d: float, f: float) -> float:
     """Lagrange cubic through samples at -1, 0, 1, 2."""
     g, m, p = 1.0 - f, f + 1.0, 2.0 - f
     return f * g * (-p * a - m * d) / 6.0 + m * p * (g * b + f * c) / 2.0
-
-
-@numba.njit(cache=True, nogil=True)
-def _mean_between(volts: Array, begin: float, end: float) -> float:
-    """Mean of the linear interpolant between two sample positions."""
-    i, j = int(begin), int(end)
-    j = min(j, volts.size - 2)
-    total = _integral_to(volts, j, end - j) - _integral_to(volts, i, begin - i)
-    for k in range(i, j):
-        total += 0.5 * (volts[k] + volts[k + 1])
-    return total / (end - begin)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _integral_to(volts: Array, i: int, f: float) -> float:
-    return f * volts[i] + 0.5 * f * f * (volts[i + 1] - volts[i])
 
 
 def choose_rule(interpolation: str, samples_per_step: float) -> int:

@@ -66,7 +66,6 @@ class _Scan:
     """State that a scan carries from block to block."""
 
     state: int = -1
-    crossing: int = 0
     n_high: int = 0
 
 
@@ -105,8 +104,8 @@ def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_
 def _scan_block(volts: Array, begin: int, stop: int, window: int, scan: _Scan, first: int) -> NDArray[np.int64]:
     level, margin = _levels(*_window_extremes(volts, window), NOISE_HEIGHTS * _noise(volts))
     places = np.empty(max(1, stop - begin), dtype=np.int64)
-    count, scan.state, scan.crossing, n_high = _transitions(
-        volts, begin, stop, first, window, level - margin, level, level + margin, scan.state, scan.crossing, places
+    count, scan.state, n_high = _transitions(
+        volts, begin, stop, first, window, level - margin, level, level + margin, scan.state, places
     )
     scan.n_high += n_high
     return places[:count]
@@ -159,34 +158,47 @@ def _count_nan(volts: Array) -> int:
 
 
 @numba.njit(cache=True, nogil=True)
-def _transitions(volts, begin, stop, first, window, lower, level, upper, state, crossing, out):  # type: ignore[no-untyped-def]
-    """Write the sample before each level crossing, plus one, positive when rising; return count and state.
+def _transitions(volts, begin, stop, first, window, lower, level, upper, state, out):  # type: ignore[no-untyped-def]
+    """Write the sample before each level crossing, plus one, positive when rising; return count, state, samples high.
 
     A crossing counts when the hysteresis level on the far side is reached; its place is the last crossing before.
     Samples that are no numbers leave the state as it is.
     """
     count, n_high, last = 0, 0, level.size - 1
-    for i in range(begin, stop):
+    i = begin
+    while i < stop:
         w = min(i // window, last)
-        value = volts[i]
+        end = stop if w == last else min(stop, (w + 1) * window)
         if state == 1:
-            n_high += 1
-            if i > 0 and value < level[w] <= volts[i - 1]:
-                crossing = first + i
-            if value < lower[w]:
-                out[count] = -crossing
+            start = i
+            while i < end and not volts[i] < lower[w]:
+                i += 1
+            n_high += i - start
+            if i < end:
+                out[count] = -(first + _crossing_before(volts, i, level[w], False))
                 count, state = count + 1, 0
         elif state == 0:
-            if i > 0 and value >= level[w] > volts[i - 1]:
-                crossing = first + i
-            if value > upper[w]:
-                out[count] = crossing
+            while i < end and not volts[i] > upper[w]:
+                i += 1
+            if i < end:
+                out[count] = first + _crossing_before(volts, i, level[w], True)
                 count, state = count + 1, 1
-        elif value > upper[w]:
-            state = 1
-        elif value < lower[w]:
-            state = 0
-    return count, state, crossing, n_high
+        else:
+            while i < end and lower[w] <= volts[i] <= upper[w]:
+                i += 1
+            if i < end and volts[i] == volts[i]:
+                state = 1 if volts[i] > upper[w] else 0
+            else:
+                i += 1
+    return count, state, n_high
+
+
+@numba.njit(cache=True, nogil=True)
+def _crossing_before(volts: Array, i: int, level: float, rising: bool) -> int:
+    """Return the first sample at or beyond the level, going back from one that is."""
+    while i > 1 and ((volts[i - 1] >= level) if rising else (volts[i - 1] < level)):
+        i -= 1
+    return i
 
 
 def _half_window(crossings: NDArray[np.int64]) -> int:
