@@ -168,15 +168,15 @@ def binned(values: Array) -> Array:
     return values.reshape(values.shape[0] // BIN, BIN, *values.shape[1:]).mean(axis=1)
 
 
-def transfer(data: ChainInput, values: Mapping[str, float], n_points: int) -> tuple[Array, Array, Array]:
+def transfer(data: ChainInput, values: Mapping[str, float], n_points: int) -> tuple[Any, Any, Any]:
     """Return shaft and sensor transfer (k,) and the derivative of their product (k, 6) on the harmonics of a grid."""
-    omega = np.arange(n_points // 2 + 1) * data.speed
+    omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     shaft, shaft_d = driveline.shaft_transfer(omega, *(values[name] for name in SHAFT_NAMES))
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
     return shaft, measured, np.column_stack([shaft_d * measured[:, None], measured_d * shaft[:, None]])
 
 
-def filtered(values: Array, transfer_function: Array) -> Array:
+def filtered(values: Array, transfer_function: Any) -> Array:
     """Return periodic signals (n,) or (n, k) behind a transfer function on their harmonics."""
     shape = (-1,) + (1,) * (values.ndim - 1)
     spectrum = np.fft.rfft(values, axis=0) * transfer_function.reshape(shape)

@@ -9,13 +9,13 @@ from pipeline.records import ParameterEstimate
 GROUPS: tuple[tuple[frozenset[str], str], ...] = (
     (
         frozenset({"torque_zero", "shaft_drag", "shaft_viscous"}),
-        "torque zero, constant drag and viscous drag are one number at one speed: record standstill readings before and "
-        "after the run, and an unpressurised run at two speeds a factor of two apart",
+        "torque zero, constant drag and viscous drag are one number at one speed: record standstill readings before "
+        "and after the run, and an unpressurised run at two speeds a factor of two apart",
     ),
     (
         frozenset({"dead_volume", "bulk_modulus", "bulk_modulus_slope"}),
-        "dead volume and bulk modulus act as their ratio: measure the bulk modulus of the oil (speed of sound) or fill a "
-        "known extra volume of about a quarter of the dead volume and repeat one run",
+        "dead volume and bulk modulus act as their ratio: measure the bulk modulus of the oil (speed of sound) or fill "
+        "a known extra volume of about a quarter of the dead volume and repeat one run",
     ),
     (
         frozenset({"delay_error", "shaft_compliance", "trigger_offset", "drive_admittance"}),
@@ -29,8 +29,8 @@ GROUPS: tuple[tuple[frozenset[str], str], ...] = (
     ),
     (
         frozenset({"valve_area", "valve_range", "valve_opening"}),
-        "the laws of the delivery valve trade against each other: two runs of the same load at speeds a factor of three "
-        "apart separate the opening pressure from the flow loss",
+        "the laws of the delivery valve trade against each other: two runs of the same load at speeds a factor of "
+        "three apart separate the opening pressure from the flow loss",
     ),
     (
         frozenset({"spring_stiffness_error", "spring_preload_error", "feed_pressure"}),

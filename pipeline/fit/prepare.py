@@ -151,5 +151,5 @@ def with_rows(data: FitData, changes: Mapping[str, Mapping[str, float]]) -> FitD
     """Return the recording with some fields of some rows replaced."""
     rows = dict(data.rows)
     for name, fields in changes.items():
-        rows[name] = replace(rows[name], **fields)
+        rows[name] = replace(rows[name], **fields)  # type: ignore[arg-type]
     return replace(data, rows=rows)

@@ -65,7 +65,7 @@ def find_start(data: FitData) -> Start:
     """Return the recording with type of delivery and starts chosen by the data."""
     best: Start | None = None
     for delivery in DELIVERIES:
-        scanned = []
+        scanned: list[tuple[float, int, FitData]] = []
         for item in candidates(data, delivery):
             problem = build_problem([item], SCAN_EFFECTS)
             scanned.append((try_at(problem, problem.start()).chi_square, len(scanned), item))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import FitData, Problem, build_problem
@@ -70,7 +71,7 @@ def covariance(problem: Problem, solution: Solution) -> Covariance:
     return Covariance(parameter_names(problem), matrix, _correlation(matrix), _correlation(alone), float(inflation))
 
 
-def _inverse(matrix: Array, free: Array) -> Array:
+def _inverse(matrix: Array, free: NDArray[np.bool_]) -> Array:
     """Return the inverse over the free rows, zero elsewhere; null directions get a very large variance."""
     result = np.zeros_like(matrix)
     block = matrix[np.ix_(free, free)]
@@ -89,7 +90,7 @@ def _correlation(matrix: Array) -> Array:
     return result
 
 
-def at_bounds(problem: Problem, solution: Solution) -> Array:
+def at_bounds(problem: Problem, solution: Solution) -> NDArray[np.bool_]:
     """Return which parameters sit at a bound, (k,) bool."""
     values = parameter_values(problem, solution)
     rows = [slot.row for slot in (*problem.nonlinear, *problem.linear)]

@@ -8,6 +8,8 @@ m is the filter ``1 / (1 + (k/k_c)^(2m))`` on its harmonics, so the choice is a 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
 
@@ -19,7 +21,7 @@ ORDER = 4
 PIECES_PER_HARMONIC = 8
 
 
-def _attenuation(harmonic: Array, corner: float) -> Array:
+def _attenuation(harmonic: Any, corner: float) -> Array:
     return 1.0 / (1.0 + (harmonic / corner) ** (2 * ORDER))
 
 
@@ -56,7 +58,7 @@ def spectral_law(table: CamTable) -> CamLaw:
     return CamLaw(knots, np.ascontiguousarray(pieces.c), "spectral", spread)
 
 
-def _harmonic_sum(spectrum: Array, harmonic: Array, order: int, theta: Array, size: int) -> Array:
+def _harmonic_sum(spectrum: Any, harmonic: Any, order: int, theta: Array, size: int) -> Array:
     """Return a derivative of the Fourier sum at some angles."""
     scale = np.where((harmonic == 0) | (2 * harmonic == size), 1.0, 2.0) / size
     terms = spectrum * scale * (1j * harmonic) ** order
