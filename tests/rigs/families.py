@@ -34,14 +34,16 @@ def _sensors(rng: np.random.Generator) -> dict:
 def _hydraulics(rng: np.random.Generator) -> dict:
     """Return chamber, valve, liquid and line of a small pump; areas and volumes are for an 8 mm plunger."""
     return {
+        "pump__roller_inertia": rng.uniform(1.5e-7, 2.5e-7),
         "fluid__modulus": rng.uniform(1.25e9, 1.35e9),
         "fluid__slope": rng.uniform(9.0, 11.0),
         "chamber__dead_volume": rng.uniform(1.8e-6, 3.2e-6),
         "chamber__feed_pressure": rng.uniform(2.0e5, 5.0e5),
         "chamber__port_close_angle": rng.uniform(19.0, 21.0) * DEGREE,
         "chamber__leak": 10.0 ** rng.uniform(-14.5, -13.7),
-        "chamber__close_width": rng.uniform(0.8, 2.0) * DEGREE,
-        "chamber__spill_area": rng.uniform(4.0e-6, 8.0e-6),
+        "chamber__close_width": rng.uniform(0.5, 1.5) * DEGREE,
+        "chamber__spill_area": rng.uniform(1.5e-6, 4.0e-6),
+        "chamber__port_area": rng.uniform(2.5e-6, 5.0e-6),
         "valve__opening_pressure": rng.uniform(8.0e5, 20.0e5),
         "valve__full_open_pressure": rng.uniform(35.0e5, 60.0e5),
         "valve__area": rng.uniform(1.6e-6, 3.0e-6),
@@ -64,7 +66,7 @@ def _friction(rng: np.random.Generator) -> dict:
         "friction__guide_lever": rng.uniform(1.0, 2.0),
         "friction__seal_force": rng.uniform(5.0, 30.0),
         "friction__plunger_viscous": rng.uniform(2.0, 15.0),
-        "friction__drag_torque": rng.uniform(0.1, 0.5),
+        "friction__drag_torque": rng.uniform(0.05, 0.35),
         "friction__shaft_viscous": rng.uniform(0.5e-3, 2.5e-3),
         "pump__spring_stiffness_error": float(np.clip(0.012 * rng.standard_normal(), -0.03, 0.03)),
     }
@@ -117,7 +119,7 @@ def other_geometry(rng: np.random.Generator) -> RigTruth:
         pump__spring_stiffness=26000.0,
         pump__spring_preload=240.0,
         pump__plunger_diameter=10.0e-3,
-        pump__roller_inertia=1.5e-6,
+        pump__roller_inertia=6.0e-7,
         chamber__dead_volume=scale * 1.3 * base.chamber.dead_volume,
         chamber__end=str(rng.choice(["closed", "spill"])),
         chamber__end_angle_zero_load=36.0 * DEGREE,

@@ -96,24 +96,24 @@ def test_no_liquid_is_lost(runs, name):
 
 
 def step_errors(truth: RigTruth) -> list[float]:
-    """RMS torque changes over peak when the step is halved from 10 us to 5 us and to 2.5 us."""
-    steps = (1e-5, 5e-6, 2.5e-6)
+    """RMS torque change over peak at each halving of the step from 20 us to 2.5 us."""
+    steps = (2e-5, 1e-5, 5e-6, 2.5e-6)
     torque = [simulate(truth, 1000.0, n_cycles=2, seed=1, step=step).true_cycles("torque")[-1] for step in steps]
     changes = np.sqrt(np.mean(np.diff(torque, axis=0) ** 2, axis=1))
     return list(changes / torque[-1].max())
 
 
 def test_halving_the_step_converges():
-    smooth = change(QUIET, line__needle_open=1e5, line__needle_close=-1e5)
-    coarse, fine = step_errors(smooth)
-    # kinks of the port laws leave second order almost intact: a quarter, with room for a half
-    assert fine < 0.5 * coarse
-    assert fine < 1e-5
+    errors = step_errors(change(QUIET, line__needle_open=1e5, line__needle_close=-1e5))
+    # second order, spoilt by the kinks of the port laws at worst to first order: a quarter for a quarter of the step
+    assert errors[-1] < 0.25 * errors[0]
+    assert errors[-1] < 1e-5
 
 
 def test_an_injector_needle_costs_little_accuracy():
     # the needle switches within a step wherever its pressure crosses: not an order, but small (measured 2e-5)
-    assert max(step_errors(QUIET)) < 1e-4
+    # at 10 us and below, a fifth of the least difference between means of odd and even cycles of the examples
+    assert max(step_errors(QUIET)[1:]) < 1e-4
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -182,7 +182,8 @@ def test_every_family_runs_sound(name):
     assert not run.contact_lost
     assert run.line_clips == 0
     assert 30.0 < run.history["torque"].max() < 180.0
-    assert run.history["chamber_pressure"].max() < 2000e5
+    # a trapped volume at small load is the highest pressure; beyond 2500 bar no such pump would be sold
+    assert run.history["chamber_pressure"].max() < 2500e5
 
 
 def test_change_refuses_what_is_not_there():

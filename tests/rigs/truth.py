@@ -52,7 +52,7 @@ class Pump:
     spring_stiffness: float = 20000.0
     spring_preload: float = 110.0
     plunger_diameter: float = 8.0e-3
-    roller_inertia: float = 5.0e-7
+    roller_inertia: float = 2.0e-7
     spring_stiffness_error: float = 0.0
     """True rate is sheet rate times (1 + error)."""
     cam: Cam = field(default_factory=Cam)
@@ -92,10 +92,10 @@ class Chamber:
     leak_growth: float = 0.0
     """Clearance growth per pascal: leakage is multiplied by (1 + growth * p)^3."""
     end: str = "closed"
-    end_angle_zero_load: float = 30.0 * DEGREE
-    end_angle_span: float = 16.0 * DEGREE
+    end_angle_zero_load: float = 34.0 * DEGREE
+    end_angle_span: float = 12.0 * DEGREE
     close_width: float = 1.5 * DEGREE
-    spill_area: float = 6.0e-6
+    spill_area: float = 3.0e-6
     spill_height: float = 0.5e-3
 
     def __post_init__(self) -> None:
