@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline
 
 from pipeline.mechanism.cam import TURN
 from pipeline.mechanism.closed_form import closed_form_tables
@@ -96,10 +96,9 @@ def solve_elastic(
     )
 
 
-def _periodic(theta: Array, values: Array) -> PchipInterpolator:
-    """Return a periodic monotone interpolant of one revolution."""
-    angle = np.concatenate([theta[-2:] - TURN, theta, theta[:3] + TURN])
-    return PchipInterpolator(angle, np.concatenate([values[-2:], values, values[:3]]))
+def _periodic(theta: Array, values: Array) -> CubicSpline:
+    """Return a periodic interpolant of one revolution."""
+    return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
 
 
 def _derivative(values: Array, frequency: Array, order: int) -> Array:
@@ -109,7 +108,7 @@ def _derivative(values: Array, frequency: Array, order: int) -> Array:
 
 def _lobe_torque(
     units: Sequence[PumpUnit],
-    curves: list[PchipInterpolator],
+    curves: list[CubicSpline],
     theta: Array,
     twist: Array,
     speed: Array,
@@ -120,7 +119,7 @@ def _lobe_torque(
     for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
         angle = theta + ahead
         tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting)
-        rows.append(tables.evaluate("torque", curve(np.mod(angle, TURN)), rate, change))
+        rows.append(tables.evaluate("torque", curve(angle), rate, change))
     return np.array(rows)
 
 

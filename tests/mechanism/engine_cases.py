@@ -123,7 +123,7 @@ MUJOCO = """
 
 
 class MujocoPump:
-    """Inverse dynamics, Jacobians and joint forces of MuJoCo (its equality constraints are soft, so the joint is cut)."""
+    """Inverse dynamics, Jacobians and joint forces of MuJoCo; its equality constraints are soft, hence the cut."""
 
     def __init__(self, pump, mounting):
         import mujoco

@@ -312,7 +312,7 @@ def test_refusals_say_what_to_do():
         solve_rigid(paper_pump(), LAW, theta, np.zeros(5), 50.0, method="magic")
     with pytest.raises(Refusal, match="speed varies from 50 to 60 rad/s without an acceleration"):
         solve_rigid(paper_pump(), LAW, theta, np.zeros(5), np.linspace(50.0, 60.0, 5))
-    with pytest.raises(Refusal, match="follower offset 0.03 m, expected less than the 0.028 m"):
+    with pytest.raises(Refusal, match=r"follower offset 0\.03 m, expected less than the 0\.028 m"):
         kinematics(paper_pump(follower_offset=0.03), LAW, theta)
     with pytest.raises(Refusal, match="a shaft without pumps"):
         solve_shaft([], theta, np.zeros(5), 50.0)

@@ -1,0 +1,100 @@
+"""Pumps on an elastic shaft against time integration written from scratch, and in the limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mechanism_cases import analytic_law, paper_pump
+from scipy.integrate import solve_ivp
+
+from pipeline.mechanism import PumpUnit, closed_form_tables, solve_shaft
+from pipeline.mechanism.elastic import solve_elastic
+from pipeline.records import Refusal
+
+LAW = analytic_law()
+SIZE = 1800
+THETA = np.arange(SIZE) * (2.0 * np.pi / SIZE)
+SPEED = 52.36
+LOAD = 3e7 * np.exp(-(((THETA - 0.5) / 0.12) ** 2))
+
+
+def units(count):
+    return [PumpUnit(paper_pump(), LAW, 2.0 * np.pi * k / count) for k in range(count)]
+
+
+def loads(count):
+    return np.stack([np.roll(LOAD, SIZE * k // count) for k in range(count)])
+
+
+def integrate(count, stiffness, damping):
+    """Integrate the lobes over four revolutions from rest in twist; torque at the drive end over the last one."""
+    shaft = units(count)
+
+    def pressure(angle, k):
+        local = np.mod(angle - 2.0 * np.pi * k / count, 2.0 * np.pi)
+        return 3e7 * np.exp(-(((local - 0.5) / 0.12) ** 2))
+
+    def rates(time, state):
+        twist, rate = state[:count], state[count:]
+        across = np.diff(twist, prepend=0.0)
+        across_rate = np.diff(rate, prepend=0.0)
+        section = -(stiffness * across + damping * across_rate)
+        net = section - np.append(section[1:], 0.0)
+        change = np.empty(count)
+        for k, unit in enumerate(shaft):
+            angle = SPEED * time + twist[k]
+            table = closed_form_tables(unit.pump, LAW, np.array([angle - unit.phase])).outputs["torque"][:, 0]
+            known = table[0] + table[1] * pressure(angle, k) + table[2] * (SPEED + rate[k]) ** 2
+            change[k] = (net[k] - known) / table[3]
+        return np.concatenate([rate, change])
+
+    period = 2.0 * np.pi / SPEED
+    times = (1.0 + THETA[::30] / (2.0 * np.pi)) * period
+    solved = solve_ivp(
+        rates, (0.0, 2.0 * period), np.zeros(2 * count), t_eval=times, rtol=1e-8, atol=1e-10, max_step=period / 400
+    )
+    return -(stiffness * solved.y[0] + damping * solved.y[count])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
+def test_periodic_solution_is_that_of_time_integration(count):
+    # well damped (zeta about 0.5), so that the start has died out after one revolution
+    stiffness, damping = 2000.0, 0.35
+    ours = solve_elastic(units(count), loads(count), SPEED, np.full(count, stiffness), np.full(count, damping))
+    theirs = integrate(count, stiffness, damping)
+    # the lift law's knots limit the order of both; the integrator's tolerance is below it
+    assert np.max(np.abs(ours.torque[::30] - theirs)) < 3e-4 * np.max(theirs)
+
+
+def test_stiff_shaft_is_rigid():
+    rigid = solve_shaft(units(3), THETA, loads(3), SPEED)
+    stiff = solve_elastic(units(3), loads(3), SPEED, np.full(3, 1e7), np.full(3, 1.0))
+    # twist of 1e-5 rad, times a torque slope of some 300 N m/rad, of 27 N m
+    assert np.max(np.abs(stiff.torque - rigid.torque)) < 1e-3 * np.max(rigid.torque)
+
+
+def test_mean_torque_does_not_depend_on_the_shaft():
+    # without damping nothing is lost; the pressure belongs to the cam angle, so the fluid takes the same work
+    rigid = solve_shaft(units(1), THETA, loads(1), SPEED)
+    soft = solve_elastic(units(1), loads(1), SPEED, np.array([3000.0]), np.array([0.2]))
+    lost = np.mean(0.2 * (soft.speed[0] - SPEED) ** 2) / SPEED
+    assert np.mean(soft.torque) == pytest.approx(np.mean(rigid.torque) + lost, rel=1e-3)
+
+
+def test_section_torque_drops_by_the_torque_of_the_lobe():
+    solved = solve_elastic(units(3), loads(3), SPEED, np.full(3, 4000.0), np.full(3, 0.5))
+    for k, unit in enumerate(units(3)):
+        angle = THETA + solved.twist[k]
+        local = np.mod(angle, 2.0 * np.pi)
+        pressure = np.interp(local, np.append(THETA, 2.0 * np.pi), np.append(loads(3)[k], loads(3)[k, 0]))
+        tables = closed_form_tables(unit.pump, LAW, angle - unit.phase)
+        expected = tables.evaluate("torque", pressure, solved.speed[k], solved.acceleration[k])
+        outboard = solved.section_torque[k + 1] if k < 2 else 0.0
+        # the pressure is interpolated linearly here, by cubics there
+        assert np.max(np.abs(solved.section_torque[k] - outboard - expected)) < 2e-3 * np.max(np.abs(expected))
+
+
+def test_too_soft_a_shaft_is_refused():
+    with pytest.raises(Refusal, match="the twist does not settle at"):
+        solve_elastic(units(1), loads(1), SPEED, np.array([20.0]), np.array([0.0]))
