@@ -201,11 +201,15 @@ def _sensors(root: Table, recording: Table) -> Mapping[str, SensorRef]:
 def _sensor(quantity: str, table: Table, recording: Table) -> SensorRef:
     if quantity not in SENSOR_QUANTITIES:
         hint = did_you_mean(quantity, SENSOR_QUANTITIES)
-        raise Refusal(f"{table.file} [sensors.{quantity}]: unknown quantity{hint}; expected {', '.join(SENSOR_QUANTITIES)}")
+        raise Refusal(
+            f"{table.file} [sensors.{quantity}]: unknown quantity{hint}; expected {', '.join(SENSOR_QUANTITIES)}"
+        )
     idle = table if table.has("idle_from_s") or table.has("idle_to_s") else recording
     start, stop = idle.optional_number("idle_from_s", least=0.0), idle.optional_number("idle_to_s", above=0.0)
     if (start is None) != (stop is None) or (start is not None and stop is not None and stop <= start):
-        raise Refusal(f"{idle.where('idle_to_s')}: an idle stretch needs idle_from_s < idle_to_s, found {start} and {stop}")
+        raise Refusal(
+            f"{idle.where('idle_to_s')}: an idle stretch needs idle_from_s < idle_to_s, found {start} and {stop}"
+        )
     return SensorRef(
         quantity=quantity,
         serial=table.text("serial"),
@@ -248,7 +252,9 @@ def _check_roles(channels: tuple[ChannelSpec, ...], sensors: Mapping[str, Sensor
             raise Refusal(f"{where}: measures {channel.quantity} but there is no table [sensors.{channel.quantity}]")
         serial = sensors[channel.quantity].serial
         if channel.sensor != serial:
-            raise Refusal(f"{where}: sensor is {channel.sensor!r}, but [sensors.{channel.quantity}] has serial {serial!r}")
+            raise Refusal(
+                f"{where}: sensor is {channel.sensor!r}, but [sensors.{channel.quantity}] has serial {serial!r}"
+            )
     _refuse_repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in channels], f"{file} [[channels]]")
     _refuse_repeated([f"{c.quantity} on {c.logger}" for c in channels], f"{file} [[channels]]")
     if not any(channel.quantity == "trigger" for channel in channels):

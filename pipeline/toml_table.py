@@ -20,7 +20,9 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
     try:
         text = file.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise Refusal(f"{file}: byte {error.start} is not UTF-8, TOML has to be UTF-8; save the file as UTF-8") from error
+        raise Refusal(
+            f"{file}: byte {error.start} is not UTF-8, TOML has to be UTF-8; save the file as UTF-8"
+        ) from error
     except OSError as error:
         raise Refusal(f"{file}: cannot be read ({error.strerror})") from error
     if not text.strip():

@@ -148,7 +148,10 @@ def unit_factor(unit: str, dimension: str, where: str) -> float:
     tidy = tidy_unit(unit)
     known = [name for name, (kind, _) in BORDER_UNITS.items() if kind == dimension]
     if tidy not in BORDER_UNITS:
-        raise Refusal(f"{where}: unknown unit {unit!r}{did_you_mean(tidy, known)}; a {dimension} unit is expected ({', '.join(known)})")
+        raise Refusal(
+            f"{where}: unknown unit {unit!r}{did_you_mean(tidy, known)}; a {dimension} unit is expected "
+            f"({', '.join(known)})"
+        )
     kind, factor = BORDER_UNITS[tidy]
     if kind != dimension:
         raise Refusal(f"{where}: unit {unit!r} is a {kind}, expected a {dimension} unit ({', '.join(known)})")
