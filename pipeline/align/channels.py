@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.align.angle import TWO_PI, CamAngle
 from pipeline.align.clocks import Clock
+from pipeline.align.logger_time import sample_positions
 from pipeline.align.options import AlignOptions
 from pipeline.align.quality import ChannelDamage
 from pipeline.align.resample import align_block, choose_rule, empty_rows
@@ -44,7 +45,7 @@ class AlignedChannel:
 def positions(channel: Channel, clock: Clock, times: Array) -> Array:
     """Return the sample positions at which a channel shows what happened at the given reference times."""
     delay = channel.calibration.delay if channel.calibration else 0.0
-    return (clock.from_reference(times + delay) - channel.start_time) * channel.sample_rate
+    return sample_positions(channel, clock.from_reference(times + delay))
 
 
 def covered(

@@ -6,7 +6,7 @@ which pulse belongs to which is found from the pattern of pulse periods, never f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,16 @@ class Clock:
         if not self.breaks:
             return straight
         return straight + np.array(self.steps)[np.searchsorted(self.breaks, time)]
+
+
+def against(clock: Clock, reference: Clock) -> Clock:
+    """Return a clock against another reference, both given against the same third one."""
+    rate = (1.0 + 1e-6 * clock.fit.skew_ppm) / (1.0 + 1e-6 * reference.fit.skew_ppm)
+    offset = clock.fit.offset_s - rate * reference.fit.offset_s
+    stderr = float(np.hypot(clock.fit.stderr_s, reference.fit.stderr_s))
+    fit = replace(clock.fit, offset_s=offset, skew_ppm=1e6 * (rate - 1.0), stderr_s=stderr)
+    breaks = tuple(float(moment) for moment in reference.from_reference(np.array(clock.breaks)))
+    return replace(clock, fit=fit, breaks=breaks)
 
 
 def same_clock(logger: str, method: str = "same clock") -> Clock:

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.align.clocks import Clock
+from pipeline.align.logger_time import pause_intervals
 from pipeline.align.pulses import PulseTrain
-from pipeline.config import TriggerSpec
-from pipeline.records import Finding
+from pipeline.records import Finding, Recording
 
 LEAST_JUMP = 0.003
 """Relative difference of a period from its neighbours that may be a jump."""
@@ -25,10 +25,10 @@ TIMES_USUAL = 8.0
 
 
 def mark_jumps(
-    train: PulseTrain, clocks: Mapping[str, Clock], spec: TriggerSpec
+    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording
 ) -> tuple[PulseTrain, tuple[Finding, ...]]:
-    """Mark the pulses whose interval holds a jump, of the main trigger's clock or between two clocks."""
-    jump = _odd_periods(train, spec.pulses_per_rev)
+    """Mark the pulses whose interval holds a jump, of the main trigger, between two clocks or of a file's time."""
+    jump = _odd_periods(train, recording.config.trigger.pulses_per_rev)
     odd = int(jump.sum())
     findings = []
     if odd:
@@ -45,6 +45,10 @@ def mark_jumps(
     for clock in clocks.values():
         for moment in clock.breaks:
             jump[np.clip(np.searchsorted(train.time, moment), 1, jump.size - 1)] = True
+    for channel in recording.channels:
+        for begin, end in clocks[channel.logger].to_reference(pause_intervals(channel)):
+            first, last = np.searchsorted(train.time, (begin, end))
+            jump[max(1, first) : last + 1] = True
     return replace(train, jumped=jump), tuple(findings)
 
 

@@ -103,7 +103,7 @@ def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
     n_periods = np.ones(gaps.size, dtype=np.int64)
     broken = np.zeros(gaps.size, dtype=bool)
     # Only a gap clearly longer than its surroundings can hold a missed pulse.
-    for i in np.flatnonzero(gaps > 1.4 * _local_period(time)) if gaps.size else ():
+    for i in np.flatnonzero(gaps > 1.4 * _local_period(time)).tolist() if gaps.size else ():
         n_periods[i], broken[i] = _periods_in_gap(gaps, i)
     out_time, step, repaired, out_broken = [time[0]], [0], [False], [False]
     for i, n in enumerate(n_periods.tolist()):

@@ -170,8 +170,8 @@ def _rms_distances(rows: Array, centre: Array) -> Array:
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
     "incomplete": (_incomplete, "the recording of a channel begins or ends inside the cycle"),
-    "missed_trigger": (_missed_trigger, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
     "clock_jump": (_clock_jump, "a logger's clock jumps inside the cycle"),
+    "missed_trigger": (_missed_trigger, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
     "drop_out": (_drop_out, "samples are missing, or a channel stands still"),
     "pressure_clipped": (_clipped("pressure"), "the pressure stands at the end of its output range or at a flat top"),
     "torque_clipped": (_clipped("torque"), "the torque stands at an end of its output range or at a flat top"),

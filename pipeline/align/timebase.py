@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.align.clocks import Clock, fit_clock, same_clock
+from pipeline.align.angle import cam_angle
+from pipeline.align.clocks import Clock, against, fit_clock, same_clock
 from pipeline.align.jumps import mark_jumps
 from pipeline.align.options import AlignOptions
+from pipeline.align.physics_clock import Pair, physics_clock
 from pipeline.align.pulses import PulseTrain, number_teeth, shifted, train_findings
 from pipeline.align.triggers import Edges, find_edges
 from pipeline.records import Array, Channel, Finding, Recording, Refusal
@@ -59,18 +61,31 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
         A trigger without pulses, or a logger with its own clock and nothing to tie it to the others.
     """
     triggers = _trigger_trains(recording, options)
-    clocks = {reference: same_clock(reference, "reference")}
-    main = _trigger_of(recording, triggers, reference)
-    for channel in recording.channels:
-        if channel.logger not in clocks:
-            clocks[channel.logger] = _clock(recording, triggers, main, reference, channel)
+    main = _main_trigger(recording, triggers, reference)
+    clocks = _clocks(recording, triggers, main, options)
     train, noise = _fused(recording, triggers, main, clocks)
-    train, jump_findings = mark_jumps(train, clocks, recording.config.trigger)
     findings = [
         finding for t in triggers.values() for finding in (*t.edges.findings, *train_findings(t.train, t.where))
     ]
     findings += [finding for clock in clocks.values() for finding in clock.findings]
+    train = replace(train, time=clocks[reference].from_reference(train.time))
+    clocks = _referred(clocks, reference)
+    train, jump_findings = mark_jumps(train, clocks, recording)
     return TimeBase(reference, clocks, train, triggers, noise, (*findings, *jump_findings))
+
+
+def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:
+    """Return the clocks against that of the reference."""
+    origin = clocks[reference]
+    if origin.fit.method in ("reference", "common time base"):
+        return {**clocks, reference: same_clock(reference, "reference")}
+    referred = {logger: against(clock, origin) for logger, clock in clocks.items()}
+    named = {
+        logger: replace(clock, fit=replace(clock.fit, method=origin.fit.method))
+        for logger, clock in referred.items()
+        if clock.fit.method in ("reference", "common time base")
+    }
+    return {**referred, **named, reference: same_clock(reference, "reference")}
 
 
 def _trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
@@ -92,36 +107,47 @@ def _same_base(recording: Recording, one: str, other: str) -> bool:
     return one == other or not (_independent(recording, one) or _independent(recording, other))
 
 
-def _trigger_of(recording: Recording, triggers: Mapping[str, TriggerTrain], reference: str) -> TriggerTrain:
-    """Return the trigger on the reference's time base."""
-    for logger, trigger in triggers.items():
-        if _same_base(recording, logger, reference):
-            return trigger
-    raise _no_tie(recording, reference)
+def _main_trigger(recording: Recording, triggers: Mapping[str, TriggerTrain], reference: str) -> TriggerTrain:
+    """Return a trigger on the reference's time base, else any."""
+    on_base = [trigger for logger, trigger in triggers.items() if _same_base(recording, logger, reference)]
+    return on_base[0] if on_base else next(iter(triggers.values()))
 
 
-def _no_tie(recording: Recording, logger: str) -> Refusal:
-    return Refusal(
-        f"{recording.config.id}: logger {logger!r} has its own clock and recorded no trigger, expected the trigger on "
-        "every "
-        "logger with an independent clock; record it there too"
-    )
-
-
-def _clock(
-    recording: Recording,
-    triggers: Mapping[str, TriggerTrain],
-    main: TriggerTrain,
-    reference: str,
-    channel: Channel,
-) -> Clock:
-    if _same_base(recording, channel.logger, reference):
-        return same_clock(channel.logger, "common time base")
-    if channel.logger not in triggers:
-        raise _no_tie(recording, channel.logger)
+def _clocks(
+    recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain, options: AlignOptions
+) -> dict[str, Clock]:
+    """Return the clock of every logger against that of the main trigger's."""
+    base = main.channel.logger
+    clocks = {base: same_clock(base, "reference")}
     per_rev = recording.config.trigger.pulses_per_rev
-    own = revolution_times(triggers[channel.logger].train, per_rev)
-    return fit_clock(channel.logger, revolution_times(main.train, per_rev), own, channel.path.name)
+    for channel in recording.channels:
+        logger = channel.logger
+        if logger in clocks:
+            continue
+        if _same_base(recording, logger, base):
+            clocks[logger] = same_clock(logger, "common time base")
+        elif logger in triggers:
+            own = revolution_times(triggers[logger].train, per_rev)
+            clocks[logger] = fit_clock(logger, revolution_times(main.train, per_rev), own, channel.path.name)
+        else:
+            clocks[logger] = _clock_by_physics(recording, main, channel, options)
+    return clocks
+
+
+def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, options: AlignOptions) -> Clock:
+    """Tie a logger without a trigger to the main trigger's by torque and pressure, where each has one of them."""
+    base = main.channel.logger
+    pair = {quantity: recording.of(quantity)[0] for quantity in ("torque", "pressure") if recording.of(quantity)}
+    known = [channel for channel in pair.values() if channel is not own and _same_base(recording, channel.logger, base)]
+    if own not in pair.values() or not known:
+        raise Refusal(
+            f"{recording.config.id}: logger {own.logger!r} has its own clock, recorded no trigger and shares neither "
+            "torque nor "
+            f"pressure with logger {base!r}, expected one of them; record the trigger on every logger with its own "
+            "clock"
+        )
+    angle = cam_angle(main.train, recording.config.trigger, options.speed_law)
+    return physics_clock(Pair(pair, own.quantity, recording.cam_table, angle))
 
 
 def revolution_times(train: PulseTrain, pulses_per_rev: int) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
 from pipeline.align.edge_time import EdgeSamples, crossings, edge_samples, joined
+from pipeline.align.logger_time import sample_times
 from pipeline.config import TriggerSpec
 from pipeline.records import Array, Channel, Finding, Refusal
 
@@ -229,7 +230,7 @@ def _edges(
             "least two; check that the channel is the trigger and that the sensor saw the tooth"
         )
     position, slope = crossings(taken)
-    time = channel.start_time + position / channel.sample_rate
+    time = sample_times(channel, position)
     width = _pulse_width(position, other.before) / channel.sample_rate
     findings = []
     if inverted:

@@ -6,6 +6,7 @@ delayed time, sampled on each logger's own clock. Nothing is interpolated or res
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -125,6 +126,8 @@ class Rig:
     missing_teeth: int = 0
     double_tooth: bool = False
     edge: str = "rising"
+    scatter: float = 0.0
+    torque_law: Callable[[np.ndarray], np.ndarray] | None = None
     seed: int = 1
 
     @property
@@ -226,11 +229,13 @@ def trigger_channel(
 
 def physical_channel(rig: Rig, quantity: str) -> Channel:
     rate, delay, law, gain, noise = {
-        "torque": (rig.torque_rate, rig.torque_delay, torque_of, TORQUE_GAIN, rig.torque_noise),
+        "torque": (rig.torque_rate, rig.torque_delay, rig.torque_law or torque_of, TORQUE_GAIN, rig.torque_noise),
         "pressure": (rig.pressure_rate, rig.pressure_delay, pressure_of, PRESSURE_GAIN, rig.pressure_noise),
     }[quantity]
     t = sampled(rig, quantity, rate)
-    values = law(rig.shaft.angle(t - delay))
+    theta = rig.shaft.angle(t - delay)
+    heights = 1.0 + rig.scatter * rig.rng.standard_normal(int(theta[-1] / TWO_PI) + 2)
+    values = law(theta) * heights[np.floor(theta / TWO_PI).astype(int)]
     values = values + noise * np.random.default_rng(rig.seed + len(quantity)).standard_normal(t.size)
     return channel(rig, quantity, values / gain, rate, delay)
 
