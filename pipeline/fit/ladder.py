@@ -1,13 +1,13 @@
 """Which effects do the data need? Upward from the rigid model, then back down.
 
-Effects help each other (a twist without the low-pass behind it explains nothing), so the way up adds one effect after the
-other and only records what each brings; the way down takes from the whole chain every effect whose absence costs nothing.
+Effects help each other (a twist without the low-pass behind it explains nothing), so the way up adds one effect after
+the other and only records what each brings; the way down takes from the chain every effect whose absence costs nothing.
 An effect stays when without it the score rises and the held-out cycles (in a campaign: the left-out recordings) do not
 improve.
 
 The score is an information criterion on the number of *independent* residuals: neighbouring bins of a filtered signal
-repeat each other, and the plain criterion takes a useless smooth term in half of all trials. A parameter that no sheet
-limits costs ``max(ln n_eff, 4.7)`` (chi-square with one degree of freedom exceeds 4.7 in 3 % of trials); parameters with
+repeat each other, and the plain criterion takes a useless smooth term in half of all trials. A parameter that
+no sheet limits costs ``max(ln n_eff, 4.7)`` (chi-square exceeds 4.7 in 3 % of trials); those with
 a prior cost what the data narrow it, ``ln det(1 + H/P)``, the Occam factor of the evidence (MacKay 1992).
 """
 

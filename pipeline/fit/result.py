@@ -123,11 +123,18 @@ def fitted_torque(
         odd_even_rms=float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2))),
         next_measurement=next_measurement(parameters),
         findings=(*prior_findings(parameters), *_fit_findings(fit, index, fitted, means)),
-        details={"variants": {v.name: v.solution.chi_square for v in fit.variants}, "inflation": fit.covariance.inflation,
-                 "iterations": solution.iterations, "converged": solution.converged, "chi_square": solution.chi_square,
-                 "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
-                 "delivery": problem.data[index].delivery},
+        details=_details(fit, index, fitted),
     )  # fmt: skip
+
+
+def _details(fit: Fit, index: int, fitted: Modelled) -> dict[str, object]:
+    solution = fit.solution
+    return {
+        "variants": {variant.name: variant.solution.chi_square for variant in fit.variants},
+        "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
+        "chi_square": solution.chi_square, "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
+        "delivery": fit.problem.data[index].delivery,
+    }  # fmt: skip
 
 
 def _own_parameters(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
@@ -248,8 +255,8 @@ def _fit_findings(fit: Fit, index: int, fitted: Modelled, means: Halves) -> tupl
         result.append(Finding("not_converged", "warning", text))
     if fit.covariance.inflation > 1.0:
         text = (
-            f"the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties are "
-            f"widened by {np.sqrt(fit.covariance.inflation):.2f}"
+            f"the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
+            f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
         )
         result.append(Finding("model_discrepancy", "info", text))
     if np.min(fitted.output.load) <= 0.0:

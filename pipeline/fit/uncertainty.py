@@ -122,8 +122,8 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
 
     Notes
     -----
-    Other valve law (square root instead of lift-limited), no guide friction, sharp end of delivery, wider model error in
-    the weights, other smoothing of the lift table.
+    Other valve law (square root instead of lift-limited), no guide friction, sharp end of delivery, wider model error
+    in the weights, other smoothing of the lift table.
     """
     known = dict(zip(parameter_names(problem), parameter_values(problem, solution), strict=True))
     specs: list[tuple[str, Sequence[FitData], dict[str, float]]] = []
