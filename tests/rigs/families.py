@@ -93,6 +93,18 @@ def spill(rng: np.random.Generator) -> RigTruth:
     return change(closed_volume(rng), name="spill", chamber__end="spill")
 
 
+def plain(rng: np.random.Generator) -> RigTruth:
+    """`closed_volume` without seal drag and pin friction: bearing, guide, drag and viscous terms alone."""
+    return change(
+        closed_volume(rng), name="plain", friction__seal_force=0.0, friction__pin_mu=0.0, friction__guide_lever=1.0
+    )
+
+
+def plain_spill(rng: np.random.Generator) -> RigTruth:
+    """`plain` with a spill port."""
+    return change(plain(rng), name="plain_spill", chamber__end="spill")
+
+
 def other_geometry(rng: np.random.Generator) -> RigTruth:
     """10 mm plunger, 10 mm lift, offset follower, larger base circle, modified-sine rise; closed volume or spill."""
     cam = Cam(
@@ -255,6 +267,8 @@ def foreign_leak(rng: np.random.Generator) -> RigTruth:
 FAMILIES: dict[str, Family] = {
     "closed_volume": closed_volume,
     "spill": spill,
+    "plain": plain,
+    "plain_spill": plain_spill,
     "other_geometry": other_geometry,
     "stiff_driveline": stiff_driveline,
     "soft_driveline": soft_driveline,

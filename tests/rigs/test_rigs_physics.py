@@ -145,6 +145,40 @@ def test_bare_rig_is_the_power_balance():
     assert np.abs(history["torque"][every] - expected).max() < 1e-5 * expected.max()
 
 
+def test_guide_friction_feeds_back_on_the_contact_force():
+    friction = {"friction__guide_mu": 0.1, "friction__guide_lever": 1.5, "friction__bearing_mu": 0.02}
+    truth = change(bare(np.random.default_rng(3)), pump__roller_inertia=0.0, pump__follower_mass=1e-9, **friction)
+    history, pump = simulate(truth, 900.0, n_cycles=1).history, truth.pump
+    angle = history["cam_angle"]
+    rising = np.flatnonzero((angle > 10.0 * DEGREE) & (angle < 55.0 * DEGREE))[::50]
+    lift, step = lift_of(truth, angle[rising]), 1e-5
+    slope = (lift_of(truth, angle[rising] + step) - lift_of(truth, angle[rising] - step)) / (2.0 * step)
+    tan_phi = slope / (pump.base_circle_radius + pump.roller_radius + lift)
+    load = pump.spring_preload + pump.spring_stiffness * lift + pump.plunger_area * history["chamber_pressure"][rising]
+    # vertical balance of a massless follower: N cos(phi) = load + mu lever N sin(phi) while it rises
+    normal = load / np.cos(np.arctan(tan_phi)) / (1.0 - 0.15 * tan_phi)
+    np.testing.assert_allclose(history["contact_normal"][rising], normal, rtol=1e-5)
+    torque = normal * np.cos(np.arctan(tan_phi)) * slope + 0.02 * truth.friction.bearing_radius * normal
+    np.testing.assert_allclose(history["torque"][rising], torque, rtol=1e-5)
+
+
+def test_a_closed_pipe_rings_at_its_half_wave():
+    line = {"line__end_volume": 2e-8, "line__nozzle_volume": 2e-8, "line__resistance": 0.1, "line__length": 1.2}
+    truth = change(QUIET, **line, line__nozzle_area=1e-12, valve__area=0.3e-6)
+    truth = change(truth, chamber__end_angle_zero_load=26.0 * DEGREE, chamber__end_angle_span=0.0)
+    run = simulate(truth, 600.0, n_cycles=1, run_in=0)
+    history, fluid = run.history, truth.fluid
+    angle = history["cam_angle"]
+    after = np.flatnonzero((angle > 28.0 * DEGREE) & (angle < 100.0 * DEGREE))
+    ringing = history["line_pressure"][after] - history["line_pressure"][after].mean()
+    rate = 1.0 / (run.time[1] - run.time[0])
+    spectrum = np.abs(np.fft.rfft(ringing * np.hanning(ringing.size), 16 * ringing.size))
+    frequency = np.argmax(spectrum) * rate / (16 * ringing.size)
+    wave_speed = np.sqrt((fluid.modulus + fluid.slope * 300e5) / fluid.density)
+    # transit times are rounded to 10 us each (0.5 %), the end volumes are 1 % of the pipe
+    assert frequency == pytest.approx(wave_speed / (2.0 * truth.line.length), rel=0.03)
+
+
 def test_clockwise_with_offset_is_anticlockwise_with_the_opposite_offset():
     clockwise = change(QUIET, rotation=-1, pump__follower_offset=3e-3)
     mirrored = change(QUIET, rotation=1, pump__follower_offset=-3e-3)
