@@ -1,6 +1,21 @@
-"""Recording -> CamCycles: trigger edges, clocks, cam angle, aligned cycles, cut-flow, angle error budget."""
+"""Recording -> CamCycles: trigger edges, clocks, cam angle, aligned cycles, cut-flow, angle error budget.
+
+triggers, edge_time    volts -> edge times, half height, sub-sample
+pulses, jumps          edge times -> pulses, repaired and numbered; clock jumps
+clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure
+timebase               the three above for a whole recording
+angle, resample        pulses -> cam angle -> uniform grid
+channels, damage       one pass over each channel
+polarity, quality      inverted, swapped; which cycles are used, and why not
+budget, summary        angle error budget; plain numbers for a file
+revolution             angle inside the revolution from torque and inertia (used by the driveline effect)
+cycles                 `align`: all of it, in order
+"""
 
 from pipeline.align.cycles import align
 from pipeline.align.options import AlignOptions
+from pipeline.align.quality import CUTS
+from pipeline.align.revolution import angle_correction, speed_ripple
+from pipeline.align.summary import alignment_summary
 
-__all__ = ["AlignOptions", "align"]
+__all__ = ["CUTS", "AlignOptions", "align", "alignment_summary", "angle_correction", "speed_ripple"]

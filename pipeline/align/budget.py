@@ -14,6 +14,8 @@ HALF_WIDTH_OF_TYPICAL = 0.5
 """A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of its spread."""
 RECTANGULAR = 1.0 / np.sqrt(3.0)
 """Standard deviation of a rectangular distribution over its half width."""
+RESAMPLING_DEG = 2.0e-4
+"""Held by a test."""
 UNKNOWN = float("nan")
 
 
@@ -66,6 +68,11 @@ def angle_error_budget(
             AngleError(f"clock of logger {clock.fit.logger}", clock.fit.stderr_s * per_second, clock.fit.method)
             for clock in clocks
             if clock.fit.stderr_s > 0.0
+        ),
+        AngleError(
+            "resampling",
+            RESAMPLING_DEG,
+            "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz",
         ),
         *_between_pulses(spec, speed_change),
     )

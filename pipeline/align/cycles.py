@@ -18,6 +18,7 @@ from pipeline.align.channels import AlignedChannel, align_channels, covered
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
 from pipeline.align.quality import CycleTable, apply_cuts
+from pipeline.align.summary import alignment_details
 from pipeline.align.timebase import TimeBase, time_base
 from pipeline.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
 
@@ -148,7 +149,7 @@ def _cam_cycles(
         trigger_jitter_s=base.edge_noise,
         findings=findings,
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
-        details={},
+        details=alignment_details(table.options, base, aligned),
     )
 
 

@@ -20,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.align import AlignOptions, align
+from pipeline.align.budget import RESAMPLING_DEG
 from pipeline.align.triggers import find_edges
 
 ANGLE_DEG = 0.05
@@ -103,6 +104,16 @@ def test_averaging_lowers_the_noise_of_fine_samples() -> None:
     }
     # 6.7 samples per grid step: the mean of the linear interpolant has about a 2.5th of the noise of one sample.
     assert noise["auto"] < 0.55 * noise["cubic"]
+
+
+@pytest.mark.parametrize("rate", [5e3, 10e3, 20e3, 50e3, 200e3])
+@pytest.mark.parametrize("rpm", [300.0, 1250.0])
+def test_resampling_shifts_no_angle(rate: float, rpm: float) -> None:
+    rig = Rig(
+        shaft=Shaft(rpm=rpm, wander=0.0), torque_rate=rate, pressure_rate=rate, trigger_rate=200e3, trigger_noise=0.0,
+        duration=1.2,
+    )  # fmt: skip
+    assert np.max(np.abs(angle_errors(align(make(rig))))) < RESAMPLING_DEG
 
 
 def grid(n: int) -> np.ndarray:
