@@ -1,4 +1,4 @@
-"""`compiled`: the one decorator of the rig's compiled functions.
+"""`compiled`: the one decorator of the compiled functions. They release the GIL, so threads run rigs side by side.
 
 Numba keeps compiled functions on disk but looks only at the file of each function, not at what it calls. So the
 cache is emptied here whenever any of the compiled sources has changed.
@@ -28,4 +28,4 @@ def _drop_stale_cache() -> None:
 
 
 _drop_stale_cache()
-compiled = njit(cache=True, error_model="numpy", fastmath=True)
+compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

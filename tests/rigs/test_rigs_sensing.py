@@ -1,6 +1,8 @@
 """Sensors, nominal alignment and files of the rig say what they should."""
 
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -195,3 +197,28 @@ def test_a_ramp_changes_the_speed_by_as_much(ramp):
     # the first and the last period are themselves a tenth of the ramp long
     assert periods[0] / periods[-1] == pytest.approx(1.0 + ramp, abs=1.5 * abs(ramp) / 10.0)
     assert as_cycles(ramped)["torque"].shape[0] == 10
+
+
+def test_crosstalk_adds_pressure_and_bearing_load(run):
+    foreign = {"torque_sensor__pressure_crosstalk": 4e-9, "torque_sensor__bending_crosstalk": 5e-5}
+    crossed = replace(run, truth=change(run.truth, **foreign))
+    extra = torque_reading(crossed) - torque_reading(run)
+    history = run.history
+    expected = 4e-9 * history["line_pressure"] + 5e-5 * history["bearing_along"]
+    # the low-pass keeps the mean over the run to its own settling time over the run's length
+    assert extra[2000:].mean() == pytest.approx(expected[2000:].mean(), rel=1e-3)
+    assert extra.max() > 0.2
+
+
+def test_hysteresis_opens_a_loop_of_its_width(run):
+    looped = replace(run, truth=change(run.truth, torque_sensor__hysteresis=0.1))
+    extra = torque_reading(looped) - torque_reading(run)
+    assert 0.08 < extra.max() < 0.11
+    assert -0.11 < extra.min() < -0.08
+
+
+def test_threads_run_rigs_side_by_side():
+    alone = simulate(RigTruth(), 1000.0, n_cycles=1, step=1e-5)
+    with ThreadPoolExecutor(2) as pool:
+        both = list(pool.map(lambda seed: simulate(RigTruth(), 1000.0, n_cycles=1, step=1e-5, seed=seed), (0, 1)))
+    np.testing.assert_array_equal(both[0].history["torque"], alone.history["torque"])
