@@ -1,7 +1,7 @@
 """The bench's ``recording.toml`` (schema ``fip-bench-recording/1``) -> `RecordingConfig`, in SI and radians.
 
-A missing key, a wrong type or an impossible value is refused. A key that the product does not know is a finding: benches
-add keys of their own. The product's optional keys are listed in `TABLES` beside the bench's.
+A missing key, a wrong type or an impossible value is refused. A key that the product does not know is a finding:
+benches add keys of their own. The product's optional keys are listed in `TABLES` beside the bench's.
 """
 
 from __future__ import annotations

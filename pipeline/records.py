@@ -117,7 +117,10 @@ class SensorCalibration:
 class SampleSource(Protocol):
     """Raw samples of one file channel, read in pieces so that files may be larger than memory."""
 
-    n_samples: int
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        ...
 
     def read(self, start: int, stop: int) -> Array:
         """Return raw samples ``[start, stop)`` in the unit of the file."""

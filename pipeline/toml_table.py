@@ -1,4 +1,4 @@
-"""Checked access to a TOML table: each value comes out with its type and limits checked, or is refused with its place."""
+"""Checked access to a TOML table: a value comes out with type and limits checked, or is refused with its place."""
 
 from __future__ import annotations
 

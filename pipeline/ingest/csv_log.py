@@ -139,7 +139,7 @@ def _columns(
     """Parse the wanted columns, into memory or, for a large file, into temporary files."""
     in_memory = path.stat().st_size <= IN_MEMORY_BYTES
     parts: dict[int, list[Array]] = {column: [] for column in wanted}
-    files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}
+    files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}  # noqa: SIM115
     stamps = time_column if layout.has_stamps else None
     count, line, tail = 0, layout.header_lines + 1, b""
     for block, is_last in _blocks(path, layout.data_offset):

@@ -1,6 +1,7 @@
 """MDF 4 (Vector, ETAS, IPEmotion) with asammdf, an optional extra.
 
-asammdf is asked only after the skeleton of the file was checked; it decodes into arrays up to a size, beyond it in pieces.
+asammdf is asked only after the skeleton of the file was checked; it decodes into arrays up to a size, beyond it in
+pieces.
 """
 
 from __future__ import annotations

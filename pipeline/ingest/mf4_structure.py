@@ -7,13 +7,12 @@ that the header reaches are followed; a link that leads out of the file or to so
 from __future__ import annotations
 
 import struct
-import zlib
 from pathlib import Path
 from typing import BinaryIO
 
+from pipeline.ingest.zlib_check import checked_size
 from pipeline.records import Refusal
 
-HEADER_LINKS = {"HD": 6, "DG": 4, "CG": 6, "DZ": 0, "DT": 0, "SD": 0}
 MAX_BLOCKS = 2_000_000
 DZ_HEAD = struct.Struct("<2sBBIQQ")
 
@@ -72,17 +71,6 @@ def _check_compressed(file: BinaryIO, path: Path, offset: int, length: int) -> N
     where = f"{path}: compressed block at byte {offset}"
     if packed > length - 24 - DZ_HEAD.size:
         raise Refusal(f"{where} states {packed} bytes of data in {length}: the file is damaged; copy it again")
-    unpacker, total = zlib.decompressobj(), 0
-    left = packed
-    try:
-        while left:
-            piece = file.read(min(left, 1 << 20))
-            left -= len(piece)
-            total += len(unpacker.decompress(piece))
-            if not piece:
-                break
-        total += len(unpacker.flush())
-    except zlib.error as error:
-        raise Refusal(f"{where} fails its checksum ({error}): the file is damaged; copy it again") from error
-    if total != original or not unpacker.eof:
+    total = checked_size(file, packed, where)
+    if total != original:
         raise Refusal(f"{where} unpacks to {total} bytes, {original} are stated: the file is damaged; copy it again")

@@ -158,7 +158,7 @@ class FileSource:
 
 def read_into(file: BinaryIO, out: np.ndarray, path: Path) -> None:
     """Fill ``out`` from a file, or refuse where the file ends before it is full."""
-    view = memoryview(out).cast("B")
+    view = memoryview(out.view(np.uint8))  # type: ignore[arg-type]
     filled = 0
     while filled < len(view):
         count = file.readinto(view[filled:])  # type: ignore[attr-defined]

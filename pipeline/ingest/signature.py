@@ -29,7 +29,7 @@ def content_format(path: Path) -> str:
         return "mf4" if head[8:9] >= b"4" else "mdf3"
     if head.startswith(b"MATLAB"):
         return "mat"
-    if any(head[place:].startswith(HDF5_MAGIC) for place in HDF5_PLACES):
+    if _holds_hdf5_magic(head):
         return "hdf5"
     if len(head) > 10 and 5009 <= int.from_bytes(head[:2], "little") <= 5020 and b"\x00" in head:
         return "catman"
@@ -50,3 +50,13 @@ def check_content(path: Path, declared: str) -> None:
     raise Refusal(
         f"{path}: file_format says {NAMES[declared]}, but the content is {said}; correct file_format or the file"
     )
+
+
+def is_hdf5(path: Path) -> bool:
+    """Tell whether a file is HDF5, maybe behind a user block (as MAT v7.3 is)."""
+    with path.open("rb") as file:
+        return _holds_hdf5_magic(file.read(4096))
+
+
+def _holds_hdf5_magic(head: bytes) -> bool:
+    return any(head[place:].startswith(HDF5_MAGIC) for place in HDF5_PLACES)

@@ -42,9 +42,7 @@ def read_tdms(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 
 def check_segments(path: Path) -> tuple[Finding, ...]:
-    """Follow the chain of segments to the end of the file; a broken chain is refused, a cut in the data is a "
-    "finding.
-    """
+    """Follow the chain of segments to the end of the file: a broken chain is refused, cut data are a finding."""
     size, position, number = path.stat().st_size, 0, 0
     with path.open("rb") as file:
         while position < size:
@@ -122,7 +120,7 @@ def _find(file: TdmsFile, path: Path, spec: ChannelSpec) -> TdmsChannel:
 def _epoch(stamp: Any) -> float | None:
     if stamp is None:
         return None
-    return float((np.datetime64(stamp) - np.datetime64("1970-01-01T00:00:00")) / np.timedelta64(1, "ns")) * 1e-9
+    return float(np.datetime64(stamp, "ns").astype(np.int64)) * 1e-9
 
 
 def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:

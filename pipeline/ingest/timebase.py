@@ -14,7 +14,7 @@ from pipeline.records import Array, Finding, Refusal, SampleSource
 BLOCK = 1_000_000
 """Stamps looked at in one go."""
 ODD_STEP = 0.5
-"""A step that differs by more than this part of a sampling interval is odd: nearer to another sample than to its own."""
+"""A step that differs by more than this part of a sampling interval is odd: nearer to another sample."""
 MANY_ODD = 0.01
 """Above this share of odd steps the stamps are not a uniform time base."""
 RATE_NOTE = 1.0e-5
