@@ -1,7 +1,9 @@
 """The closed form for many cycles in one compiled pass: eight outputs at the speed of memory.
 
-Each output of `closed_form` needs up to four table rows; written out, they share nine numbers per angle, so that a
-sample costs some twenty multiplications and one root, and writing the results is what takes the time.
+Each output of `closed_form` needs up to four table rows; written out, they share six numbers per angle, and the other
+lengths follow from these by a multiplication. A sample costs some twenty multiplications and one root; writing the
+results is what takes the time. (With nine rows, reading the tables from the second-level cache cost 0.3 of the copy
+more; two cycles per pass, or tiles of the angle, cost more still: docs/mechanism_speed.md.)
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from numba import njit
 
 from pipeline.config import PumpData
 from pipeline.mechanism.closed_form import ClosedForm
+from pipeline.mechanism.kinematics import base_height
 from pipeline.mechanism.mounting import moving_mass
 from pipeline.records import Array, freeze_arrays
 
@@ -35,77 +38,77 @@ class CycleTables:
 
     Attributes
     ----------
-    rows : (9, n_theta) force at rest, its inertia and the roller's moment part per omega^2, y', q r_r, tan phi,
-        sec phi, -lever of the guide moment, Hertz factor
-    plunger_area : [m^2]
-    turn : sign of rotation
-    bearing_weight_x, bearing_weight_y, guide_weight : forces of gravity to add [N]
+    rows : (6, n_theta) lift, inertia forces m y'' of follower and I_r q' / r_r of roller per omega^2, tan phi, sec phi,
+        Hertz factor
+    constants : plunger area, force at zero lift, spring rate, s at zero lift, offset in the running frame, roller
+        radius, height of the guide point (nan: the roller centre), sign of rotation, forces of gravity on bearing x,
+        bearing y and guide
     """
 
     rows: Array
-    plunger_area: float
-    turn: float
-    bearing_weight_x: float
-    bearing_weight_y: float
-    guide_weight: float
+    constants: tuple[float, ...]
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
 
 
 def cycle_tables(pump: PumpData, tables: ClosedForm) -> CycleTables:
-    """Return the rows of the compiled pass from the tables of a pump."""
+    """Return what the compiled pass reads from the tables of a pump."""
     path, mounting = tables.kinematics, tables.mounting
-    along, tangential = tables.outputs["contact_y"], tables.outputs["contact_tangential"]
-    height = path.centre_height if mounting.guide_height is None else mounting.guide_height
+    mass, (gravity_x, gravity_y) = moving_mass(pump, mounting), mounting.gravity
     rows = np.stack(
         [
-            along[0],
-            along[2],
-            tangential[2],
-            path.velocity,
-            path.roller_ratio * pump.roller_radius,
+            path.lift,
+            tables.outputs["contact_y"][2],
+            tables.outputs["contact_tangential"][2],
             path.tan_pressure_angle,
             path.pitch_arc / path.centre_height,
-            height - path.centre_height,
             tables.hertz_factor,
         ]
     )
-    gravity_x, gravity_y = mounting.gravity
-    return CycleTables(
-        rows=rows,
-        plunger_area=pump.plunger_area,
-        turn=float(mounting.rotation),
-        bearing_weight_x=-pump.cam_mass * gravity_x,
-        bearing_weight_y=-pump.cam_mass * gravity_y,
-        guide_weight=-moving_mass(pump, mounting) * gravity_x,
+    constants = (
+        pump.plunger_area,
+        pump.spring_preload - mass * gravity_y,
+        pump.spring_stiffness,
+        base_height(pump),
+        path.offset,
+        pump.roller_radius,
+        np.nan if mounting.guide_height is None else mounting.guide_height,
+        float(mounting.rotation),
+        -pump.cam_mass * gravity_x,
+        -pump.cam_mass * gravity_y,
+        -mass * gravity_x,
     )
+    return CycleTables(rows, tuple(float(value) for value in constants))
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})
-def _evaluate(rows, area, turn, weight_x, weight_y, weight_guide, pressure, speed, out):  # type: ignore[no-untyped-def]
-    at_rest, inertia, roller, velocity, ratio, tangent, secant, lever, factor = (
-        rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7], rows[8],
-    )  # fmt: skip
+def _evaluate(rows, constants, pressure, speed, out):  # type: ignore[no-untyped-def]
+    lift, inertia, roller, tangent, secant, factor = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    area, at_rest, stiffness, base, offset, radius, guide_height, turn, weight_x, weight_y, weight_guide = constants
+    # about the roller centre the lever is (s - s): the same loop with both factors 0
+    to_guide, from_axis = (0.0, 0.0) if np.isnan(guide_height) else (guide_height, 1.0)
     for cycle in range(pressure.shape[0]):
         squared = speed[cycle] * speed[cycle]
         load = pressure[cycle]
         torque, normal, tangential = out[0, cycle], out[1, cycle], out[2, cycle]
         bearing_x, bearing_y, guide = out[3, cycle], out[4, cycle], out[5, cycle]
         moment, hertz = out[6, cycle], out[7, cycle]
-        for i in range(pressure.shape[1]):
-            along = at_rest[i] + area * load[i] + inertia[i] * squared
+        for i in range(load.size):
+            along = at_rest + stiffness * lift[i] + area * load[i] + inertia[i] * squared
             across = roller[i] * squared
+            height = base + lift[i]
             force = along * secant[i] - across * tangent[i]
             side = turn * (across * secant[i] - along * tangent[i])
             reaction = weight_guide - side
-            torque[i] = along * velocity[i] + across * ratio[i]
+            # y' = e + s tan phi, and the roller's share of the torque is F_t (r_r - L) with L = s sec phi
+            torque[i] = along * (offset + height * tangent[i]) + across * (radius - height * secant[i])
             normal[i] = force
             tangential[i] = across
             bearing_x[i] = side + weight_x
             bearing_y[i] = along + weight_y
             guide[i] = reaction
-            moment[i] = lever[i] * reaction
+            moment[i] = (to_guide - from_axis * height) * reaction
             hertz[i] = factor[i] * np.sqrt(max(force, 0.0))
 
 
@@ -129,15 +132,5 @@ def evaluate_cycles(tables: CycleTables, pressure: Array, speed: Array, out: Arr
     result = np.empty(shape) if out is None else out
     if result.shape != shape:
         raise ValueError(f"cycles: out has shape {result.shape}, expected {shape}")
-    _evaluate(
-        tables.rows,
-        tables.plunger_area,
-        tables.turn,
-        tables.bearing_weight_x,
-        tables.bearing_weight_y,
-        tables.guide_weight,
-        pressure,
-        speed,
-        result,
-    )
+    _evaluate(tables.rows, tables.constants, pressure, speed, result)
     return result
