@@ -26,7 +26,7 @@ class AlignOptions:
     outlier_z : robust z of a cycle's distance from the robust mean cycle beyond which it is an outlier
     repaired_angle_deg : a repaired pulse is used when its expected error is below this
     scratch_dir : folder for aligned arrays on disk; None keeps them in memory
-    block_samples : samples read at a time
+    block_samples : samples read at a time (a block and its results fit into the processor's cache)
     """
 
     n_theta: int = 3600
@@ -37,7 +37,7 @@ class AlignOptions:
     outlier_z: float = 8.0
     repaired_angle_deg: float = 0.15
     scratch_dir: Path | None = None
-    block_samples: int = 1 << 20
+    block_samples: int = 1 << 18
 
     def __post_init__(self) -> None:
         if self.n_theta < 36:

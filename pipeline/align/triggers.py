@@ -33,6 +33,10 @@ LONGEST_HALF_WINDOW = 64
 """Return the samples on either side of an edge that are looked at, at most."""
 REST_HIGH = 0.65
 """A signal that is high for longer than this rests high: its pulses point down."""
+BUNDLE = 4096
+"""Edges worked off at once."""
+NOISE_PAIRS = 4096
+"""Pairs of neighbouring samples of a block that the noise is taken from, at most."""
 MIN_HEIGHT_TO_NOISE = 8.0
 """Pulses lower than this many standard deviations of the plateaus are no pulses."""
 
@@ -86,8 +90,8 @@ def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_
         No pulses in the channel.
     """
     window = max(16, round(WINDOW_REVOLUTIONS * 2.0 * np.pi / nominal_speed * channel.sample_rate))
-    block = max(block_samples, POOLED_WINDOWS * window)
-    scan, rising, falling, n_nan = _Scan(), [], [], 0
+    block = max(2 * block_samples, POOLED_WINDOWS * window)
+    scan, rising, falling, n_nan = _Scan(), _Collector(1.0), _Collector(-1.0), 0
     for start in range(0, channel.n_samples, block):
         first = max(0, start - LONGEST_HALF_WINDOW)
         last = min(channel.n_samples, start + block + LONGEST_HALF_WINDOW)
@@ -96,10 +100,10 @@ def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_
         places = _scan_block(volts, start - first, stop, window, scan, first)
         up, down = places[places > 0] - 1, -places[places < 0] - 1
         half = _half_window(np.abs(places))
-        rising.append(_samples_at(volts, first, up, half, 1.0))
-        falling.append(_samples_at(volts, first, down, half, -1.0))
+        rising.add(volts, first, up, half)
+        falling.add(volts, first, down, half)
         n_nan += _count_nan(volts[start - first : stop])
-    return _edges(channel, spec, joined(rising), joined(falling), scan.n_high / max(1, channel.n_samples), n_nan)
+    return _edges(channel, spec, rising.edges(), falling.edges(), scan.n_high / max(1, channel.n_samples), n_nan)
 
 
 def _scan_block(volts: Array, begin: int, stop: int, window: int, scan: _Scan, first: int) -> NDArray[np.int64]:
@@ -114,7 +118,9 @@ def _scan_block(volts: Array, begin: int, stop: int, window: int, scan: _Scan, f
 
 def _noise(volts: Array) -> float:
     """Robust noise of the plateaus from the differences of neighbouring samples [V]."""
-    differences = np.abs(np.diff(volts[: 16 * (volts.size // 16)].reshape(-1, 16)[:, :2], axis=1))
+    stride = 2 * max(1, volts.size // (2 * NOISE_PAIRS))
+    n = volts.size // stride
+    differences = np.abs(volts[1 : n * stride : stride] - volts[: n * stride : stride])
     finite = differences[np.isfinite(differences)]
     return 1.4826 / np.sqrt(2.0) * float(np.median(finite)) if finite.size else 0.0
 
@@ -210,9 +216,32 @@ def _half_window(crossings: NDArray[np.int64]) -> int:
     return int(np.clip(gap // 2, 2, LONGEST_HALF_WINDOW))
 
 
-def _samples_at(volts: Array, first: int, before: NDArray[np.int64], half: int, sign: float) -> EdgeSamples:
-    columns = before[:, None] - first + np.arange(-half + 1, half + 1)[None, :]
-    return edge_samples(sign * volts[np.clip(columns, 0, volts.size - 1)], before)
+class _Collector:
+    """Gathers the samples around edges over blocks; edges are worked off in bundles, so that memory stays bounded."""
+
+    def __init__(self, sign: float) -> None:
+        self.sign = sign
+        self.waiting: list[tuple[Array, NDArray[np.int64]]] = []
+        self.done: list[EdgeSamples] = []
+
+    def add(self, volts: Array, first: int, before: NDArray[np.int64], half: int) -> None:
+        columns = before[:, None] - first + np.arange(-half + 1, half + 1)[None, :]
+        self.waiting.append((self.sign * volts[np.clip(columns, 0, volts.size - 1)], before))
+        if sum(windows.shape[0] for windows, _ in self.waiting) > BUNDLE:
+            self._work_off()
+
+    def edges(self) -> EdgeSamples:
+        self._work_off()
+        return joined(self.done)
+
+    def _work_off(self) -> None:
+        half = min((windows.shape[1] // 2 for windows, before in self.waiting if before.size), default=1)
+        middle = [windows[:, windows.shape[1] // 2 - half :][:, : 2 * half] for windows, _ in self.waiting]
+        before = np.concatenate([before for _, before in self.waiting]) if self.waiting else np.empty(0, dtype=np.int64)
+        self.done.append(
+            edge_samples(np.concatenate([m for m in middle if m.size]) if before.size else np.empty((0, 2)), before)
+        )
+        self.waiting = []
 
 
 def _edges(
