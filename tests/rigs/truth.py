@@ -278,6 +278,16 @@ class RigTruth:
         if self.rotation not in (1, -1):
             raise ValueError("rotation is +1 or -1")
 
+    @property
+    def equivalent_bearing_arm(self) -> float:
+        """Friction torque over contact load of bearing and roller pin together, at half lift [m].
+
+        The pin turns L/r_r - 1 times per cam angle, so a fit without a pin finds it in the bearing.
+        """
+        pump, friction = self.pump, self.friction
+        turns = (pump.base_circle_radius + 0.5 * pump.cam.lift) / pump.roller_radius
+        return friction.bearing_mu * friction.bearing_radius + friction.pin_mu * friction.pin_radius * turns
+
 
 def change(truth: RigTruth, **values: object) -> RigTruth:
     """Return a copy with some parameters changed: ``change(rig, friction__guide_mu=0.0, pump__cam__lift=0.01)``."""
