@@ -184,9 +184,9 @@ def parse_block(
     rows = block.count(b"\n")
     separators = (layout.n_columns - 1) * rows
     in_order = layout.separator == " " or block.count(layout.separator.encode()) == separators
-    if stamps is None and in_order and block.count(b'"') == 0:
+    if in_order and block.count(b'"') == 0:
         try:
-            frame = _parse_fast(block, layout, wanted)
+            frame = _parse_fast(block, layout, wanted, stamps)
         except (ValueError, OverflowError):
             frame = None
         if frame is not None and len(frame) == rows and np.isfinite(frame.to_numpy()).all():
@@ -194,21 +194,28 @@ def parse_block(
     return _parse_lines(block, layout, wanted, stamps, damage, line)
 
 
-def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int]) -> pd.DataFrame:
-    return pd.read_csv(
+def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None) -> pd.DataFrame:
+    frame = pd.read_csv(
         io.BytesIO(block),
         sep=r"\s+" if layout.separator == " " else layout.separator,
         decimal=layout.decimal,
         header=None,
         names=range(layout.n_columns),
         usecols=wanted,
-        dtype=np.float64,
+        dtype={column: str if column == stamps else np.float64 for column in wanted},
         engine="c",
         quoting=3,
         index_col=False,
         skip_blank_lines=False,
         encoding="latin-1",
     )
+    if stamps is not None:
+        frame[stamps] = _seconds(pd.to_datetime(frame[stamps].str.replace(",", "."), utc=True, format="ISO8601"))
+    return frame
+
+
+def _seconds(stamps: pd.Series) -> pd.Series:
+    return (stamps - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
 
 
 def _parse_lines(
@@ -236,7 +243,7 @@ def _cell(text: str, decimal: str, is_stamp: bool, damage: Damage, line: int) ->
         if pd.isna(stamp):
             damage.cell(line)
             return np.nan
-        return stamp.value * 1e-9
+        return (stamp - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
     plain = text.replace(decimal, ".") if decimal != "." else text
     if NUMBER.match(plain):
         return float(plain)

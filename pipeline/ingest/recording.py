@@ -53,7 +53,7 @@ def read_recording(path: Path) -> Recording:
         channels=channels,
         cam_table=cam_table,
         inputs=tuple(hash_file(file) for file in dict.fromkeys([*papers, *logs])),
-        findings=(
+        findings=_said_once(
             *config.findings,
             *cam_findings,
             *(finding for sensor in sensors.values() for finding in sensor.findings),
@@ -62,6 +62,11 @@ def read_recording(path: Path) -> Recording:
             *_ends(config, channels),
         ),
     )
+
+
+def _said_once(*findings: Finding) -> tuple[Finding, ...]:
+    """Drop what channels of one file repeat word for word."""
+    return tuple({(finding.code, finding.text): finding for finding in reversed(findings)}.values())[::-1]
 
 
 def _read_files(config: RecordingConfig) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:

@@ -113,7 +113,7 @@ def isolated_samples(volts: Array) -> np.ndarray:
     candidates = candidates[(candidates >= OVERLAP) & (candidates < volts.size - OVERLAP)]
     here = bend[candidates]
     sides = [bend[candidates + step] / here for step in (-1, 1)]
-    alone = np.all([np.abs(side + 0.5) < 0.2 for side in sides], axis=0)
+    alone = np.all([np.abs(side + 0.5) < 0.1 for side in sides], axis=0)
     beside = np.max([size[candidates + step] for step in (-3, -2, 2, 3)], axis=0)
     return candidates[alone & (np.abs(here) > SPIKE_TIMES_BESIDE * beside)]
 

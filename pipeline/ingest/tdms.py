@@ -6,12 +6,15 @@ there, before the library is asked (NI, "TDMS File Format Internal Structure").
 
 from __future__ import annotations
 
+import logging
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from nptdms import TdmsChannel, TdmsFile
+from nptdms.log import log_manager
 from nptdms.scaling import get_scaling
 
 from pipeline.config import ChannelSpec
@@ -28,6 +31,8 @@ SCALE_COUNT = "NI_Number_Of_Scales"
 
 def read_tdms(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of a TDMS file; each may have its own rate."""
+    # what the library would write to standard error about a cut file is a finding here
+    log_manager.set_level(logging.CRITICAL)
     findings = list(check_segments(path))
     with refusing(path, "TDMS"):
         file = TdmsFile.open(path)
@@ -130,7 +135,9 @@ def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
     pieces = _pieces(file, channel.path)
     if pieces is None:
         return CallSource(len(channel), lambda start, stop: _by_library(path, channel, start, stop), path, "TDMS")
-    return FileSource(path, pieces, None if scaling is None else scaling.scale)
+    # the library's scales expect an object with the raw values in .data
+    scale = None if scaling is None else lambda raw: scaling.scale(SimpleNamespace(data=raw, scaler_data=None))
+    return FileSource(path, pieces, scale)
 
 
 def _by_library(path: Path, channel: TdmsChannel, start: int, stop: int) -> np.ndarray:

@@ -1,0 +1,131 @@
+"""The verdict on each case of the damaged corpus.
+
+``refused`` is a pattern of the one line; otherwise ``findings`` are the codes that ingest and its check have to give, and
+no other (but those of the shared sheets). ``lost`` is the number of cycles that the alignment leaves out, where known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from damaged.logs import SUFFIXES
+
+
+@dataclass(frozen=True)
+class Verdict:
+    refused: str = ""
+    findings: frozenset[str] = frozenset()
+    align: frozenset[str] = frozenset()
+    lost: int | None = None
+
+
+def refused(pattern: str) -> Verdict:
+    return Verdict(refused=pattern)
+
+
+def used(*findings: str, align: tuple[str, ...] = (), lost: int | None = None) -> Verdict:
+    return Verdict(findings=frozenset(findings), align=frozenset(align), lost=lost)
+
+
+OF_THE_SHEETS = frozenset({"lift_negative", "delay_tolerance_assumed"})
+"""Findings about the sheets in ``calibration/``, the same for every case."""
+
+HEADER_CUTS = {
+    "csv": "holds a header but no row of numbers",
+    "tdms": "ends inside the description of segment 1",
+    "mf4": "are not an MDF 4 identification",
+    "hdf5": "cannot be read as HDF5",
+    "mat": "are not a MATLAB v5 header",
+    "catman": "cannot be read as catman",
+}
+
+VERDICTS: dict[str, Verdict] = {
+    **{f"clean_{name}": used(lost=0) for name in SUFFIXES},
+    **{f"empty_{name}": refused(r"the file is empty \(0 bytes\)") for name in SUFFIXES},
+    **{f"cut_in_header_{name}": refused(pattern) for name, pattern in HEADER_CUTS.items()},
+    "cut_half_csv": used("csv_cut_row"),
+    "cut_half_tdms": refused("'Prox_Trigger' in group 'Grp_trigger' holds no samples"),
+    "cut_half_mf4": refused("it is cut or damaged"),
+    "cut_half_hdf5": refused("truncated file"),
+    "cut_half_mat": refused("no whole MATLAB element"),
+    "cut_half_catman": refused("of 22000 samples ends at byte"),
+    "cut_last_byte_csv": used("csv_cut_row"),
+    "cut_last_byte_tdms": used("file_truncated", "samples_missing"),
+    "cut_last_byte_mf4": refused("it is cut"),
+    "cut_last_byte_hdf5": refused("truncated file"),
+    "cut_last_byte_mat": refused("no whole MATLAB element"),
+    "cut_last_byte_catman": refused("it is cut"),
+    "header_only_csv": refused("holds a header but no row of numbers"),
+    "cut_half_uncompressed_mf4": refused("it is cut or damaged"),
+    "cut_half_contiguous_hdf5": refused("truncated file"),
+    "cut_half_uncompressed_mat": refused("no whole MATLAB element"),
+    "cut_mat73": refused("truncated file"),
+    "clean_mat73": used(lost=0),
+    "clean_mat_struct": used(lost=0),
+    "flipped_hdf5_checksum": refused("samples 0 to 22000: cannot be read as HDF5"),
+    "flipped_mf4_deflate": refused("fails its checksum"),
+    "flipped_mat_deflate": refused("fails its checksum"),
+    "flipped_tdms_lead_in": refused("file_format says TDMS, but the content is"),
+    "flipped_csv_digit": used("isolated_samples", "out_of_range"),
+    "flipped_csv_separator": used("csv_rows_damaged", "time_stamp_damaged", "samples_not_numbers"),
+    "flipped_csv_row_end": used("csv_rows_damaged", "time_stamp_damaged", "samples_not_numbers"),
+    "letters_in_csv": used("csv_rows_damaged", "time_stamp_damaged", "samples_not_numbers"),
+    "row_missing_csv": used("time_gap"),
+    "companion_cut_csv": used("log_ends_early"),
+    "unfinished_mf4": refused("never finished it"),
+    "unclosed_tdms": used("file_truncated", "samples_missing", "log_ends_early"),
+    "wrong_content": refused("file_format says HDF5, but the content is TDMS"),
+    "missing_log": refused("no such file; recording.toml names it"),
+    **{
+        f"dialect_{name}": used(lost=0)
+        for name in (
+            "semicolon",
+            "tab_bom",
+            "brackets",
+            "milliseconds",
+            "iso_stamps",
+            "no_time",
+            "crlf",
+            "blanks",
+            "latin1",
+        )
+    },
+    "dialect_hint_wrong": used("csv_dialect_differs", lost=0),
+    "unit_in_file_differs": refused("the file's unit is 'mV', recording.toml says 'V'"),
+    "unit_unknown": refused("unknown unit 'Vlt', did you mean 'V'"),
+    "unit_of_other_kind": refused("unit 'mm' is a length, expected a voltage unit"),
+    "channel_unknown": refused("no data set 'Main/Torqe', did you mean 'Main/Torque'"),
+    "group_unknown": refused("no group 'Torque', did you mean 'Grp_torque'"),
+    "key_missing": refused("nominal_speed_rpm: this key is missing"),
+    "key_unknown": used("unknown_key"),
+    "key_misspelt": refused("level_V: this key is missing, is it 'level_v'"),
+    "value_impossible": refused("plunger_diameter_m: found -0.008, expected a number > 0"),
+    "rate_contradicts": refused("says 10000 Hz, recording.toml says 20000 Hz; correct the one that is wrong"),
+    "rate_off_a_little": used("rate_differs"),
+    "nan_run_csv": used("samples_not_numbers"),
+    "nan_run_hdf5": used("samples_not_numbers"),
+    "gap_csv": used("time_gap"),
+    "gap_mf4": used("time_gap"),
+    "clock_jump_mat": used("time_gap"),
+    "clock_jump_catman": used("time_gap"),
+    "time_runs_back_csv": used("time_not_monotonic"),
+    "time_not_uniform_csv": refused("the samples are not equidistant"),
+    "clipped_pressure": used("pressure_clipped"),
+    "clipped_torque": used("torque_clipped"),
+    "constant_pressure": used("channel_constant"),
+    "constant_trigger": used("channel_constant"),
+    "swapped_channels": used("channels_swapped"),
+    "inverted_torque": used(align=("torque_inverted",)),
+    "trigger_missed": used("pulses_irregular"),
+    "trigger_doubled": used("pulses_irregular"),
+    "trigger_bounced": used("pulses_irregular"),
+    "misfire": used(),
+    "speed_ramp": used(),
+    "start_stop": used(),
+    "three_cycles_only": used(),
+    "two_loggers": used(),
+    "two_loggers_one_trigger": used(),
+    "spike_tdms": used("isolated_samples"),
+    "out_of_range_tdms": used("out_of_range"),
+}
+"""Name of a case -> what the product says about it."""

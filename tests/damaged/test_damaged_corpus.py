@@ -1,0 +1,30 @@
+"""Every case of the corpus meets its verdict, and none ends in anything but a record or a refusal of one line."""
+
+from pathlib import Path
+
+import pytest
+from damaged.build import BUILDERS
+from damaged.cases import OF_THE_SHEETS, VERDICTS
+
+from pipeline.ingest import check_recording
+from pipeline.records import Refusal
+
+
+def test_every_case_has_a_verdict_and_there_are_enough():
+    assert set(BUILDERS) == set(VERDICTS)
+    assert len(BUILDERS) >= 40
+
+
+@pytest.mark.parametrize("name", sorted(BUILDERS))
+def test_verdict(name: str, tmp_path: Path):
+    if "mf4" in name:
+        pytest.importorskip("asammdf")
+    verdict = VERDICTS[name]
+    folder = BUILDERS[name](tmp_path / name)
+    if verdict.refused:
+        with pytest.raises(Refusal, match=verdict.refused) as caught:
+            check_recording(folder)
+        assert "\n" not in str(caught.value)
+        return
+    codes = {finding.code for finding in check_recording(folder)} - OF_THE_SHEETS
+    assert codes == verdict.findings
