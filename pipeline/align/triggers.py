@@ -32,7 +32,7 @@ NOISE_HEIGHTS = 12.0
 LONGEST_HALF_WINDOW = 64
 """Return the samples on either side of an edge that are looked at, at most."""
 REST_HIGH = 0.65
-"""A signal that is high for longer than this rests high: its pulses point down."""
+"""A signal that is high for longer than this part of a usual period rests high: its pulses point down."""
 BUNDLE = 4096
 """Edges worked off at once."""
 NOISE_PAIRS = 4096
@@ -51,7 +51,7 @@ class Edges:
     width : time that a pulse lasts, median [s]
     height : median height of the pulses [V]
     noise : standard error of one edge time, from the noise of the plateaus and the slope of the edge [s]
-    high_fraction : part of the time that the signal is high
+    high_fraction : part of a usual period that the signal is high: a shaft that stands still does not count
     edge : the voltage edge that was taken
     n_nan : samples that are no numbers
     """
@@ -71,7 +71,6 @@ class _Scan:
     """State that a scan carries from block to block."""
 
     state: int = -1
-    n_high: int = 0
 
 
 def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_samples: int = 1 << 20) -> Edges:
@@ -103,16 +102,15 @@ def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_
         rising.add(volts, first, up, half)
         falling.add(volts, first, down, half)
         n_nan += _count_nan(volts[start - first : stop])
-    return _edges(channel, spec, rising.edges(), falling.edges(), scan.n_high / max(1, channel.n_samples), n_nan)
+    return _edges(channel, spec, rising.edges(), falling.edges(), n_nan)
 
 
 def _scan_block(volts: Array, begin: int, stop: int, window: int, scan: _Scan, first: int) -> NDArray[np.int64]:
     level, margin = _levels(*_window_extremes(volts, window), NOISE_HEIGHTS * _noise(volts))
     places = np.empty(max(1, stop - begin), dtype=np.int64)
-    count, scan.state, n_high = _transitions(
+    count, scan.state = _transitions(
         volts, begin, stop, first, window, level - margin, level, level + margin, scan.state, places
     )
-    scan.n_high += n_high
     return places[:count]
 
 
@@ -166,21 +164,19 @@ def _count_nan(volts: Array) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def _transitions(volts, begin, stop, first, window, lower, level, upper, state, out):  # type: ignore[no-untyped-def]
-    """Write the sample before each level crossing, plus one, positive when rising; return count, state, samples high.
+    """Write the sample before each level crossing, plus one, positive when rising; return count and state.
 
     A crossing counts when the hysteresis level on the far side is reached; its place is the last crossing before.
     Samples that are no numbers leave the state as it is.
     """
-    count, n_high, last = 0, 0, level.size - 1
+    count, last = 0, level.size - 1
     i = begin
     while i < stop:
         w = min(i // window, last)
         end = stop if w == last else min(stop, (w + 1) * window)
         if state == 1:
-            start = i
             while i < end and not volts[i] < lower[w]:
                 i += 1
-            n_high += i - start
             if i < end:
                 out[count] = -(first + _crossing_before(volts, i, level[w], False))
                 count, state = count + 1, 0
@@ -197,7 +193,7 @@ def _transitions(volts, begin, stop, first, window, lower, level, upper, state, 
                 state = 1 if volts[i] > upper[w] else 0
             else:
                 i += 1
-    return count, state, n_high
+    return count, state
 
 
 @numba.njit(cache=True, nogil=True)
@@ -244,10 +240,9 @@ class _Collector:
         self.waiting = []
 
 
-def _edges(
-    channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: EdgeSamples, high: float, n_nan: int
-) -> Edges:
+def _edges(channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: EdgeSamples, n_nan: int) -> Edges:
     where = f"{channel.path.name}, channel {channel.name!r}"
+    high = _high_fraction(rising.before, falling.before)
     inverted = high > REST_HIGH and spec.edge == "rising"
     edge = "falling" if inverted else spec.edge
     taken, other = (falling, rising) if edge == "falling" else (rising, falling)
@@ -279,6 +274,12 @@ def _edges(
         )
     edge_noise = noise / (height * slope * channel.sample_rate)
     return Edges(time, width, height, edge_noise, high, edge, n_nan, tuple(findings))
+
+
+def _high_fraction(rising: NDArray[np.int64], falling: NDArray[np.int64]) -> float:
+    if rising.size < 2 or not falling.size:
+        return 0.0
+    return _pulse_width(rising.astype(np.float64), falling) / _median(np.diff(rising))
 
 
 def _median(values: Array) -> float:

@@ -152,6 +152,18 @@ def test_start_and_stop_are_cut_and_the_steady_part_is_used() -> None:
     assert abs(angle_error_deg(cycles.pressure, pressure_of, cycles.theta)) < 0.05
 
 
+def test_tooth_that_stands_before_the_sensor_is_no_inverted_trigger() -> None:
+    recording = make(Rig(duration=3.0))
+    channels = []
+    for c in recording.channels:
+        still = 5.0 if c.quantity == "trigger" else c.source.values[0]
+        n = int(6.0 * c.sample_rate)
+        channels.append(replace(c, source=Samples(np.r_[np.full(n, still), c.source.values])))
+    cycles = align(replace(recording, channels=tuple(channels)))
+    assert cycles.findings == ()
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+
+
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1000), samples_per_step=st.floats(0.3, 8.0), rule=st.sampled_from([0, 1, 2]))
 def test_resampling_reproduces_a_straight_line(seed: int, samples_per_step: float, rule: int) -> None:
