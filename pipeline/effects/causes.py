@@ -81,4 +81,14 @@ def work_per_revolution(data: ChainInput, output: ChainOutput, torques: Mapping[
     """Return the work of each group over the true cam angle [J per revolution]."""
     advance = output.motion.rate / data.speed * (2.0 * np.pi / data.theta.size)
     work = {name: float(np.sum(torque * advance)) for name, torque in torques.items()}
-    return {group: sum(work[name] for name in names) for group, names in LOSS_GROUPS.items()}
+    groups = {group: sum(work[name] for name in names) for group, names in LOSS_GROUPS.items()}
+    return {**groups, "driveline": _driveline_loss(data, output)}
+
+
+def _driveline_loss(data: ChainInput, output: ChainOutput) -> float:
+    """Return the work that shaft and coupling damping take between drive and cam [J per revolution].
+
+    Twist and drive turn the cam against the uniform angle by psi: the torque does the work ``-T dpsi`` on them.
+    """
+    swing = output.motion.rate / data.speed - 1.0
+    return -float(np.sum(data.shaft_torque * swing)) * 2.0 * np.pi / data.theta.size

@@ -22,8 +22,10 @@ from pipeline.records import Array, freeze_arrays
 BIN = 5
 """Fine grid points per bin of the fit's grid: 3600 -> 720."""
 COMPLEX_STEP = 1.0e-30
-SHIFT_NAMES = ("trigger_offset", "shaft_compliance", "drive_admittance")
-SHAFT_NAMES = ("shaft_compliance", "shaft_damping", "cam_side_inertia")
+SHIFT_NAMES = ("trigger_offset", *driveline.COMPLIANCE_NAMES)
+"""Parameters that move the cam angle."""
+SHAFT_NAMES = ("cam_side_inertia", *driveline.COMPLIANCE_NAMES)
+"""Parameters of the transfer from the load to the shaft."""
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
 LINEAR_NAMES = (
     "bearing_arm", "shaft_drag", "shaft_viscous", "plunger_viscous", "spring_stiffness_error", "spring_preload_error",
@@ -63,24 +65,28 @@ class ChainInput:
     roller_inertia: float
     lift_basis: LiftCorrection | None
     uses_chamber: bool = True
-    shifts: tuple[Array, Array, Array] = field(init=False)
+    twist: driveline.TwistBasis = field(init=False)
     top_lift: float = field(init=False)
 
     def __post_init__(self) -> None:
-        shifts = driveline.angle_shifts(self.shaft_torque, self.theta, self.speed, self.trigger_angle)
-        object.__setattr__(self, "shifts", shifts)
+        twist = driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle)
+        object.__setattr__(self, "twist", twist)
         object.__setattr__(self, "top_lift", float(np.max(self.law.evaluate(self.theta, 0))))
         freeze_arrays(self)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Cam angle, its rates, and the lift with three derivatives at one set of values, each (n,)."""
+    """Cam angle, its rates, and the lift with three derivatives at one set of values, each (n,).
+
+    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 7) each.
+    """
 
     theta: Array
     rate: Array
     second: Array
     lift: tuple[Array, Array, Array, Array]
+    shifts: tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ class ChainOutput:
     linear : (m, n_linear + n_basis) columns of the linear parameters, then of the lift correction
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
-    pressure_tangents : (n, 15 + 3) in kernel order, then shifts; None where the line pressure is used
+    pressure_tangents : (n, 15 + 7) in kernel order, then `SHIFT_NAMES`; None where the line pressure is used
     load : (n,) contact force along the follower lambda_y [N]
     flows : (n, 4) port, spill, valve, leak [m^3/s]
     """
@@ -109,11 +115,15 @@ class ChainOutput:
 
 def cam_motion(data: ChainInput, values: Mapping[str, float]) -> Motion:
     """Return the true cam angle after trigger offset, twist and drive, with its rates and the lift there."""
-    weights = np.array([values[name] for name in SHIFT_NAMES])
-    shift, rate, second = data.shifts
-    theta = data.theta + shift @ weights
+    moved = driveline.angle_shifts(data.twist, values)
+    theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
     lift = tuple(data.law.evaluate(theta, derivative) for derivative in range(4))
-    return Motion(theta, data.speed * (1.0 + rate @ weights), data.speed**2 * (second @ weights), lift)  # type: ignore[arg-type]
+    rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]
+    n = data.theta.size
+    shifts = tuple(
+        np.column_stack([np.full(n, first), part[:, 1:]]) for first, part in zip((1.0, 0.0, 0.0), moved, strict=True)
+    )
+    return Motion(theta, rate, second, lift, shifts)  # type: ignore[arg-type]
 
 
 def contact_load(data: ChainInput, lift: tuple[Any, Any, Any], rates: tuple[Any, Any], pressure: Any, mu: Any) -> Any:
@@ -169,9 +179,9 @@ def binned(values: Array) -> Array:
 
 
 def transfer(data: ChainInput, values: Mapping[str, float], n_points: int) -> tuple[Any, Any, Any]:
-    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 6) on the harmonics of a grid."""
+    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 10) on the harmonics of a grid."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
-    shaft, shaft_d = driveline.shaft_transfer(omega, *(values[name] for name in SHAFT_NAMES))
+    shaft, shaft_d = driveline.shaft_transfer(omega, values["cam_side_inertia"], values)
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
     return shaft, measured, np.column_stack([shaft_d * measured[:, None], measured_d * shaft[:, None]])
 
@@ -191,7 +201,7 @@ def chamber_of(data: ChainInput, values: Mapping[str, float], motion: Motion) ->
     time_step = 2.0 * np.pi / data.theta.size / data.speed
     return chamber.integrate_chamber(
         vector, data.pump.plunger_area, data.top_lift, time_step, motion.theta, motion.lift[0], motion.lift[1],
-        data.line_pressure, data.shifts[0],
+        data.line_pressure, motion.shifts[0],
     )  # fmt: skip
 
 
@@ -270,7 +280,7 @@ def _mechanical_derivative(
     by_second = total(lift, (motion.rate, motion.second + step), output.pressure, mu, correction)
     by_pressure = total(lift, rates, output.pressure + step, mu, correction)
     result = np.zeros((data.theta.size, len(names)))
-    shift, rate, second = data.shifts
+    shift, rate, second = motion.shifts
     for j, name in enumerate(names):
         if name in SHIFT_NAMES:
             k = SHIFT_NAMES.index(name)
@@ -293,4 +303,5 @@ def _correction_slopes(data: ChainInput, motion: Motion, coefficients: Array) ->
     if data.lift_basis is None:
         return np.zeros(data.theta.size), np.zeros(data.theta.size)
     basis, lifts = data.lift_basis, coefficients[len(LINEAR_NAMES) :]
-    return basis.correction(motion.theta, lifts, 1), basis.correction(motion.theta, lifts, 2)
+    theta = binned(motion.theta)
+    return np.repeat(basis.correction(theta, lifts, 1), BIN), np.repeat(basis.correction(theta, lifts, 2), BIN)

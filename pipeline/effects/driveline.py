@@ -1,15 +1,22 @@
 """Driveline: the shaft twists, the drive is not infinitely heavy, and the transducer sits between them.
 
 The trigger sits on the camshaft, so the cam angle is known at its edge and only there. Between edges (DESIGN: the
-correction enters once, here)::
+correction enters once, here), with T the torque of the shaft, which the transducer measures, and s = i w::
 
-    theta = theta_nominal + d_trigger + psi - psi(edge),   psi = -T/k_t - (1/J) iint (T - mean T) dt^2
+    theta = theta_nominal + d_trigger + psi - psi(edge),   psi = -C(s) T
+    C(s)  = 1/(k_t + c_t s) + (1/J)/s^2 + (1/k_c) w_c^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
 
-with T the torque of the shaft, which the transducer measures. On the load's side, the inertia between transducer and
-cam turns the load into shaft torque by the transfer function ``(k_t + i w c) / (k_t + i w c - w^2 I_c)``.
+The first term is the shaft, the second the double integral over time for a drive of inertia J. The third, an effect of
+its own (``coupling``), is a coupling half that swings behind the transducer on a yielding coupling; far below w_c it is
+more compliance, so a shaft stiffness fitted without it is wrong. The inertia between transducer and cam turns the load
+into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,56 +38,94 @@ ROWS = (
             "inverse of the drive's inertia; 0 for a drive that holds its speed", "assumed: J above 0.1 kg m^2"),
 )  # fmt: skip
 
+COUPLING_ROWS = (
+    display("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (0.0, 200.0),
+            "compliance of the coupling behind the transducer", "catalogues of elastic couplings: 1000-50000 N m/rad"),
+    display("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 20.0, 600.0, 5.0), (120.0, 80.0),
+            "frequency at which the coupling half behind the transducer swings", "1-10 g m^2 on such a coupling"),
+    display("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.1),
+            "damping ratio of that motion", "elastomer couplings: 0.05-0.15"),
+)  # fmt: skip
+
 TWIST_BANDWIDTH_HZ = 2500.0
 """Above this the measured torque holds no twist, only noise; a smooth roll-off of order 8."""
 
 
-def angle_shifts(shaft_torque: Array, theta: Array, speed: float, trigger_angle: float) -> tuple[Array, Array, Array]:
-    """Return the cam-angle shift per unit of trigger offset, compliance and drive admittance.
+@dataclass(frozen=True)
+class TwistBasis:
+    """What the measured torque says about the cam angle, before stiffness and drive are known.
 
-    Parameters
+    Attributes
     ----------
-    shaft_torque : (n,) mean cycle of the torque of the shaft [N m]
-    theta : (n,) uniform nominal cam angle [rad]
-    speed : [rad/s]
-    trigger_angle : nominal cam angle of the edge, where the shift of twist and drive is zero [rad]
+    spectrum : (n/2 + 1,) harmonics of the shaft's torque, noise rolled off
+    omega : (n/2 + 1,) their angular frequencies [rad/s]
+    edge : cam angle of the trigger edge, where the shift is zero [rad]
+    n_theta : points of the grid
+    """
+
+    spectrum: NDArray[np.complex128]
+    omega: Array
+    edge: float
+    n_theta: int
+
+
+def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> TwistBasis:
+    """Return the basis of a mean cycle of the shaft's torque (n,) [N m] at a speed [rad/s]."""
+    omega = np.asarray(np.arange(shaft_torque.size // 2 + 1) * speed, dtype=np.float64)
+    roll_off = 1.0 / np.sqrt(1.0 + (omega / (2.0 * np.pi * TWIST_BANDWIDTH_HZ)) ** 8)
+    spectrum = np.fft.rfft(shaft_torque) * roll_off
+    spectrum[0] = 0.0
+    return TwistBasis(spectrum, omega, trigger_angle, shaft_torque.size)
+
+
+COMPLIANCE_NAMES = (
+    "shaft_compliance", "shaft_damping", "drive_admittance", "coupling_compliance", "coupling_resonance",
+    "coupling_damping",
+)  # fmt: skip
+"""Parameters of C(s), in the order of its derivatives."""
+
+
+def compliance(omega: Array, values: Mapping[str, float]) -> tuple[Any, Any]:
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 6).
+
+    The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
+    """
+    shaft, damping, admittance, soft, resonance, ratio = (values[name] for name in COMPLIANCE_NAMES)
+    s = 1j * omega
+    slowed = 1.0 + s * damping * shaft
+    inverse_square = np.where(omega > 0.0, -1.0 / np.maximum(omega, 1e-12) ** 2, 0.0)
+    swing = s**2 + 2.0 * ratio * resonance * s + resonance**2
+    response = resonance**2 / swing
+    by_resonance = 2.0 * resonance / swing - response / swing * (2.0 * ratio * s + 2.0 * resonance)
+    by_ratio = -response / swing * 2.0 * resonance * s
+    total = shaft / slowed + admittance * inverse_square + soft * response
+    derivatives = (
+        1.0 / slowed**2, -s * shaft**2 / slowed**2, inverse_square + 0j, response, soft * by_resonance, soft * by_ratio
+    )  # fmt: skip
+    return total, np.column_stack(derivatives)
+
+
+def angle_shifts(basis: TwistBasis, values: Mapping[str, float]) -> tuple[Array, Array, Array]:
+    """Return psi - psi(edge) and its derivatives by `COMPLIANCE_NAMES`, with their first two angle derivatives.
 
     Returns
     -------
-    shift, rate, second : (n, 3) shift and its first and second derivative with respect to the nominal angle
+    shift, rate, second : (n, 7) each; column 0 the shift itself, then its derivatives by the parameters
     """
-    n = theta.size
-    harmonic = np.arange(n // 2 + 1)
-    omega = harmonic * speed
-    roll_off = 1.0 / np.sqrt(1.0 + (omega / (2.0 * np.pi * TWIST_BANDWIDTH_HZ)) ** 8)
-    spectrum = np.fft.rfft(shaft_torque) * roll_off
-    twist = -spectrum
-    twist[0] = 0.0
-    # double integral over time: divide by (i w)^2, hence the sign
-    drive = np.where(harmonic > 0, spectrum / np.maximum(omega, 1e-12) ** 2, 0.0)
-    parts = []
-    for order in range(3):
-        factor = (1j * harmonic) ** order
-        parts.append(np.column_stack([np.fft.irfft(part * factor, n) for part in (twist, drive)]))
-    at_edge = np.array([np.interp(trigger_angle, theta, parts[0][:, k], period=2.0 * np.pi) for k in range(2)])
-    shift = np.column_stack([np.ones(n), parts[0] - at_edge])
-    rate = np.column_stack([np.zeros(n), parts[1]])
-    second = np.column_stack([np.zeros(n), parts[2]])
-    return shift, rate, second
+    total, derivatives = compliance(basis.omega, values)
+    spectrum = -basis.spectrum[:, None] * np.column_stack([total, derivatives])
+    harmonic = np.arange(basis.omega.size)[:, None]
+    shift, rate, second = (np.fft.irfft(spectrum * (1j * harmonic) ** k, basis.n_theta, axis=0) for k in range(3))
+    phase = np.exp(1j * harmonic * basis.edge)
+    phase[1:] *= 2.0
+    at_edge = np.real(np.sum(spectrum * phase, axis=0)) / basis.n_theta
+    return shift - at_edge, rate, second
 
 
-def shaft_transfer(
-    omega: Array, compliance: float, damping: float, inertia: float
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return load torque -> shaft torque, (m,), and its derivatives by compliance, damping, inertia (m, 3).
-
-    The equation is divided by the stiffness so that a rigid shaft (compliance 0) is an ordinary point.
-    """
-    numerator = 1.0 + 1j * omega * damping * compliance
-    denominator = numerator - omega**2 * inertia * compliance
-    transfer = numerator / denominator
-    by_numerator = (denominator - numerator) / denominator**2
-    by_compliance = by_numerator * 1j * omega * damping + numerator / denominator**2 * omega**2 * inertia
-    by_damping = by_numerator * 1j * omega * compliance
-    by_inertia = numerator / denominator**2 * omega**2 * compliance
-    return transfer, np.column_stack([by_compliance, by_damping, by_inertia])
+def shaft_transfer(omega: Array, inertia: float, values: Mapping[str, float]) -> tuple[Any, Any]:
+    """Return load torque -> shaft torque (k,), and its derivatives by inertia, then `COMPLIANCE_NAMES` (k, 7)."""
+    total, derivatives = compliance(omega, values)
+    square = -(omega**2)
+    transfer = 1.0 / (1.0 + inertia * square * total)
+    factor = -(transfer**2) * square
+    return transfer, np.column_stack([factor * total, (factor * inertia)[:, None] * derivatives])

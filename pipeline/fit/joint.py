@@ -130,7 +130,7 @@ def _held_out(prepared: Prepared, others: tuple[Problem, Solution], mode: str) -
         if prepared.data.delivery == "spill":
             extra["spill_width"] = prepared.data.rows["spill_width"].prior[0]  # type: ignore[index]
     own, found = left_out(problem, solution, prepared.data, extra)
-    chain = swapped(own.data[0].chain, prepared.means.held_torque, prepared.means.held_pressure)
+    chain = swapped(own.data[0], prepared.means.held_torque, prepared.means.held_pressure)
     torque = model_on_grid(own, found, 0, chain).torque
     removed = mode == "blind" and _zero_unknown(prepared)
     measured = prepared.means.held_torque

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.fit.prepare import CORRELATION as _CORRELATION
+from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
 from pipeline.fit.solve import Solution, solve
 from pipeline.records import Array, LadderRung
@@ -70,7 +70,7 @@ def independent_count(data: Sequence[FitData], residuals: Sequence[Array]) -> fl
 
 def effective_parameters(solution: Solution) -> float:
     """Return the degrees of freedom that the data spend: trace of (H + prior)^-1 H."""
-    return float(np.trace(np.linalg.solve(solution.hessian, solution.data_hessian)))
+    return float(np.trace(np.linalg.lstsq(solution.hessian, solution.data_hessian, rcond=1e-14)[0]))
 
 
 def score_of(solution: Solution, mean_square: float, n_independent: float) -> float:
@@ -94,7 +94,7 @@ def score_of(solution: Solution, mean_square: float, n_independent: float) -> fl
     occam = float(np.linalg.slogdet(ratio)[1]) if known.any() else 0.0
     penalty = float((~known).sum()) * max(np.log(n_independent), LEAST_PENALTY)
     priors = (solution.chi_square - solution.data_chi_square) * 1.0
-    misfit = n_independent * np.log(solution.data_chi_square / n_bins)
+    misfit = n_independent * solution.data_chi_square / n_bins * CORRELATION / mean_square
     return float(misfit + priors + occam + penalty)
 
 
@@ -115,7 +115,7 @@ def climb(
     """
     full = _rung(data, tuple(order), held_out_error, None)
     n_independent = independent_count(data, full.solution.residuals)
-    mean_square = full.solution.data_chi_square / sum(r.size for r in full.solution.residuals) * _CORRELATION
+    mean_square = full.solution.data_chi_square / sum(r.size for r in full.solution.residuals) * CORRELATION
 
     seen = {full.effects: replace(full, score=score_of(full.solution, mean_square, n_independent))}
 

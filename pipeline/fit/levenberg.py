@@ -182,7 +182,7 @@ def scaling(norms: Array) -> Array:
 def damped_step(matrix: Array, residual: Array, scale: Array, damping: float, room: tuple[Array, Array]) -> Array:
     """Return the minimum of ``|J d + r|^2 + damping |scale d|^2`` within ``room`` (lower and upper step)."""
     low, high = room
-    step = np.zeros(residual.size * 0 + scale.size)
+    step = np.zeros(scale.size)
     free = np.ones(scale.size, dtype=bool)
     for _ in range(scale.size):
         shifted = residual + matrix[:, ~free] @ step[~free]

@@ -138,13 +138,13 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: Halves
     chain = chain_input(recording, cycles, law, means.torque, means.pressure)
     binned_torque = binned(means.torque)
     weight = bin_weights(binned_torque, means.scatter_of_mean, DISCREPANCY, CORRELATION)
-    return FitData(recording.config.id, chain, binned_torque, weight, "closed", rows)
+    return FitData(recording.config.id, chain, binned_torque, means.torque, weight, "closed", rows)
 
 
 def held_out_data(data: FitData, means: Halves) -> FitData:
     """Return the same recording with its held-out cycles instead of the fitted ones."""
     chain = replace(data.chain, line_pressure=means.held_pressure, shaft_torque=means.held_torque)
-    return replace(data, chain=chain, torque=binned(means.held_torque))
+    return replace(data, chain=chain, torque=binned(means.held_torque), mean_torque=means.held_torque)
 
 
 def with_rows(data: FitData, changes: Mapping[str, Mapping[str, float]]) -> FitData:

@@ -25,6 +25,7 @@ class FitData:
     name : recording
     chain : input of the chain for the fitted cycles
     torque : (m,) mean measured torque in bins [N m]
+    mean_torque : (n_theta,) the same on the fine grid
     weight : (m,) one over the standard deviation of an independent bin [1/(N m)]
     delivery : ``closed`` (the outlet closes), ``spill`` or ``none``
     rows : parameter rows with this recording's starts, bounds and priors
@@ -33,6 +34,7 @@ class FitData:
     name: str
     chain: ChainInput
     torque: Array
+    mean_torque: Array
     weight: Array
     delivery: str
     rows: Mapping[str, ParameterRow]
@@ -102,7 +104,8 @@ class Problem:
 IDENTITY: dict[str, float] = dict.fromkeys(NONLINEAR_NAMES, 0.0)
 """Values that make every link of the chain the identity."""
 IDENTITY.update(
-    cutoff=1.0e9, filter_damping=0.707, end_of_delivery=99.0, spill_angle=99.0, end_width=0.01, dead_volume=1.0e-6,
+    coupling_resonance=750.0, coupling_damping=0.1, cutoff=1.0e9, filter_damping=0.707, end_of_delivery=99.0,
+    spill_lift=99.0, end_width=0.01, dead_volume=1.0e-6,
     bulk_modulus=1.3e9, bulk_modulus_slope=10.0, valve_range=1.0e5, port_closing_lift=1.0e-3,
 )  # fmt: skip
 
@@ -118,6 +121,7 @@ EFFECT_PARAMETERS: dict[str, tuple[str, ...]] = {
     "damping": ("shaft_viscous", "plunger_viscous"),
     "spring": ("spring_stiffness_error", "spring_preload_error"),
     "lift": (),
+    "coupling": ("coupling_compliance", "coupling_resonance", "coupling_damping"),
 }  # fmt: skip
 """Effect of the ladder -> the parameters that it frees; the torque zero is free on every rung but the rigid one."""
 FIT_EFFECTS = tuple(EFFECT_PARAMETERS)

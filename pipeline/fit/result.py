@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.effects import ROWS
 from pipeline.effects.causes import cam_torques, measured_torques, work_per_revolution
-from pipeline.effects.chain import ChainInput, ChainOutput, evaluate_chain
+from pipeline.effects.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluate_chain
 from pipeline.effects.chamber import KERNEL_ORDER
+from pipeline.effects.driveline import COMPLIANCE_NAMES
 from pipeline.fit.advice import next_measurement
 from pipeline.fit.estimates import estimates, prior_findings
 from pipeline.fit.metrics import metrics, stroke_masks
 from pipeline.fit.predict import torque_zero
 from pipeline.fit.prepare import Halves
-from pipeline.fit.problem import Problem
+from pipeline.fit.problem import FitData, Problem
 from pipeline.fit.solve import Solution, chain_coefficients
 from pipeline.fit.uncertainty import Covariance, Variant
 from pipeline.mechanism import Mounting, closed_form_tables, forces_of
@@ -79,10 +81,12 @@ def model_on_grid(problem: Problem, solution: Solution, index: int, chain: Chain
     return Modelled(chain, output, values, cam, by_cause)
 
 
-def swapped(chain: ChainInput, torque: Array, pressure: Array) -> ChainInput:
-    """Return the chain's input with the mean cycles of another half."""
+def swapped(data: FitData, torque: Array, pressure: Array) -> ChainInput:
+    """Return the chain's input with the mean cycles of another half; what the low-pass hides stays."""
+    chain = data.chain
+    hidden = chain.shaft_torque - data.mean_torque
     return ChainInput(
-        chain.theta, chain.speed, pressure, torque, chain.trigger_angle, chain.pump, chain.law, chain.offset,
+        chain.theta, chain.speed, pressure, torque + hidden, chain.trigger_angle, chain.pump, chain.law, chain.offset,
         chain.roller_inertia, chain.lift_basis, chain.uses_chamber,
     )  # fmt: skip
 
@@ -100,7 +104,7 @@ def fitted_torque(
     """
     problem, solution = fit.problem, fit.solution
     fitted = model_on_grid(problem, solution, index, problem.data[index].chain)
-    held = model_on_grid(problem, solution, index, swapped(fitted.chain, means.held_torque, means.held_pressure))
+    held = model_on_grid(problem, solution, index, swapped(problem.data[index], means.held_torque, means.held_pressure))
     parameters = _own_parameters(fit, index)
     config = recording.config
     mounting = Mounting(rotation=config.rotation)
@@ -167,7 +171,7 @@ def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
         return None
     problem = fit.problem
     tangents = fitted.output.pressure_tangents
-    columns = (*KERNEL_ORDER, "trigger_offset", "shaft_compliance", "drive_admittance")
+    columns = (*KERNEL_ORDER, *SHIFT_NAMES)
     used = [
         (j, columns.index(slot.row.name)) for j, slot in enumerate(problem.nonlinear)
         if slot.recording in (-1, index) and slot.row.name in columns
@@ -231,11 +235,10 @@ def _angle_budget(
         rows.append(
             AngleError("torque delay", known["delay_error"].stderr * 1e-6 * speed_deg, "fitted under its prior")
         )
-    for name, column, unit in (("shaft_compliance", 1, 1e-6), ("drive_admittance", 2, 1.0)):
-        if name in known:
-            shift = np.ptp(fitted.chain.shifts[0][:, column]) / DEGREE
-            text = f"corrected by up to {known[name].value * unit * shift:.3f} deg within the revolution"
-            rows.append(AngleError(name.replace("_", " "), float(known[name].stderr * unit * shift / 2.0), text))
+    for name in COMPLIANCE_NAMES:
+        if name in known and known[name].value != 0.0:
+            shift = np.ptp(fitted.output.motion.shifts[0][:, SHIFT_NAMES.index(name)]) / DEGREE / 2.0
+            rows.append(AngleError(name.replace("_", " "), float(known[name].stderr * ROWS[name].per_unit * shift)))
     before = {row.source: row for row in cycles.angle_errors}
     kept = [row for source, row in before.items() if "install" not in source and "torque delay" not in source]
     return (*rows, *kept)

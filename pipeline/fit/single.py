@@ -12,12 +12,15 @@ from pipeline.fit.prepare import Halves, fit_data, halves, held_out_data
 from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
 from pipeline.fit.result import Fit, fitted_torque
 from pipeline.fit.solve import solve
-from pipeline.fit.starts import find_start
+from pipeline.fit.starts import SCAN_EFFECTS, find_start, started_at
+from pipeline.fit.twist import hidden_torque
 from pipeline.fit.uncertainty import covariance, spread, variants
 from pipeline.mechanism import CamLaw, lift_law
 from pipeline.mechanism.spectral import spectral_law
 from pipeline.records import CamCycles, FittedTorque, LadderRung, Recording, RigidTorque
 
+TWIST_STEPS = 2
+TWIST_ITERATIONS = 15
 UNTESTED = "untested on other recordings"
 
 
@@ -48,7 +51,21 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     """Return a recording whose fit starts in the right basin."""
     means = halves(cycles)
     data = find_start(fit_data(recording, cycles, spectral_law(recording.cam_table), means)).data
-    return Prepared(recording, cycles, rigid, means, data, held_out_data(data, means))
+    data, held = with_hidden_torque(data, held_out_data(data, means))
+    return Prepared(recording, cycles, rigid, means, data, held)
+
+
+def with_hidden_torque(data: FitData, held: FitData) -> tuple[FitData, FitData]:
+    """Return both halves with the shaft's torque corrected for what the low-pass hides (see `twist`)."""
+    for _ in range(TWIST_STEPS):
+        coupled = ("coupling",) if data.rows["coupling_compliance"].start > 0.0 else ()
+        problem = build_problem([data], (*SCAN_EFFECTS, *coupled))
+        solution = solve(problem, max_iterations=TWIST_ITERATIONS)
+        data = started_at(data, problem, solution, 0)
+        hidden = hidden_torque(problem, solution, 0, problem.data[0].chain)
+        data = replace(data, chain=replace(data.chain, shaft_torque=data.mean_torque + hidden))
+        held = replace(held, chain=replace(held.chain, shaft_torque=held.mean_torque + hidden), rows=data.rows)
+    return data, held
 
 
 def other_lift_laws(recording: Recording) -> tuple[CamLaw, ...]:

@@ -23,6 +23,15 @@ END_SHARES = (0.35, 0.5, 0.62, 0.72, 0.80, 0.86, 0.92, 0.97)
 """Shares of the full lift at which the end of delivery is tried."""
 IMPROVED = 2
 SHORT = 12
+DRIVES: tuple[dict[str, float], ...] = ({"shaft_compliance": 60.0e-6}, {"shaft_compliance": 400.0e-6})
+"""Other drivelines that are tried from the best start: stiff and soft."""
+POOR_SHARE = 3.0e-3
+"""Residual over peak torque above which a swinging coupling is tried as well."""
+COUPLINGS: tuple[dict[str, float], ...] = tuple(
+    {"coupling_compliance": 150.0e-6, "coupling_resonance": 2.0 * np.pi * hertz} for hertz in (40.0, 70.0, 110.0, 200.0)
+)
+COUPLING_GAIN = 0.5
+"""Share of chi-square that a start with a coupling has to reach."""
 DELIVERIES = ("closed", "spill")
 
 
@@ -76,6 +85,32 @@ def find_start(data: FitData) -> Start:
             if best is None or solution.chi_square < best.chi_square:
                 best = Start(started_at(item, problem, solution, 0), solution.chi_square, solution)
     assert best is not None
+    return _with_coupling(_with_other_drives(best))
+
+
+def _with_other_drives(best: Start) -> Start:
+    """Return the better of the start and the starts with other drivelines."""
+    for drive in DRIVES:
+        item = with_rows(best.data, {name: {"start": value} for name, value in drive.items()})
+        problem = build_problem([item], SCAN_EFFECTS)
+        solution = solve(problem, max_iterations=SHORT)
+        if solution.chi_square < best.chi_square:
+            best = Start(started_at(item, problem, solution, 0), solution.chi_square, solution)
+    return best
+
+
+def _with_coupling(best: Start) -> Start:
+    """Return the better of the start and, where the residual is poor, starts with a swinging coupling."""
+    residual = best.solution.residuals[0]
+    if np.sqrt(np.mean(residual**2)) < POOR_SHARE * np.max(best.data.torque):
+        return best
+    limit = COUPLING_GAIN * best.chi_square
+    for coupling in COUPLINGS:
+        item = with_rows(best.data, {name: {"start": value} for name, value in coupling.items()})
+        problem = build_problem([item], (*SCAN_EFFECTS, "coupling"))
+        solution = solve(problem, max_iterations=2 * SHORT)
+        if solution.chi_square < min(limit, best.chi_square):
+            best = Start(started_at(item, problem, solution, 0), solution.chi_square, solution)
     return best
 
 

@@ -55,7 +55,7 @@ def start_values() -> dict[str, float]:
     values = {name: ROWS[name].start for name in NONLINEAR_NAMES}
     values.update(
         dead_volume=1.5e-6, port_closing_lift=1.0e-3, end_of_delivery=47.3 * DEGREE, spill_lift=7.45e-3,
-        drive_admittance=2.0, trigger_offset=0.3 * DEGREE, end_width=1.33 * DEGREE,
+        drive_admittance=2.0, coupling_compliance=9e-5, trigger_offset=0.3 * DEGREE, end_width=1.33 * DEGREE,
     )  # fmt: skip
     return values
 
