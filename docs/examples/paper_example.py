@@ -13,7 +13,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.config_pump import load_pump_config, read_pressure_curve
+from pipeline.config_pump import load_pump_config
+from pipeline.ingest.pump_file import read_pressure_curve
 from pipeline.mechanism.predict import Prediction, predict, sweep_rows
 from pipeline.units import BAR, DEGREE, RPM
 

@@ -64,6 +64,8 @@ def cam_of(config: PumpConfig, method: str = "smoothing") -> CamLaw:
     """Return the lift law of a pump file, from its table or from its sections."""
     if config.cam_table is not None:
         return lift_law(config.cam_table, method)
+    if not config.sections:
+        raise Refusal(f"{config.path}: its lift table has not been read; use pipeline.ingest.pump_file.read_pump")
     sections: list[Section] = []
     for spec in config.sections:
         if spec.kind == "dwell":
@@ -102,7 +104,7 @@ def predict(
 
     Parameters
     ----------
-    config : `pipeline.config_pump.load_pump_config`
+    config : `pipeline.ingest.pump_file.read_pump`
     speeds : cam speeds, positive [rad/s]
     pressure : on the plunger over cam angle, the same at every speed; None for a dry pump (spring and inertia only)
 
