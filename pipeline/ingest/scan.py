@@ -16,7 +16,7 @@ BLOCK = 1_000_000
 OVERLAP = 4
 CLIP_RUN = 5
 """So many equal samples in a row at the extreme of a channel are a flat top: noise of a logger does not repeat so."""
-SPIKE_TIMES_MEDIAN, SPIKE_TIMES_BESIDE = 15.0, 6.0
+SPIKE_TIMES_MEDIAN, SPIKE_TIMES_BESIDE = 10.0, 4.0
 """An isolated sample stands out by this many times the usual bend, and by this many times the bends beside it."""
 LEAST_SWING_VOLTS = 1.0e-9
 

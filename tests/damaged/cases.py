@@ -1,7 +1,8 @@
 """The verdict on each case of the damaged corpus.
 
-``refused`` is a pattern of the one line; otherwise ``findings`` are the codes that ingest and its check have to give, and
-no other (but those of the shared sheets). ``lost`` is the number of cycles that the alignment leaves out, where known.
+``refused`` is a pattern of the one line; otherwise ``findings`` are the codes that ingest and its check have to give,
+and no other (but those of the shared sheets). ``lost`` is the number of cycles that the alignment leaves out, where
+known.
 """
 
 from __future__ import annotations
