@@ -42,7 +42,7 @@ class CamAngle:
         out = np.empty(1)
         result = np.empty(angle.size)
         for k, value in enumerate(angle):
-            fill_times(self.angle, self.polynomials, float(value), 0.0, out)
+            fill_times(self.angle, self.polynomials, float(value), 1.0, out)
             result[k] = out[0]
         return result
 

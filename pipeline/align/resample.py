@@ -60,20 +60,29 @@ def interval_polynomials(angle: Array, time: Array, left: Array, right: Array) -
 def fill_times(angle: Array, polynomials: Array, start: float, step: float, out: Array) -> None:
     """Fill ``out`` with the times of the angles ``start + k step``; straight lines beyond the first and last pulse."""
     last = angle.size - 2
+    k = _fill_until(angle[0], start, step, 0, angle[0], polynomials[0, 0], polynomials[0, 1], 0.0, 0.0, out)
     i = min(max(int(np.searchsorted(angle, start)) - 1, 0), last)
-    for k in range(out.size):
-        theta = start + k * step
-        while i < last and theta > angle[i + 1]:
-            i += 1
+    while k < out.size and i <= last:
         a, b, c, d = polynomials[i, 0], polynomials[i, 1], polynomials[i, 2], polynomials[i, 3]
-        u = theta - angle[i]
-        h = angle[i + 1] - angle[i]
-        if u < 0.0:
-            out[k] = a + b * u
-        elif u > h:
-            out[k] = a + h * (b + h * (c + h * d)) + (b + h * (2.0 * c + h * 3.0 * d)) * (u - h)
-        else:
-            out[k] = a + u * (b + u * (c + u * d))
+        k = _fill_until(angle[i + 1], start, step, k, angle[i], a, b, c, d, out)
+        i += 1
+    if k < out.size:
+        a, b, c, d = polynomials[last, 0], polynomials[last, 1], polynomials[last, 2], polynomials[last, 3]
+        h = angle[last + 1] - angle[last]
+        end, slope = a + h * (b + h * (c + h * d)), b + h * (2.0 * c + h * 3.0 * d)
+        _fill_until(np.inf, start, step, k, angle[last + 1], end, slope, 0.0, 0.0, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill_until(border, start, step, k, origin, a, b, c, d, out):  # type: ignore[no-untyped-def]
+    """Fill a stretch with one polynomial up to an angle; return where it ends. No branch inside the loop."""
+    end = out.size
+    if border < start + end * step:
+        end = min(end, max(k, int(np.ceil((border - start) / step))))
+    for m in range(k, end):
+        u = start + m * step - origin
+        out[m] = a + u * (b + u * (c + u * d))
+    return end
 
 
 @numba.njit(cache=True, nogil=True)
