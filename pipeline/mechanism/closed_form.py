@@ -76,6 +76,10 @@ class ClosedForm:
         """Return one output; arguments broadcast against (n_theta,), so (n_cycles, n_theta) and (n_cycles, 1) do."""
         return combine(self.outputs[name], pressure, speed, acceleration)
 
+    def all_outputs(self, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> dict[str, Array]:
+        """Return every output by name."""
+        return {name: self.evaluate(name, pressure, speed, acceleration) for name in self.outputs}
+
     def torque_by_cause(
         self, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0
     ) -> dict[str, Array]:

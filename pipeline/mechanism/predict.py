@@ -175,13 +175,14 @@ def _findings(
 
 def sweep_rows(prediction: Prediction) -> list[dict[str, Any]]:
     """Return one row of extremes per speed, in border units."""
+    path = prediction.kinematics
     return [
-        _row(pump, torque, speed)
+        _row(pump, path, torque, float(speed))
         for pump, torque, speed in zip(prediction.pumps, prediction.shaft_torque, prediction.speeds, strict=True)
     ]
 
 
-def _row(pump: RigidTorque, shaft_torque: Array, speed: float) -> dict[str, Any]:
+def _row(pump: RigidTorque, path: Kinematics, shaft_torque: Array, speed: float) -> dict[str, Any]:
     """Return the extremes of one speed."""
     forces, peak = pump.forces, int(np.argmax(pump.torque))
     strongest = int(np.nanargmax(forces.hertz))
@@ -199,6 +200,8 @@ def _row(pump: RigidTorque, shaft_torque: Array, speed: float) -> dict[str, Any]
         "hertz_max_deg": float(np.rad2deg(pump.theta[strongest])),
         "shear_max_gpa": float(forces.hertz_shear_max[strongest]) / 1e9,
         "shear_depth_um": float(forces.hertz_shear_depth[strongest]) * 1e6,
+        "rolling_speed_max_m_per_s": float(np.max(np.abs(path.surface_arc))) * speed,
+        "roller_speed_max_rpm": float(np.max(np.abs(path.roller_ratio))) * speed / RPM,
         "contact_lost": pump.contact_lost,
     }
 

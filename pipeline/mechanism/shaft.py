@@ -152,9 +152,7 @@ def solve_by_tables(units: Units, motion: ShaftMotion) -> ShaftForces:
     outputs = []
     for unit, pressure in zip(units, motion.pressure, strict=True):
         tables = closed_form_tables(unit.pump, unit.law, motion.theta - unit.phase, unit.mounting)
-        outputs.append(
-            {name: tables.evaluate(name, pressure, motion.speed, motion.acceleration) for name in tables.outputs}
-        )
+        outputs.append(tables.all_outputs(pressure, motion.speed, motion.acceleration))
     section = np.cumsum([out["torque"] for out in outputs][::-1], axis=0)[::-1]
     return ShaftForces(section[0], section, tuple(outputs))
 
@@ -164,7 +162,9 @@ METHODS: dict[str, Callable[[Units, ShaftMotion], ShaftForces]] = {
     "recursion": solve_by_recursion,
     "matrix": solve_by_matrix,
 }
-"""Three ways to the same numbers; the closed form is the fastest (docs/mechanism_speed.md) and the default."""
+"""Three ways to the same numbers. Solved once, the recursion is the cheapest; the tables of the closed form serve any
+number of cycles and loads, which is what alignment, fit and sweeps need, so they are the default
+(docs/mechanism_speed.md)."""
 
 
 def solve_shaft(
@@ -194,6 +194,13 @@ def solve_shaft(
         raise Refusal(f"mechanism: method {method!r} is unknown, expected one of {', '.join(METHODS)}")
     if len(units) == 0:
         raise Refusal("mechanism: a shaft without pumps, expected at least one; name the pumps on the shaft")
+    return METHODS[method](units, prescribed_motion(len(units), theta, pressure, speed, acceleration))
+
+
+def prescribed_motion(
+    pumps: int, theta: Array, pressure: Array, speed: Array | float, acceleration: Array | float | None
+) -> ShaftMotion:
+    """Return motion and load on the angles; refuses a varying speed without its acceleration (see `solve_shaft`)."""
     angle = np.asarray(theta, dtype=np.float64)
     rate = np.broadcast_to(np.asarray(speed, dtype=np.float64), angle.shape)
     if acceleration is None and np.ptp(rate) > 0.0:
@@ -202,5 +209,5 @@ def solve_shaft(
             "give it (see acceleration_of), or one constant speed"
         )
     change = np.broadcast_to(np.asarray(0.0 if acceleration is None else acceleration), angle.shape)
-    load = np.broadcast_to(np.asarray(pressure, dtype=np.float64), (len(units), angle.size))
-    return METHODS[method](units, ShaftMotion(angle, load, rate, change))
+    load = np.broadcast_to(np.asarray(pressure, dtype=np.float64), (pumps, angle.size))
+    return ShaftMotion(angle, load, rate, change)

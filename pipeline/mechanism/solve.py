@@ -12,7 +12,7 @@ from pipeline.mechanism.cam import TURN, CamLaw
 from pipeline.mechanism.closed_form import ClosedForm, closed_form_tables
 from pipeline.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
 from pipeline.mechanism.mounting import Mounting, PumpUnit
-from pipeline.mechanism.shaft import solve_shaft
+from pipeline.mechanism.shaft import prescribed_motion, solve_shaft
 from pipeline.records import Array, Forces, RigidTorque
 
 
@@ -61,19 +61,22 @@ def solve_rigid(
     of nothing; `ClosedForm.jump` gives the speed and angle at which it starts.
     """
     mounting = Mounting() if mounting is None else mounting
-    unit = PumpUnit(pump, law, mounting=mounting)
-    solution = solve_shaft([unit], theta, pressure, speed, acceleration, method=method)
     tables = closed_form_tables(pump, law, theta, mounting)
-    change = 0.0 if acceleration is None else acceleration
+    run = prescribed_motion(1, theta, pressure, speed, acceleration)
+    if method == "closed_form":
+        outputs = tables.all_outputs(run.pressure[0], run.speed, run.acceleration)
+    else:
+        unit = PumpUnit(pump, law, mounting=mounting)
+        outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
     return RigidTorque(
         theta=tables.theta,
-        torque=solution.torque,
-        by_cause=tables.torque_by_cause(pressure, speed, change),
-        forces=_forces(pump, tables, solution.outputs[0]),
+        torque=outputs["torque"],
+        by_cause=tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration),
+        forces=_forces(pump, tables, outputs),
         lift=tables.kinematics.lift,
         lift_velocity=tables.kinematics.velocity,
         lift_acceleration=tables.kinematics.acceleration,
-        contact_lost=bool(np.any(solution.outputs[0]["contact_normal"] <= 0.0)),
+        contact_lost=bool(np.any(outputs["contact_normal"] <= 0.0)),
     )
 
 
@@ -81,8 +84,7 @@ def forces_of(
     pump: PumpData, tables: ClosedForm, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0
 ) -> Forces:
     """Return all forces of the rigid pump from its tables, each (n_theta,)."""
-    names = tables.outputs
-    return _forces(pump, tables, {name: tables.evaluate(name, pressure, speed, acceleration) for name in names})
+    return _forces(pump, tables, tables.all_outputs(pressure, speed, acceleration))
 
 
 def _forces(pump: PumpData, tables: ClosedForm, outputs: Mapping[str, Array]) -> Forces:
