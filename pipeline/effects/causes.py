@@ -18,12 +18,12 @@ from pipeline.effects.chain import (
 from pipeline.records import Array
 
 CAUSES = (
-    "pressure", "spring", "inertia", "guide_friction", "bearing_friction", "shaft_drag", "shaft_viscous",
+    "pressure", "spring", "inertia", "guide_friction", "bearing_friction", "pin_friction", "shaft_drag", "shaft_viscous",
     "plunger_viscous", "lift_table",
 )  # fmt: skip
 LOSS_GROUPS: dict[str, tuple[str, ...]] = {
     "pressure": ("pressure",),
-    "friction": ("guide_friction", "bearing_friction", "shaft_drag"),
+    "friction": ("guide_friction", "bearing_friction", "pin_friction", "shaft_drag"),
     "damping": ("shaft_viscous", "plunger_viscous"),
     "spring": ("spring",),
     "inertia": ("inertia",),
@@ -59,6 +59,7 @@ def cam_torques(
         "inertia": slope * axial_inertia + roller,
         "guide_friction": (output.load - frictionless) * slope,
         "bearing_friction": parts["bearing_arm"],
+        "pin_friction": parts["pin_arm"],
         "shaft_drag": parts["shaft_drag"],
         "shaft_viscous": parts["shaft_viscous"],
         "plunger_viscous": parts["plunger_viscous"],

@@ -28,7 +28,7 @@ SHAFT_NAMES = ("cam_side_inertia", *driveline.COMPLIANCE_NAMES)
 """Parameters of the transfer from the load to the shaft."""
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
 LINEAR_NAMES = (
-    "bearing_arm", "shaft_drag", "shaft_viscous", "plunger_viscous", "spring_stiffness_error", "spring_preload_error",
+    "bearing_arm", "pin_arm", "shaft_drag", "shaft_viscous", "plunger_viscous", "spring_stiffness_error", "spring_preload_error",
 )  # fmt: skip
 STATIC_NAMES = ("guide_friction",)
 NONLINEAR_NAMES = tuple(
@@ -164,6 +164,7 @@ def mechanical_torque(
     one = rate / rate
     columns = (
         load * reach / height,
+        -load * reach / height * spin,
         one,
         rate,
         slope**2 * rate / guide,

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.effects.chain import ChainOutput, chain_derivative, evaluate_chain
 from pipeline.effects.rows import ParameterRow
 from pipeline.fit.problem import Problem
-from pipeline.fit.solve import Solution, chain_coefficients, design_matrix, held_torque, linear_steps
+from pipeline.fit.solve import Solution, Trial, chain_coefficients, design_matrix, held_torque, linear_steps
 from pipeline.records import Array
 
 
@@ -78,9 +78,8 @@ def full_values(solution: Solution) -> Array:
 
 
 def evaluate_full(problem: Problem, z: Array) -> FullPoint:
-    """Return the problem at given values of all parameters, (n,) [SI]."""
+    """Return the problem at given values of all its parameters, (n,) [SI]."""
     n_x = len(problem.nonlinear)
-    limits = full_limits(problem)
     outputs, designs, residuals = [], [], []
     for index, item in enumerate(problem.data):
         output = evaluate_chain(item.chain, problem.values(z[:n_x], index))
@@ -88,10 +87,16 @@ def evaluate_full(problem: Problem, z: Array) -> FullPoint:
         outputs.append(output)
         designs.append(design)
         residuals.append(item.torque - output.torque - held_torque(problem, output) - design @ z[n_x:])
-    weighted = [residual * item.weight for residual, item in zip(residuals, problem.data, strict=True)]
+    return full_point(problem, Trial(z[:n_x], z[n_x:], tuple(outputs), tuple(designs), tuple(residuals), 0.0, 0.0))
+
+
+def full_point(problem: Problem, trial: Trial) -> FullPoint:
+    """Return a trial of the solver with its weighted residuals and those of the priors."""
+    z, limits = np.concatenate([trial.x, trial.c]), full_limits(problem)
+    weighted = [residual * item.weight for residual, item in zip(trial.residuals, problem.data, strict=True)]
     known = np.isfinite(limits.prior_std)
     prior = (limits.prior_mean[known] - z[known]) / limits.prior_std[known]
-    return FullPoint(z, tuple(outputs), tuple(designs), tuple(residuals), np.concatenate([*weighted, prior]))
+    return FullPoint(z, trial.outputs, trial.designs, trial.residuals, np.concatenate([*weighted, prior]))
 
 
 def full_jacobian(problem: Problem, point: FullPoint) -> Array:
@@ -112,7 +117,9 @@ def full_jacobian(problem: Problem, point: FullPoint) -> Array:
     return np.vstack([*blocks, -np.diag(1.0 / limits.prior_std)[known]])
 
 
-def as_solution(problem: Problem, point: FullPoint, jacobian: Array, cost: tuple[int, int], converged: bool) -> Solution:
+def as_solution(
+    problem: Problem, point: FullPoint, jacobian: Array, cost: tuple[int, int], converged: bool
+) -> Solution:
     """Return a point in the form of the solver's minimum; ``cost`` is (iterations, evaluations)."""
     n_x, n_bins = len(problem.nonlinear), sum(residual.size for residual in point.residuals)
     scaled = jacobian * full_limits(problem).steps

@@ -8,8 +8,6 @@ unless asked for (lmfit's own default hides a wrong sigma).
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from dataclasses import replace
 
 import lmfit
@@ -17,39 +15,16 @@ import numpy as np
 from lmfit.minimizer import MinimizerResult
 
 from pipeline.effects.rows import ParameterRow
-from pipeline.fit.full_space import (
-    FullPoint,
-    as_solution,
-    evaluate_full,
-    full_jacobian,
-    full_limits,
-    full_rows,
-    full_values,
-)
-from pipeline.fit.levenberg import Rule, covariance_of, finite_jacobian, free_inverse, minimise
+from pipeline.fit.full_space import FullPoint, evaluate_full, full_limits, full_rows, full_values
+from pipeline.fit.levenberg import free_inverse
+from pipeline.fit.lmfit_names import lmfit_name, lmfit_names
 from pipeline.fit.lmfit_result import Outcome, lmfit_result
 from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import Problem, Slot
-from pipeline.fit.solve import Solution, linear_steps, solve
+from pipeline.fit.solve import Solution, solve
+from pipeline.fit.tied import tied_minimum, tied_problem
 from pipeline.fit.ties import Ties, ties_of
 from pipeline.records import Array
-
-TIED_RULE = Rule(max_iterations=80)
-
-
-def lmfit_names(problem: Problem) -> dict[str, str]:
-    """Return label -> name that lmfit accepts: characters outside ``[A-Za-z0-9_]`` become ``_``.
-
-    Raises
-    ------
-    ValueError
-        When two recordings' own parameters would get the same name.
-    """
-    labels = [slot.name for slot in (*problem.nonlinear, *problem.linear)]
-    names = {label: re.sub(r"\W", "_", label, flags=re.ASCII) for label in labels}
-    if len(set(names.values())) != len(labels):
-        raise ValueError("two recordings differ only in characters that lmfit does not allow; rename one of them")
-    return names
 
 
 def to_lmfit(problem: Problem) -> lmfit.Parameters:
@@ -87,9 +62,7 @@ def from_lmfit(problem: Problem, params: lmfit.Parameters) -> Problem:
 
 
 def _slots(slots: tuple[Slot, ...], params: lmfit.Parameters) -> tuple[Slot, ...]:
-    return tuple(
-        replace(slot, row=_row(slot.row, params[re.sub(r"\W", "_", slot.name, flags=re.ASCII)])) for slot in slots
-    )
+    return tuple(replace(slot, row=_row(slot.row, params[lmfit_name(slot.name)])) for slot in slots)
 
 
 def _row(row: ParameterRow, parameter: lmfit.Parameter) -> ParameterRow:
@@ -144,18 +117,17 @@ def _untied(problem: Problem, ties: Ties) -> tuple[Outcome, Solution]:
     solution = solve(problem)
     per, z, limits = _per_unit(problem), full_values(solution), full_limits(problem)
     inside = (z > limits.lower) & (z < limits.upper)
-    steps = np.r_[[slot.row.step for slot in problem.nonlinear], linear_steps(problem)]
-    count = per.size
-    matrix = free_inverse(solution.hessian, inside)[:count, :count] * np.outer(steps[:count], steps[:count])
+    count, steps = per.size, limits.steps[: per.size]
+    matrix = free_inverse(solution.hessian, inside)[:count, :count] * np.outer(steps, steps)
     names = list(lmfit_names(problem).values())
     order = [names.index(name) for name in ties.free]
     covariance = (matrix / np.outer(per, per))[np.ix_(order, order)]
     values = (z[:count] / per)[order]
     point = evaluate_full(problem, z)
-    return _outcome(problem, values, covariance, point, solution), solution
+    return outcome_of(problem, values, covariance, point, solution), solution
 
 
-def _outcome(problem: Problem, values: Array, covariance: Array, point: FullPoint, solution: Solution) -> Outcome:
+def outcome_of(problem: Problem, values: Array, covariance: Array, point: FullPoint, solution: Solution) -> Outcome:
     n_bins = sum(item.torque.size for item in problem.data)
     n_priors = point.vector.size - n_bins
     return Outcome(
@@ -166,41 +138,14 @@ def _outcome(problem: Problem, values: Array, covariance: Array, point: FullPoin
 
 
 def _tied(problem: Problem, params: lmfit.Parameters, ties: Ties) -> tuple[Outcome, Solution]:
-    """Return the minimum under ties: free parameters [unit of the report] and lift coefficients, chain rule."""
-    names, per = list(lmfit_names(problem).values()), _per_unit(problem)
-    limits, n_free = full_limits(problem), len(ties.free)
-    lift = limits.steps[len(names) :]
-
-    def z_of(u: Array) -> Array:
-        values = ties.values(u[:n_free])
-        return np.r_[np.array([values[name] for name in names]) * per, u[n_free:] * lift]
-
-    def jacobian(u: Array) -> Array:
-        slopes = ties.slopes(u[:n_free])
-        slope = np.array([slopes.get(name, np.zeros(n_free)) for name in names]) * per[:, None]
-        full = full_jacobian(problem, evaluate_full(problem, z_of(u)))
-        return np.column_stack([full[:, : len(names)] @ slope, full[:, len(names) :] * lift])
-
-    lower, upper = _bounds(problem, params, ties)
-    start = np.r_[[float(params[name].value) for name in ties.free], np.zeros(lift.size)]
-    found = minimise(lambda u: evaluate_full(problem, z_of(u)).vector, jacobian, start, lower, upper, TIED_RULE)
-    point = evaluate_full(problem, z_of(found.x))
-    inside = (found.x > lower) & (found.x < upper)
-    covariance = covariance_of(finite_jacobian(jacobian, found.x), inside)[:n_free, :n_free]
-    cost = (found.iterations, found.evaluations)
-    solution = as_solution(problem, point, full_jacobian(problem, point), cost, found.converged)
-    return _outcome(problem, found.x[:n_free], covariance, point, solution), solution
-
-
-def _bounds(problem: Problem, params: lmfit.Parameters, ties: Ties) -> tuple[Array, Array]:
-    """Return bounds of the free parameters [unit of the report], then of the scaled lift coefficients."""
-    labels: Mapping[str, str] = {name: label for label, name in lmfit_names(problem).items()}
-    rows = {slot.name: slot.row for slot in (*problem.nonlinear, *problem.linear)}
-    lower, upper = [], []
+    """Return the minimum under ties and its covariance in the units of the report."""
+    rows = {lmfit_name(slot.name): slot.row for slot in (*problem.nonlinear, *problem.linear)}
+    bounds = []
     for name in ties.free:
-        row = rows.get(labels.get(name, ""))
-        lower.append(row.lower / row.per_unit if row else params[name].min)
-        upper.append(row.upper / row.per_unit if row else params[name].max)
-    limits, count = full_limits(problem), len(labels)
-    steps = limits.steps[count:]
-    return np.r_[lower, limits.lower[count:] / steps], np.r_[upper, limits.upper[count:] / steps]
+        row = rows.get(name)
+        bounds.append(
+            (row.lower / row.per_unit, row.upper / row.per_unit) if row else (params[name].min, params[name].max)
+        )
+    lower, upper = np.array(bounds, dtype=float).T
+    values, covariance, point, solution = tied_minimum(tied_problem(problem, params, ties), lower, upper)
+    return outcome_of(problem, values, covariance, point, solution), solution

@@ -20,7 +20,7 @@ class Outcome:
     Attributes
     ----------
     values : (n_free,) free parameters
-    covariance : (n_free, n_free) by measured standard deviations; nan rows where it cannot be told
+    covariance : (n_free, n_free) by measured standard deviations; zero rows for parameters at a bound
     residual : (m,) weighted residual
     chi_square : its sum of squares (with priors where there are any)
     independent : number of independent residuals, priors counted
@@ -65,7 +65,7 @@ def lmfit_result(params: lmfit.Parameters, ties: Ties, outcome: Outcome, scale_c
         chisqr=outcome.chi_square, redchi=reduced, ndata=outcome.residual.size, nvarys=n_free, nfree=degrees,
         aic=float(log_likelihood + 2.0 * count),
         bic=float(log_likelihood + np.log(outcome.independent) * count), nfev=outcome.evaluations,
-        success=outcome.success, errorbars=bool(np.all(np.isfinite(covariance))), method=outcome.method,
+        success=outcome.success, errorbars=bool(np.all(np.diag(covariance) > 0.0)), method=outcome.method,
         message=outcome.message, aborted=False, ier=0, lmdif_message="", scale_covar=scale_covar,
     )  # fmt: skip
 
@@ -79,7 +79,8 @@ def _fill(params: lmfit.Parameters, ties: Ties, values: Array, covariance: Array
     for j, name in enumerate(ties.free):
         parameter = params[name]
         parameter.value = every[name]
-        parameter.stderr = float(deviation[j])
+        # no width at a bound: lmfit's report then names the parameter instead of printing +/- 0
+        parameter.stderr = float(deviation[j]) if deviation[j] > 0.0 else None
         parameter.correl = {
             other: float(covariance[j, k] / (deviation[j] * deviation[k]))
             for k, other in enumerate(ties.free)

@@ -117,7 +117,7 @@ EFFECT_PARAMETERS: dict[str, tuple[str, ...]] = {
     "trigger": ("trigger_offset",),
     "driveline": ("shaft_compliance", "shaft_damping", "cam_side_inertia", "drive_admittance"),
     "sensor": ("gain_error", "delay_error", "cutoff", "filter_damping"),
-    "friction": ("bearing_arm", "guide_friction", "shaft_drag"),
+    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag"),
     "damping": ("shaft_viscous", "plunger_viscous"),
     "spring": ("spring_stiffness_error", "spring_preload_error"),
     "lift": (),

@@ -65,7 +65,7 @@ def test_derivative_is_that_of_the_chain(name):
     # Central differences with h of 2e-3 steps: truncation about 1e-5, and kinks where an edge crosses a grid point.
     data, values = chain_input(), start_values()
     rng = np.random.default_rng(1)
-    coefficients = np.r_[1e-4, 0.1, 5e-3, 20.0, 0.01, 0.02, rng.normal(0.0, 3e-7, data.lift_basis.n_basis)]
+    coefficients = np.r_[1e-4, 1e-5, 0.1, 5e-3, 20.0, 0.01, 0.02, rng.normal(0.0, 3e-7, data.lift_basis.n_basis)]
     output = evaluate_chain(data, values)
     exact = chain_derivative(data, values, output, coefficients, (name,))[:, 0]
     h = 2e-3 * ROWS[name].step
