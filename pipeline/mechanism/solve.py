@@ -56,9 +56,9 @@ def solve_rigid(
 
     Notes
     -----
-    Where the balance asks the cam to pull, the follower has jumped: ``contact_lost`` is set and the contact forces and
-    the Hertz stress read 0 there. Torque and joint forces then belong to a follower held on the cam, an upper bound
-    of nothing; `ClosedForm.jump` gives the speed and angle at which it starts.
+    Where the balance asks the cam to pull, the follower has jumped: ``contact_lost`` is set, contact forces and Hertz
+    stress read 0 there, and bearing and guide carry weight alone. The torque stays that of a follower held on the cam
+    (flight and landing are not modelled); `ClosedForm.jump` gives the speed and angle at which it starts.
     """
     mounting = Mounting() if mounting is None else mounting
     tables = closed_form_tables(pump, law, theta, mounting)
@@ -88,16 +88,20 @@ def forces_of(
 
 
 def _forces(pump: PumpData, tables: ClosedForm, outputs: Mapping[str, Array]) -> Forces:
-    """Return the record; no contact force where the cam would have to pull."""
+    """Return the record; no contact force, and none passed on, where the cam would have to pull."""
     normal = np.maximum(outputs["contact_normal"], 0.0)
+    pulls = normal <= 0.0
+    lost_x, lost_y = (np.where(pulls, outputs[name], 0.0) for name in ("contact_x", "contact_y"))
+    height = tables.mounting.guide_height
+    lever = 0.0 if height is None else tables.kinematics.centre_height - height
     hertz = hertz_pressure(tables.hertz_factor, normal)
     return Forces(
         contact_normal=normal,
-        contact_tangential=np.where(normal > 0.0, outputs["contact_tangential"], 0.0),
-        bearing_x=outputs["bearing_x"],
-        bearing_y=outputs["bearing_y"],
-        guide=outputs["guide"],
-        guide_moment=outputs["guide_moment"],
+        contact_tangential=np.where(pulls, 0.0, outputs["contact_tangential"]),
+        bearing_x=outputs["bearing_x"] - lost_x,
+        bearing_y=outputs["bearing_y"] - lost_y,
+        guide=outputs["guide"] + lost_x,
+        guide_moment=outputs["guide_moment"] - lever * lost_x,
         hertz=hertz,
         hertz_shear_max=SHEAR_VALUE * hertz,
         hertz_shear_depth=SHEAR_DEPTH * half_width(pump, hertz, tables.kinematics.relative_radius),

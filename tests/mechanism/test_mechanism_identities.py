@@ -282,6 +282,26 @@ def test_follower_jumps_just_above_the_jump_speed_and_there():
     assert np.all(above.forces.hertz[above.forces.contact_normal == 0.0] == 0.0)
 
 
+def test_without_contact_bearing_and_guide_carry_weight_alone():
+    theta = np.arange(720) * (2.0 * np.pi / 720)
+    pump, mounting = paper_pump(follower_offset=2e-3), Mounting(gravity=(3.0, -9.81), guide_height=0.05)
+    solved = solve_rigid(pump, LAW, theta, np.zeros(720), 500.0, mounting=mounting)
+    lost = solved.forces.contact_normal == 0.0
+    assert np.any(lost)
+    expected = {
+        "contact_tangential": 0.0,
+        "bearing_x": -3.0 * pump.cam_mass,
+        "bearing_y": 9.81 * pump.cam_mass,
+        "guide": -3.0 * pump.follower_mass,
+    }
+    scale = np.max(solved.forces.contact_normal)
+    for name, value in expected.items():
+        assert np.allclose(getattr(solved.forces, name)[lost], value, rtol=0.0, atol=EXACT * scale), name
+    height = kinematics(pump, LAW, theta).centre_height
+    moment = (height - 0.05) * 3.0 * pump.follower_mass
+    assert np.allclose(solved.forces.guide_moment[lost], moment[lost], rtol=0.0, atol=EXACT * scale)
+
+
 def test_heavy_spring_never_lets_go():
     theta = np.linspace(3.0, 6.0, 20)
     loss = closed_form_tables(paper_pump(), LAW, theta).jump()
