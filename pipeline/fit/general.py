@@ -217,7 +217,7 @@ def minimize(
     bound = (minimum.x <= model.lower) | (minimum.x >= model.upper)
     outcome = Outcome(
         minimum.x, covariance_of(minimum.jacobian, ~bound), minimum.residual, minimum.chi_square,
-        float(minimum.residual.size), minimum.evaluations, f"best of {len(METHODS)} ways: {name}",
-        "converged" if minimum.converged else "iterations ran out", minimum.converged,
+        float(minimum.residual.size), minimum.evaluations, "least_squares",
+        f"lowest of {len(METHODS)} ways, found by {name}", minimum.converged,
     )  # fmt: skip
     return lmfit_result(params, model.ties, outcome, scale_covar)

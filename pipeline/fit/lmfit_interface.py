@@ -128,11 +128,12 @@ def _untied(problem: Problem, ties: Ties) -> tuple[Outcome, Solution]:
 
 
 def outcome_of(problem: Problem, values: Array, covariance: Array, point: FullPoint, solution: Solution) -> Outcome:
+    """Return a minimum as lmfit's result needs it; correlated bins count as fewer independent residuals."""
     n_bins = sum(item.torque.size for item in problem.data)
     n_priors = point.vector.size - n_bins
     return Outcome(
         values, covariance, point.vector, point.chi_square, n_bins / CORRELATION + n_priors, solution.evaluations,
-        "separable least squares", "converged" if solution.converged else "iterations ran out", solution.converged,
+        "least_squares", "converged" if solution.converged else "iterations ran out", solution.converged,
         problem.n_lift,
     )  # fmt: skip
 
