@@ -102,10 +102,20 @@ def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
     trials.sort()
     if len(trials) == 1:
         return trials[0][2], 0.0, trials[0][2]
-    best, rival = trials[0], trials[1]
-    floor = (1e-9) ** 2
-    evidence = 0.5 * min(best[1], rival[1]) * np.log((rival[0] + floor) / (best[0] + floor))
-    return best[2], float(evidence), rival[2]
+    evidence = _evidence(trials[0], trials[1])
+    if evidence >= CLEAR_EVIDENCE:
+        return trials[0][2], evidence, trials[1][2]
+    # Where the pattern does not tell, the lag that lets most pulses overlap loses the fewest cycles.
+    alike = [trial for trial in trials if _evidence(trials[0], trial) < CLEAR_EVIDENCE]
+    chosen = max(alike, key=lambda trial: trial[1])
+    rival = trials[0] if chosen is not trials[0] else trials[1]
+    return chosen[2], evidence, rival[2]
+
+
+def _evidence(best: tuple[float, int, int], rival: tuple[float, int, int]) -> float:
+    """Log-likelihood ratio of two (mean square, overlap, lag), in nats."""
+    floor = 1e-9**2
+    return float(0.5 * min(best[1], rival[1]) * np.log((rival[0] + floor) / (best[0] + floor)))
 
 
 def _robust_mean_square(values: Array) -> float:

@@ -44,8 +44,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     cycles = angle.candidate_cycles()
     complete = covered(angle, cycles, channels, base.clocks)
     aligned = align_channels(channels, angle, cycles, complete, base.clocks, options)
-    findings = check_quantities({q: a.rows for q, a in aligned.items()}, complete, recording)
     table = _table(angle, cycles, complete, aligned, options)
+    findings = check_quantities(table.rows, table.undamaged, recording)
     used, cut_flow = apply_cuts(table)
     if not used.any():
         worst = max(cut_flow, key=lambda row: row.cycles_single)

@@ -13,12 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.align.quality import spread_choice
-from pipeline.records import Array, CamTable, Finding, Recording, Refusal
+from pipeline.records import Array, CamTable, Channel, Finding, Recording, Refusal
 
 INVERTED_CORRELATION = -0.3
+SWAPPED_CORRELATION = 0.5
+"""Torque and pressure that follow each other less than this are not each other's, but something else."""
+LEAST_SWING = 4.0
+"""A channel that follows the cam swings by more than this many times its scatter from cycle to cycle."""
+STILL = 1.0e-4
+"""Nor does a channel follow the cam that moves by less than this part of its sensor's range."""
 TENSION = -0.04
 """A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the range."""
-REST_FACTOR = 2.0
+REST_FACTOR = 1.3
 """On the base circle a line pressure keeps this much more of its peak than a torque, at least."""
 DWELL_LIFT_VELOCITY = 0.05
 """Part of the largest lift velocity below which the follower stands still."""
@@ -26,24 +32,28 @@ SAMPLED_CYCLES = 41
 COARSE_GRID = 720
 
 
-def check_quantities(
-    rows: Mapping[str, Array], complete: NDArray[np.bool_], recording: Recording
-) -> tuple[Finding, ...]:
+def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording) -> tuple[Finding, ...]:
     """Turn an inverted torque in place and return the findings.
+
+    Parameters
+    ----------
+    rows : quantity -> (n_cycles, n_theta)
+    sound : (n_cycles,) complete cycles without missing samples
 
     Raises
     ------
     Refusal
-        The data of torque and pressure look like each other's.
+        A channel does not follow the cam; the data of torque and pressure look like each other's.
     """
-    if "torque" not in rows or not complete.any():
+    if not sound.any():
         return ()
-    stride = max(1, rows["torque"].shape[1] // COARSE_GRID)
-    torque, pressure = (_typical(rows[quantity], complete, stride) for quantity in ("torque", "pressure"))
-    if not (
-        np.isfinite(torque).all() and np.isfinite(pressure).all() and np.ptp(torque) > 0.0 and np.ptp(pressure) > 0.0
-    ):
+    stride = max(1, rows["pressure"].shape[1] // COARSE_GRID)
+    typical = {}
+    for quantity, values in rows.items():
+        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0])
+    if "torque" not in typical:
         return ()
+    torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
     straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
@@ -73,9 +83,22 @@ def _wrapped(theta: Array) -> Array:
     return np.r_[theta[-1] - 2.0 * np.pi, theta, theta[0] + 2.0 * np.pi]
 
 
-def _typical(rows: Array, complete: NDArray[np.bool_], stride: int) -> Array:
-    """Return the median of some complete cycles on a coarser grid."""
-    return np.median(rows[spread_choice(complete, SAMPLED_CYCLES), ::stride], axis=0)
+def _typical(rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel) -> Array:
+    """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
+    some = rows[spread_choice(sound, SAMPLED_CYCLES), ::stride]
+    middle = np.median(some, axis=0)
+    swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(some - middle)))
+    calibration = channel.calibration
+    least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
+    if swing <= max(LEAST_SWING * scatter, least):
+        raise Refusal(
+            f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} does not follow the cam: the mean "
+            "cycle swings "
+            f"by {swing:.3g}, single cycles scatter by {scatter:.3g} (SI), expected at least {LEAST_SWING:.0f} times "
+            "that; "
+            "check the sensor, its cable and the channel's name"
+        )
+    return middle
 
 
 def _correlation(a: Array, b: Array) -> float:
@@ -88,7 +111,7 @@ def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) 
     dwell = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
     rest = [abs(float(np.median(signal[dwell]))) / np.max(np.abs(signal)) for signal in (torque, pressure)]
     lowest = float(pressure.min()) / np.max(np.abs(pressure))
-    if swapped < straight or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
+    if swapped < max(straight, SWAPPED_CORRELATION) or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
         return
     raise Refusal(
         f"{name}: torque and pressure stand under each other's name: the channel named pressure goes down to "

@@ -157,8 +157,14 @@ def test_drop_outs_cost_their_cycles(quantity: str, change: Callable[[np.ndarray
 
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])
 def test_constant_channel_is_refused(quantity: str) -> None:
-    with pytest.raises(Refusal, match=r"none of 32 complete cycles can be used.*'drop_out'"):
+    with pytest.raises(Refusal, match=f"the {quantity} does not follow the cam"):
         align(edited(quantity, lambda v: 0.0 * v + 1.0))
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_channel_of_noise_is_refused(quantity: str) -> None:
+    with pytest.raises(Refusal, match=f"the {quantity} does not follow the cam.*check the sensor"):
+        align(edited(quantity, lambda v: 1.0 + 0.05 * np.random.default_rng(4).standard_normal(v.size)))
 
 
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])
