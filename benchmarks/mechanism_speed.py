@@ -27,12 +27,13 @@ from engine_cases import ENGINES, Sample
 from mechanism_cases import analytic_law, paper_pump
 
 from pipeline.mechanism import METHODS, Mounting, PumpUnit, closed_form_tables, solve_shaft
+from pipeline.mechanism.elastic import solve_elastic
 from pipeline.mechanism.kernel import cycle_tables, evaluate_cycles
 
 MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 PUMP_COUNTS = (1, 2, 4, 8, 16, 32, 64)
-MOST_PUMPS = {"matrix": 16}
-"""Dense shaft matrices of 64 lobes take seconds."""
+MOST_PUMPS = {"matrix": 16, "elastic shaft": 32}
+"""Left out beyond: dense shaft matrices of 64 lobes take seconds."""
 
 
 @njit(cache=True)
@@ -149,10 +150,17 @@ def time_all(found, rounds):
     return {name: np.array(values) for name, values in times.items()}
 
 
+def elastic(units, theta):
+    """Solve with torsional springs; their stiffness grows with the number so that the whole shaft stays as stiff."""
+    count = len(units)
+    load = np.full((count, theta.size), 3e6)
+    solve_elastic(units, load, 50.0, np.full(count, 1e5 * count), np.full(count, 2.0 * count))
+
+
 def cost_of_pumps(size, rounds):
     """Return method -> us per shaft solution for each number of pumps."""
     law, theta = analytic_law(), np.arange(size) * (2.0 * np.pi / size)
-    cost = {method: [] for method in METHODS}
+    cost = {method: [] for method in (*METHODS, "elastic shaft")}
     for count in PUMP_COUNTS:
         units = [PumpUnit(paper_pump(), law, 2.0 * np.pi * k / count) for k in range(count)]
         for method, values in cost.items():
@@ -161,7 +169,10 @@ def cost_of_pumps(size, rounds):
             best = []
             for _ in range(rounds):
                 start = time.perf_counter()
-                solve_shaft(units, theta, 3e7, 50.0, method=method)
+                if method == "elastic shaft":
+                    elastic(units, theta)
+                else:
+                    solve_shaft(units, theta, 3e7, 50.0, method=method)
                 best.append(1e6 * (time.perf_counter() - start))
             values.append(min(best))
     return cost
@@ -217,7 +228,8 @@ and y, guide force and moment, Hertz stress). {machine}.
 
 - The compiled closed form is bound by memory: it writes what the copy writes. The target is 1.5 times the copy.
 - "kinematics included" solves each cycle from the lift law on; the closed form then makes its tables anew each time.
-- Recursion and closed form grow in proportion to the number of pumps. The matrix form also multiplies its dense shaft
+- Recursion, closed form and elastic shaft (fixed-point iteration to 1e-12, whole-shaft stiffness kept) grow in
+  proportion to the number of pumps. The matrix form also multiplies its dense shaft
   matrices, whose size grows with the square of it; it is there to be read, not to be fast.
 - Pinocchio and MuJoCo get motion and contact point prepared beforehand and give no Hertz stress. "From Python" is the
   whole cut-joint solution as a Python user writes it; "alone" is their inverse dynamics only, without the contact, the

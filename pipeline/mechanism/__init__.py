@@ -2,8 +2,11 @@
 
 ::
 
-    CamTable -> cam.lift_law -> CamLaw -> kinematics -> closed_form_tables -> solve_rigid -> RigidTorque
-                                                        denoc, recursion: the same numbers, link by link
+    CamTable, sections -> CamLaw -> kinematics -> closed_form_tables -> solve_rigid -> RigidTorque
+                                                  denoc, recursion   the same numbers, link by link
+                                                  shaft, elastic     several pumps on one shaft, rigid or with springs
+                                                  kernel             many cycles in one compiled pass
+                                                  predict            a pump without a recording
 """
 
 from pipeline.mechanism.cam import LIFT_METHODS, CamLaw, cubic_law, lift_law, quintic_law, smoothing_law

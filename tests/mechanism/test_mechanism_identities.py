@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mechanism_cases import (
     CASES,
     STEP,
@@ -37,6 +39,7 @@ from pipeline.mechanism import (
     solve_rigid,
     solve_shaft,
 )
+from pipeline.mechanism.kinematics import flat_pressure_angle
 from pipeline.records import Refusal
 
 EXACT = 1e-12
@@ -340,3 +343,58 @@ def test_refusals_say_what_to_do():
         Mounting(rotation=2)
     with pytest.raises(ValueError, match="spring mass is -1"):
         Mounting(spring_mass=-1.0)
+
+
+def test_offset_relieves_the_reactions_and_leaves_the_torque():
+    # the closing claim of the paper, answered in docs/cam_profiles.md
+    theta = np.arange(720) * (2.0 * np.pi / 720)
+    pressure = 6e7 * np.exp(-(((theta - 0.5) / 0.15) ** 2))
+    massless = {"roller_inertia": 0.0}
+    on_axis, shifted = (
+        solve_rigid(paper_pump(follower_offset=e, **massless), LAW, theta, pressure, 52.0) for e in (0.0, 6e-3)
+    )
+    assert worst(shifted.torque, on_axis.torque) < EXACT
+    for name in ("guide", "contact_normal", "bearing_x"):
+        peaks = [np.max(np.abs(getattr(solved.forces, name))) for solved in (shifted, on_axis)]
+        assert peaks[0] < peaks[1], name
+
+
+def test_rolling_roller_turns_against_the_cam_and_faster():
+    # on the base circle omega_2 / omega = 1 - (r_b + r_r) / r_r = -r_b / r_r, and the surface runs at r_b omega
+    path = kinematics(paper_pump(), LAW, np.array([4.0]))
+    assert path.roller_ratio[0] == pytest.approx(-0.02 / 0.008)
+    assert path.surface_arc[0] == pytest.approx(0.02)
+    assert path.surface_curvature[0] == pytest.approx(1.0 / 0.02)
+    assert not path.concave[0]
+
+
+def test_flat_check_bounds_the_pressure_angle_closely():
+    theta = np.arange(3600) * (2.0 * np.pi / 3600)
+    for offset in (0.0, 5e-3):
+        for rotation in (1, -1):
+            pump = paper_pump(follower_offset=offset)
+            steep, back = flat_pressure_angle(pump, LAW, rotation)
+            exact = kinematics(pump, LAW, theta, rotation).pressure_angle
+            # the rise of the centre at the steepest point, 4 of 28 mm, is what it leaves out
+            assert exact.max() <= steep < exact.max() + 0.1
+            assert exact.min() >= back > exact.min() - 0.1
+
+
+@given(
+    st.floats(-0.012, 0.012),
+    st.sampled_from([1, -1]),
+    st.floats(0.0, 0.02),
+    st.floats(0.0, 2e-6),
+    st.floats(5.0, 300.0),
+    st.floats(-2e4, 2e4),
+)
+@settings(max_examples=40, deadline=None)
+def test_methods_agree_for_any_pump(offset, rotation, roller_mass, roller_inertia, speed, acceleration):
+    pump = paper_pump(follower_offset=offset, roller_mass=roller_mass, roller_inertia=roller_inertia)
+    unit = PumpUnit(pump, LAW, mounting=Mounting(rotation, gravity=(-4.0, 9.81), spring_mass=0.05))
+    theta = np.linspace(0.0, 2.4, 12)
+    solved = [solve_shaft([unit], theta, 2e7, speed, acceleration, method=m).outputs[0] for m in METHODS]
+    scale = max(np.max(np.abs(solved[0][name])) for name in ("contact_normal", "contact_tangential", "pin_y"))
+    for other in solved[1:]:
+        for name in OUTPUTS:
+            assert np.max(np.abs(other[name] - solved[0][name])) < EXACT * scale, name
