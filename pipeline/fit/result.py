@@ -20,7 +20,7 @@ from pipeline.fit.prepare import Halves
 from pipeline.fit.problem import FitData, Problem
 from pipeline.fit.solve import Solution, chain_coefficients
 from pipeline.fit.uncertainty import Covariance, Variant
-from pipeline.mechanism import Mounting, closed_form_tables, forces_of
+from pipeline.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from pipeline.records import (
     AngleError,
     Array,
@@ -108,7 +108,8 @@ def fitted_torque(
     parameters = _own_parameters(fit, index)
     config = recording.config
     mounting = Mounting(rotation=config.rotation)
-    tables = closed_form_tables(config.pump, fitted.chain.law, fitted.output.motion.theta, mounting)
+    smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
+    tables = closed_form_tables(config.pump, smooth, fitted.output.motion.theta, mounting)
     motion = fitted.output.motion
     forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
     pressure_std = _pressure_std(fit, index, fitted)
