@@ -6,8 +6,9 @@ Everything is SI and radians; a unit suffix marks a border value. Arrays are mad
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -60,10 +61,19 @@ def freeze_arrays(record: Any) -> None:
 
 @dataclass(frozen=True)
 class InputFile:
-    """A file that was read, with its SHA-256 in hex."""
+    """A file that was read, with its SHA-256.
+
+    ``digest`` is the hash in hex, or a function that returns it: hashing a large log takes longer than reading it, so
+    it is done when the hash is first asked for.
+    """
 
     path: Path
-    sha256: str
+    digest: str | Callable[[], str]
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the file in hex."""
+        return self.digest if isinstance(self.digest, str) else self.digest()
 
 
 @dataclass(frozen=True)

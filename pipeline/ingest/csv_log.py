@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import tempfile
+import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,6 +54,9 @@ class CachedSource:
     file: BinaryIO
     n_samples: int
     path: Path
+
+    def __post_init__(self) -> None:
+        weakref.finalize(self, self.file.close)
 
     def read(self, start: int, stop: int) -> Array:
         """Return raw samples ``[start, stop)``."""

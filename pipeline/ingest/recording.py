@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.config import ChannelSpec, RecordingConfig, SensorRef
 from pipeline.config_toml import load_recording_config
 from pipeline.ingest.cam_table import read_cam_table
-from pipeline.ingest.hashes import hash_file
+from pipeline.ingest.hashes import input_file
 from pipeline.ingest.raw import RawChannel, RawFile
 from pipeline.ingest.readers import READERS
 from pipeline.ingest.sensors import Sensor, read_sensor, with_idle_zero
@@ -52,7 +52,7 @@ def read_recording(path: Path) -> Recording:
         config=config,
         channels=channels,
         cam_table=cam_table,
-        inputs=tuple(hash_file(file) for file in dict.fromkeys([*papers, *logs])),
+        inputs=tuple(input_file(file) for file in dict.fromkeys([*papers, *logs])),
         findings=_said_once(
             *config.findings,
             *cam_findings,

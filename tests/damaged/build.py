@@ -328,7 +328,7 @@ BUILDERS: dict[str, Builder] = {
     "channel_unknown": edited(('channel = "Torque"', 'channel = "Torqe"')),
     "group_unknown": edited(('group = "Grp_torque"', 'group = "Torque"'), file_format="tdms"),
     "key_missing": edited(("nominal_speed_rpm = 600.0\n", "")),
-    "key_unknown": edited(('note = ""', 'note = ""\nroom_temperature_C = 21.0')),
+    "key_unknown": edited(('\nnote = ""', '\nnote = ""\nroom_temperature_C = 21.0')),
     "key_misspelt": edited(("level_V = 5.0", "level_v = 5.0")),
     "value_impossible": edited(("plunger_diameter_m = 0.008", "plunger_diameter_m = -0.008")),
     "rate_contradicts": edited(("sample_rate_hz = 10000.0", "sample_rate_hz = 20000.0")),

@@ -119,7 +119,7 @@ VERDICTS: dict[str, Verdict] = {
     "inverted_torque": used(align=("torque_inverted",)),
     "trigger_missed": used("pulses_irregular"),
     "trigger_doubled": used("pulses_irregular"),
-    "trigger_bounced": used("pulses_irregular"),
+    "trigger_bounced": used("pulses_irregular", "isolated_samples"),
     "misfire": used(),
     "speed_ramp": used(),
     "start_stop": used(),

@@ -168,7 +168,7 @@ def write_tdms(
 
 
 def write_hdf5(path: Path, log: Log, *, checksum: bool = True, unit: str = "V") -> None:
-    options = {"compression": "gzip", "fletcher32": True, "chunks": (4096,)} if checksum else {}
+    options = {"compression": "gzip", "fletcher32": True, "chunks": (1024,)} if checksum else {}
     with h5py.File(path, "w") as file:
         group = file.create_group("Main")
         group.attrs["sample_rate_hz"], group.attrs["t0_s"] = log.rate, log.start

@@ -1,0 +1,70 @@
+"""The lift table: units in the column names, resolution, one revolution that closes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged.logs import CALIBRATION
+
+from pipeline.config_toml import load_recording_config
+from pipeline.ingest.cam_table import read_cam_table
+from pipeline.records import Refusal
+
+ROOT = CALIBRATION.parent
+
+
+def pump(path: Path, lift: str = "lift_mm"):
+    from dataclasses import replace
+
+    base = load_recording_config(ROOT / "raw_examples" / "A_0300rpm").pump
+    return replace(base, cam_table_path=path, cam_table_lift_column=lift)
+
+
+def rows(angles: np.ndarray, lift_mm: np.ndarray, head: str = "cam_angle_deg,lift_mm") -> str:
+    return "\n".join([head, *(f"{a:g},{y:.3f}" for a, y in zip(angles, lift_mm, strict=True))]) + "\n"
+
+
+ANGLES = np.arange(0.0, 360.0, 2.0)
+LIFT = 4.0 - 4.0 * np.cos(np.deg2rad(ANGLES))
+
+
+def test_the_example():
+    table, findings = read_cam_table(pump(CALIBRATION / "cam_A.csv"))
+    assert table.theta.size == 360
+    assert table.resolution == pytest.approx(1e-6)
+    assert table.lift.max() == pytest.approx(8e-3, rel=1e-3)
+    assert [finding.code for finding in findings] == ["lift_negative"]
+
+
+def test_a_repeated_end_is_dropped_and_resolution_comes_from_the_decimals(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(np.append(ANGLES, 360.0), np.append(LIFT, LIFT[0])))
+    table, _ = read_cam_table(pump(file))
+    assert table.theta.size == ANGLES.size
+    assert table.resolution == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "lift", "message"),
+    [
+        (rows(ANGLES[::-1], LIFT), "lift_mm", "does not increase at row 2"),
+        (rows(ANGLES[:90], LIFT[:90]), "lift_mm", "expected one whole revolution"),
+        (rows(ANGLES, 0.0 * LIFT), "lift_mm", "is the column right"),
+        (rows(np.append(ANGLES, 360.0), np.append(LIFT, 1.0)), "lift_mm", "does not close"),
+        (rows(ANGLES, LIFT), "lif_mm", "did you mean 'lift_mm'"),
+        (rows(ANGLES, LIFT, "cam_angle_deg,lift_xy"), "lift_xy", "does not end in a known unit"),
+        (rows(ANGLES[:3], LIFT[:3]), "lift_mm", "3 rows, expected at least"),
+        (rows(ANGLES, LIFT).replace("4,", "4,4,", 1), "lift_mm", "one per column"),
+        ("cam_angle_deg,lift_mm\n", "lift_mm", "a lift table with 0 rows"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path: Path, text: str, lift: str, message: str):
+    file = tmp_path / "cam.csv"
+    file.write_text(text)
+    with pytest.raises(Refusal, match=message):
+        read_cam_table(pump(file, lift))
+
+
+def test_a_missing_table_is_refused(tmp_path: Path):
+    with pytest.raises(Refusal, match="no such file; expected a lift table"):
+        read_cam_table(pump(tmp_path / "none.csv"))

@@ -1,0 +1,160 @@
+"""recording.toml: every required key is required, every bad value refused, every unknown key told."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from damaged.logs import CALIBRATION, TOML
+
+from pipeline.config_toml import FORMAT_ALIASES, TABLES, load_recording_config
+from pipeline.ingest import READERS
+from pipeline.ingest.signature import NAMES
+from pipeline.records import Refusal
+from pipeline.units import DEGREE, RPM
+
+TAIL = """
+[[loggers]]
+id = "DAQ1"
+clock = "single"
+
+[[channels]]
+quantity = "pressure"
+file = "log.h5"
+group = "Main"
+channel = "Line_Pressure"
+unit = "V"
+logger = "DAQ1"
+sample_rate_hz = 10000.0
+sensor = "K4067-40117"
+
+[[channels]]
+quantity = "trigger"
+file = "log.h5"
+group = "Main"
+channel = "Prox_Trigger"
+unit = "V"
+logger = "DAQ1"
+sample_rate_hz = 10000.0
+sensor = "PROX-01"
+"""
+TEXT = TOML.format(id="x", rpm=600.0, file_format="hdf5", dialect="", calibration=CALIBRATION.as_posix()) + TAIL
+OPTIONAL = {"csv_dialect", "acquisition", "note", "follower_mass_note", "meaning", "zero_before_V", "zero_after_V"}
+OPTIONAL |= {"group", "sensor"}
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    (tmp_path / "recording.toml").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def required_lines() -> list[str]:
+    lines = [line for line in TEXT.splitlines() if " = " in line]
+    return sorted({line for line in lines if line.split(" = ")[0] not in OPTIONAL})
+
+
+def test_values_come_out_in_si(tmp_path: Path):
+    config = load_recording_config(write(tmp_path, TEXT))
+    assert config.nominal_speed == 600.0 * RPM
+    assert config.trigger.nominal_angle == 20.0 * DEGREE
+    assert config.rotation == 1
+    assert config.findings == ()
+    assert config.pump.poisson_ratio == 0.3
+    assert config.pump.roller_mass is None
+    assert config.text == TEXT
+
+
+def test_file_and_folder_are_the_same(tmp_path: Path):
+    folder = write(tmp_path, TEXT)
+    assert load_recording_config(folder) == load_recording_config(folder / "recording.toml")
+
+
+@pytest.mark.parametrize("line", required_lines())
+def test_a_missing_key_is_refused(tmp_path: Path, line: str):
+    key = line.split(" = ")[0]
+    with pytest.raises(Refusal, match=rf"{key}.*(missing|no table|expected)|is missing"):
+        load_recording_config(write(tmp_path, TEXT.replace(line + "\n", "", 1)))
+
+
+@pytest.mark.parametrize("line", required_lines())
+def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
+    key = line.split(" = ")[0]
+    with pytest.raises(Refusal, match=key):
+        load_recording_config(write(tmp_path, TEXT.replace(line, f"{key} = [1]", 1)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("fip-bench-recording/1", "fip-bench-recording/2", "schema is 'fip-bench-recording/2'"),
+        ('rotation = "positive"', 'rotation = "positiv"', "did you mean 'positive'"),
+        ('edge = "rising"', 'edge = "up"', "expected one of rising, falling"),
+        ('file_format = "hdf5"', 'file_format = "hdf"', "did you mean 'hdf5'"),
+        ('clock = "single"', 'clock = "singel"', "did you mean 'single'"),
+        ('quantity = "trigger"', 'quantity = "triger"', "did you mean 'trigger'"),
+        ('logger = "DAQ1"', 'logger = "DAQ2"', "found 'DAQ2'"),
+        ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = nan", "expected a number > 0"),
+        ("pulses_per_rev = 1", "pulses_per_rev = 1.5", "expected a whole number"),
+        ("pulses_per_rev = 1", "pulses_per_rev = 0", "expected a number >= 1"),
+        ("pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 60", "60 of 60 pulses"),
+        ("pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 2\ndouble_tooth = true", "not both"),
+        ("pulses_per_rev = 1", "pulses_per_rev = 1\ndouble_tooth = 1", "expected true or false"),
+        ("[sensors.pressure]", "[sensors.presure]", "did you mean 'pressure'"),
+        ('sensor = "K4067-40117"', 'sensor = "K4067-1"', "has serial 'K4067-40117'"),
+        ('quantity = "pressure"', 'quantity = "trigger"', "more than once"),
+        (
+            "zero_after_V = 0.0301",
+            "zero_after_V = 0.0301\nidle_from_s = 3.0\nidle_to_s = 1.0",
+            "idle_from_s < idle_to_s",
+        ),
+        ("zero_after_V = 0.0301", "zero_after_V = 0.0301\nidle_from_s = 3.0", "idle_from_s < idle_to_s"),
+        ("[trigger]", "[triger]", "is it 'triger'"),
+        ("[pump]", "[pump", "is not valid TOML"),
+    ],
+)
+def test_a_bad_value_is_refused(tmp_path: Path, old: str, new: str, message: str):
+    with pytest.raises(Refusal, match=message):
+        load_recording_config(write(tmp_path, TEXT.replace(old, new)))
+
+
+def test_no_trigger_is_refused(tmp_path: Path):
+    text = TEXT[: TEXT.rindex("[[channels]]")]
+    with pytest.raises(Refusal, match="no channel has quantity 'trigger'"):
+        load_recording_config(write(tmp_path, text))
+
+
+def test_missing_empty_and_foreign_files(tmp_path: Path):
+    with pytest.raises(Refusal, match="no such file; a recording is a folder"):
+        load_recording_config(tmp_path)
+    with pytest.raises(Refusal, match="is empty"):
+        load_recording_config(write(tmp_path, " \n"))
+    (tmp_path / "recording.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(Refusal, match="is not UTF-8"):
+        load_recording_config(tmp_path)
+
+
+def test_unknown_keys_are_findings_with_a_suggestion(tmp_path: Path):
+    text = TEXT.replace('\nnote = ""', '\nnote = ""\noperator = "M. M."\nrotaton = "positive"')
+    findings = load_recording_config(write(tmp_path, text)).findings
+    assert [finding.code for finding in findings] == ["unknown_key", "unknown_key"]
+    assert "did you mean 'rotation'" in findings[1].text
+
+
+def test_tooth_wheel_and_idle_keys(tmp_path: Path):
+    text = TEXT.replace("pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 2")
+    text = text.replace('\nnote = ""', '\nnote = ""\nidle_from_s = 0.1\nidle_to_s = 0.6')
+    config = load_recording_config(write(tmp_path, text))
+    assert (config.trigger.pulses_per_rev, config.trigger.missing_teeth) == (60, 2)
+    assert (config.sensors["pressure"].idle_from, config.sensors["pressure"].idle_to) == (0.1, 0.6)
+
+
+def test_the_raw_examples_hold_no_unknown_key_and_every_known_key_is_a_key_of_some_table():
+    root = CALIBRATION.parent / "raw_examples"
+    for folder in sorted(root.glob("A_*")):
+        values = tomllib.loads((folder / "recording.toml").read_text(encoding="utf-8"))
+        assert set(values) <= set(TABLES[""])
+        assert load_recording_config(folder).findings == ()
+
+
+def test_every_format_has_a_reader_and_a_name():
+    assert set(FORMAT_ALIASES.values()) == set(READERS)
+    assert set(READERS) <= set(NAMES)

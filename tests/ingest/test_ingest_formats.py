@@ -1,0 +1,246 @@
+"""Every format gives back what was written, whole and in slices, in memory and from disk."""
+
+import builtins
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from damaged.build import MAT, PLANS, log_file
+from damaged.logs import (
+    DIALECTS,
+    NAMES,
+    Plan,
+    clean_log,
+    write_catman,
+    write_folder,
+    write_mat5,
+    write_mat73,
+    write_tdms,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline.ingest import csv_log, mf4, read_recording
+from pipeline.ingest.csv_layout import CsvLayout
+from pipeline.ingest.csv_log import Damage, parse_block
+from pipeline.records import Recording, Refusal
+
+LOG = clean_log(revolutions=6.0, start=0.0321)
+TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0}
+"""CSV logs are written with four decimals, the MF4 log in single precision; the others hold the numbers themselves."""
+
+
+def recording(folder: Path, plan: Plan) -> Recording:
+    return read_recording(write_folder(folder, [LOG], plan))
+
+
+def assert_is_the_log(read: Recording, tolerance: float = 0.0, start: float = LOG.start) -> None:
+    for channel in read.channels:
+        assert channel.sample_rate == LOG.rate
+        assert channel.start_time == pytest.approx(start, abs=1e-9)
+        assert np.max(np.abs(channel.read_volts() - LOG.volts[channel.quantity])) <= tolerance
+
+
+@pytest.mark.parametrize("name", sorted(PLANS))
+def test_round_trip(tmp_path: Path, name: str):
+    if name == "mf4":
+        pytest.importorskip("asammdf")
+    assert_is_the_log(recording(tmp_path / "r", PLANS[name]), TOLERANCE[name])
+
+
+@pytest.mark.parametrize("name", sorted(DIALECTS))
+def test_csv_dialects(tmp_path: Path, name: str):
+    read = recording(tmp_path / "r", Plan("csv", writer_options={"dialect": name}))
+    # a date counts from itself, and a file without times from zero
+    start = 0.0 if name in ("iso", "no_time") else LOG.start
+    for channel in read.channels:
+        assert channel.sample_rate == pytest.approx(LOG.rate, rel=1e-6)  # stamps of a date are rounded to 0.24 us
+    assert read.channels[0].start_time == pytest.approx(start, abs=1e-9)
+    assert np.max(np.abs(read.channels[1].read_volts() - LOG.volts["pressure"])) <= TOLERANCE["csv"]
+
+
+@pytest.mark.parametrize("segments", [1, 4])
+def test_tdms_segments_and_scales(tmp_path: Path, segments: int):
+    plan = Plan("tdms", writer_options={"segments": segments})
+    assert_is_the_log(recording(tmp_path / "plain", plan))
+    plan = Plan("tdms", writer_options={"segments": segments, "scaled": True})
+    # 16 bit over 20 V: half a step
+    assert_is_the_log(recording(tmp_path / "scaled", plan), 0.51 * 10.0 / 32768.0)
+
+
+@pytest.mark.parametrize("width", [8, 4, 2])
+def test_catman_widths_against_apread(tmp_path: Path, width: int, monkeypatch: pytest.MonkeyPatch):
+    plan = Plan("catman", writer_options={"width": width})
+    read = recording(tmp_path / "r", plan)
+    assert_is_the_log(read, {8: 0.0, 4: 3e-7, 2: 6e-5 * 5.2}[width])
+    # numbers of apread, an independent reader of the same structure
+    apread = pytest.importorskip("apread", exc_type=ImportError)
+    monkeypatch.setattr("apread.apreader.tqdm", lambda channels, leave: channels)
+    monkeypatch.setattr("apread.entries.toDatetime", lambda stamp: stamp)
+    other = {channel.Name: channel.data for channel in apread.APReader(str(read.channels[0].path)).Channels}
+    for channel in read.channels:
+        assert np.array_equal(channel.read_volts(), np.asarray(other[NAMES[channel.quantity]], dtype=float))
+
+
+def test_catman_without_time_channel_asks_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(builtins, "input", lambda *_: pytest.fail("asked on standard input"))
+    read = recording(tmp_path / "r", Plan("catman", writer_options={"with_time": False}))
+    assert read.channels[0].sample_rate == LOG.rate
+
+
+def test_two_time_channels_of_one_length_are_refused_not_guessed(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["catman"])
+    file = log_file(folder)
+    write_catman(file, LOG)
+    data = file.read_bytes().replace(b"Line_Pressure", b"Line_Pr__time")
+    file.write_bytes(data)
+    with pytest.raises(Refusal, match="2 channels may be its time"):
+        read_recording(folder)
+
+
+def test_mat_versions_and_structs(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], MAT)
+    write_mat73(log_file(folder), LOG)
+    assert_is_the_log(read_recording(folder))
+    plan = Plan("mat", channel_lines=MAT.channel_lines, edits=(('group = ""', 'group = "rec"'),))
+    folder = write_folder(tmp_path / "s", [LOG], plan)
+    write_mat5(log_file(folder), LOG, struct_name="rec")
+    assert_is_the_log(read_recording(folder))
+
+
+def test_mat_without_times_uses_the_declared_rate_and_start(tmp_path: Path):
+    plan = Plan("mat", channel_lines="start_time_s = 0.0321\n")
+    assert_is_the_log(recording(tmp_path / "r", plan))
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(name=st.sampled_from(["csv", "hdf5", "tdms", "catman", "mat"]), bounds=st.tuples(*[st.integers(-5, 6200)] * 2))
+def test_slices_are_slices(tmp_path_factory, name: str, bounds: tuple[int, int]):
+    source = cached(tmp_path_factory, name).of("pressure")[0].source
+    whole = source.read(0, source.n_samples)
+    start, stop = max(min(bounds), 0), max(bounds)
+    assert np.array_equal(source.read(start, stop), whole[start:stop])
+
+
+CACHE: dict[str, Recording] = {}
+
+
+def cached(factory: pytest.TempPathFactory, name: str) -> Recording:
+    if name not in CACHE:
+        CACHE[name] = recording(factory.mktemp(name) / "r", PLANS[name])
+    return CACHE[name]
+
+
+def test_a_large_csv_lies_on_disk_and_gives_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["csv"])
+    small = read_recording(folder)
+    monkeypatch.setattr(csv_log, "IN_MEMORY_BYTES", 1000)
+    monkeypatch.setattr(csv_log, "BLOCK_BYTES", 5000)
+    large = read_recording(folder)
+    assert isinstance(large.channels[0].source, csv_log.CachedSource)
+    for one, other in zip(small.channels, large.channels, strict=True):
+        assert np.array_equal(one.read(), other.read())
+        assert one.start_time == other.start_time
+
+
+def test_a_large_mf4_is_read_in_pieces_and_gives_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("asammdf")
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["mf4"])
+    small = read_recording(folder)
+    monkeypatch.setattr(mf4, "IN_MEMORY_BYTES", 1000)
+    large = read_recording(folder)
+    for one, other in zip(small.channels, large.channels, strict=True):
+        assert np.array_equal(one.read(1234, 4321), other.read(1234, 4321))
+
+
+def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("asammdf")
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["mf4"])
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    with pytest.raises(Refusal, match=r"pip install 'camtorque\[mf4\]'"):
+        read_recording(folder)
+
+
+def test_interleaved_tdms(tmp_path: Path):
+    """One segment written by hand after NI's description, two channels sample by sample in turn."""
+    from struct import pack
+
+    def text(value: str) -> bytes:
+        return pack("<I", len(value)) + value.encode()
+
+    count, names = 500, ("Torque", "Prox_Trigger", "Line_Pressure")
+    values = {q: LOG.volts[q][:count] for q in ("torque", "trigger", "pressure")}
+    meta = pack("<I", len(names))
+    for name in names:
+        meta += text(f"/'Main'/'{name}'") + pack("<IIIQ", 20, 10, 1, count) + pack("<I", 1)
+        meta += text("wf_increment") + pack("<Id", 10, 1.0 / LOG.rate)
+    raw = np.column_stack(list(values.values())).tobytes()
+    toc = (1 << 1) | (1 << 2) | (1 << 3) | (1 << 5)
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["tdms"])
+    toml = folder / "recording.toml"
+    toml.write_text("\n".join('group = "Main"' if "Grp_" in line else line for line in toml.read_text().split("\n")))
+    lead = b"TDSm" + pack("<iiQQ", toc, 4713, len(meta) + len(raw), len(meta))
+    log_file(folder).write_bytes(lead + meta + raw)
+    for channel in read_recording(folder).channels:
+        assert np.array_equal(channel.read_volts(), values[channel.quantity])
+        assert np.array_equal(channel.read_volts(17, 400), values[channel.quantity][17:400])
+
+
+def test_hdf5_time_channel_and_slices(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("hdf5", channel_lines='time_channel = "t_ms"\n'))
+    with h5py.File(log_file(folder), "a") as file:
+        file["Main"].create_dataset("t_ms", data=1e3 * LOG.times).attrs["unit"] = "ms"
+    assert_is_the_log(read_recording(folder))
+
+
+def test_several_tdms_files_share_their_dates(tmp_path: Path):
+    """Synchronised loggers: a file that began half a second later has its channels half a second later."""
+    from dataclasses import replace
+
+    from damaged import logs
+
+    parts = [replace(LOG, logger=q.upper(), volts={q: v}, start=0.0) for q, v in LOG.volts.items()]
+    folder = write_folder(tmp_path / "r", parts, replace(PLANS["tdms"], clock="synchronised"))
+    later = logs.START.replace(microsecond=500_000)
+    original, logs.START = logs.START, later
+    try:
+        write_tdms(folder / "PRESSURE.tdms", parts[1])
+    finally:
+        logs.START = original
+    starts = {channel.quantity: channel.start_time for channel in read_recording(folder).channels}
+    assert starts == {"torque": 0.0, "pressure": pytest.approx(0.5, abs=1e-6), "trigger": 0.0}
+
+
+LAYOUT = CsvLayout("utf-8", ",", ".", 0, 0, ("a", "b", "c"), ("", "", ""), False, None)
+CELLS = st.floats(-1e6, 1e6).map(lambda value: round(value, 4))
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(CELLS, CELLS, CELLS), min_size=1, max_size=30), st.data())
+def test_a_damaged_row_never_shifts_the_others(rows: list[tuple[float, ...]], data):
+    lines = [",".join(repr(value) for value in row) for row in rows]
+    bad = data.draw(st.integers(0, len(rows) - 1))
+    lines[bad] = data.draw(st.sampled_from(["1,2", "1;2;3", "", "1,2,3,4", "x,y,z", "1,,3"]))
+    damage = Damage()
+    columns = parse_block(("\n".join(lines) + "\n").encode(), LAYOUT, [0, 1, 2], None, damage, 1)
+    for column, values in zip(columns, zip(*rows, strict=True), strict=True):
+        kept = np.arange(len(rows)) != bad
+        assert column.size == len(rows)
+        assert np.allclose(column[kept], np.array(values)[kept], rtol=1e-15, atol=0.0)
+    assert np.isnan(np.array([column[bad] for column in columns])).any()
+
+
+@given(st.binary(max_size=300))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize("name", ["csv", "tdms", "hdf5", "catman", "mat"])
+def test_noise_in_place_of_a_log_is_refused(tmp_path_factory, name: str, noise: bytes):
+    if name not in NOISE:
+        NOISE[name] = write_folder(tmp_path_factory.mktemp(name) / "r", [LOG], PLANS[name])
+    log_file(NOISE[name]).write_bytes(noise)
+    with pytest.raises(Refusal):
+        read_recording(NOISE[name])
+
+
+NOISE: dict[str, Path] = {}

@@ -1,0 +1,68 @@
+"""What a look at the samples finds, and what it must not find."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged.logs import Plan, clean_log, write_folder
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.ingest import read_recording, scan, summarise_recording
+from pipeline.ingest.scan import isolated_samples, pulse_times, scan_channel
+
+LOG = clean_log()
+
+
+def test_noise_alone_has_no_isolated_samples():
+    noise = np.random.default_rng(5).standard_normal(400_000)
+    assert isolated_samples(noise).size == 0
+
+
+@settings(deadline=None)
+@given(at=st.integers(10, 21_000), size=st.floats(0.5, 1e30), sign=st.sampled_from([-1.0, 1.0]))
+def test_one_wrong_sample_is_found_where_it_is(at: int, size: float, sign: float):
+    volts = LOG.volts["pressure"].copy()
+    volts[at] += sign * size
+    assert isolated_samples(volts).tolist() == [at]
+
+
+def test_edges_of_pulses_are_not_isolated_samples():
+    square = (np.arange(10_000) % 500 < 40).astype(float) + 1e-3 * np.random.default_rng(6).standard_normal(10_000)
+    assert isolated_samples(square).size == 0
+
+
+def test_blocks_do_not_change_what_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    volts = LOG.volts["pressure"].copy()
+    volts[4990:5020] = np.nan
+    volts = np.minimum(volts, 1.9)
+    folder = write_folder(tmp_path / "r", [LOG.with_volts("pressure", volts)], Plan("hdf5"))
+    channels = read_recording(folder).channels
+    whole = [scan_channel(channel) for channel in channels]
+    pulses = pulse_times(channels[2], "rising", whole[2].low, whole[2].high)
+    monkeypatch.setattr(scan, "BLOCK", 5000)
+    again = [scan_channel(channel) for channel in channels]
+    for one, other in zip(whole, again, strict=True):
+        assert (one.low, one.high, one.missing, one.longest_missing) == (
+            other.low,
+            other.high,
+            other.missing,
+            other.longest_missing,
+        )
+    assert whole[1].longest_missing == 30
+    assert np.array_equal(pulses, pulse_times(channels[2], "rising", whole[2].low, whole[2].high))
+
+
+def test_the_summary_counts_pulses_and_speed(tmp_path: Path):
+    summary = summarise_recording(write_folder(tmp_path / "r", [LOG], Plan("hdf5")))
+    trigger = summary.channels[2]
+    assert trigger.pulses == 22
+    # edges to the sample, 21 revolutions in 2.1 s
+    assert summary.speed_rpm == pytest.approx(600.0, rel=1e-4)
+    assert summary.channels[1].high == pytest.approx(460e5, rel=0.01)
+
+
+def test_a_speed_far_from_nominal_is_told(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("hdf5"), rpm=300.0)
+    codes = {finding.code for finding in summarise_recording(folder).findings}
+    assert "speed_off_nominal" in codes

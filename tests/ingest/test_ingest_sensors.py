@@ -1,0 +1,141 @@
+"""Sheet and certificate to SI with uncertainty; contradictions between papers are refused."""
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
+
+from pipeline.config import SensorRef
+from pipeline.ingest import read_recording
+from pipeline.ingest.sensors import read_sensor
+from pipeline.records import Refusal
+from pipeline.units import ATMOSPHERE
+
+TORQUE, PRESSURE = "torque_T22-40117.toml", "pressure_K4067-40117.toml"
+
+
+@pytest.fixture
+def papers(tmp_path: Path) -> Path:
+    folder = tmp_path / "papers"
+    shutil.copytree(CALIBRATION, folder)
+    return folder
+
+
+def reference(folder: Path, quantity: str = "torque", before=None, after=None) -> SensorRef:
+    name, serial = {"torque": (TORQUE, "T22-40117"), "pressure": (PRESSURE, "K4067-40117")}[quantity]
+    return SensorRef(quantity, serial, folder / name, before, after)
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def test_gain_is_the_line_through_all_points():
+    calibration = read_sensor(reference(CALIBRATION)).calibration
+    points = np.loadtxt(CALIBRATION / "torque_T22-40117.csv", delimiter=",", skiprows=2)
+    # normal equations written out, another way than the product's
+    load, volts = points.T
+    slope = np.sum((load - load.mean()) * (volts - volts.mean())) / np.sum((load - load.mean()) ** 2)
+    assert calibration.gain == pytest.approx(1.0 / slope, rel=1e-12)
+    # k=2 of 0.05 % halved, and the scatter of the fit on top
+    assert 2.5e-4 < calibration.gain_relative_std < 3.0e-4
+    assert calibration.range_min == -200.0
+    assert calibration.output_max_volts == 5.0
+    assert (calibration.cutoff_hz, calibration.filter_order) == (1000.0, 2)
+    assert calibration.delay_std == pytest.approx(0.03 * 0.45e-3 / math.sqrt(3.0))
+
+
+def test_pressure_is_in_pascal_and_an_unstated_delay_tolerance_is_told():
+    sensor = read_sensor(reference(CALIBRATION, "pressure"))
+    assert sensor.calibration.gain == pytest.approx(200e5, rel=5e-3)
+    assert sensor.calibration.range_max == 2000e5
+    assert math.isnan(sensor.calibration.cutoff_hz)
+    assert [finding.code for finding in sensor.findings] == ["delay_tolerance_assumed"]
+
+
+def test_zero_from_standstill_or_certificate():
+    both = read_sensor(reference(CALIBRATION, before=-0.02, after=-0.03)).calibration
+    assert both.zero_source == "standstill"
+    assert both.zero_volts == pytest.approx(-0.025)
+    assert both.zero_std == pytest.approx(0.005 * both.gain, rel=1e-3)
+    one = read_sensor(reference(CALIBRATION, before=-0.02)).calibration
+    assert one.zero_volts == -0.02
+    assert one.zero_std > both.zero_std
+    none = read_sensor(reference(CALIBRATION)).calibration
+    assert none.zero_source == "certificate"
+    assert none.zero_std == pytest.approx(0.05 * none.gain / math.sqrt(3.0))
+    thermal = read_sensor(reference(CALIBRATION, "pressure")).calibration
+    assert thermal.zero_std == pytest.approx(0.0015 * 2000e5 / math.sqrt(3.0))
+
+
+def test_an_absolute_sensor_shows_the_atmosphere_at_zero_gauge(papers: Path):
+    gauge = read_sensor(reference(papers, "pressure")).calibration
+    edit(papers / PRESSURE, '"gauge"', '"absolute"')
+    absolute = read_sensor(reference(papers, "pressure")).calibration
+    assert absolute.gain * (absolute.zero_volts - gauge.zero_volts) == pytest.approx(ATMOSPHERE)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        (TORQUE, 'serial = "T22-40117"', 'serial = "T22-1"', "is the sheet of T22-1"),
+        (TORQUE, 'quantity = "torque"', 'quantity = "pressure"', "names it for 'torque'"),
+        (TORQUE, 'unit = "N m"', 'unit = "Nn"', "unknown unit 'Nn'"),
+        (TORQUE, 'unit = "N m"', 'unit = "kN m"', "the certificate is in 'Nm', the sheet in 'kN m'"),
+        (TORQUE, "nominal_range = [-200.0, 200.0]", "nominal_range = [200.0]", "expected \\[lowest, highest\\]"),
+        (TORQUE, "= 0.025", "= 0.25", "unit or certificate is wrong"),
+        (TORQUE, "low-pass, 2nd order", "low-pass", "has to name the order"),
+        (TORQUE, "torque_T22-40117.csv", "none.csv", "no such file; expected a calibration certificate"),
+        (TORQUE, '"2024-11-05"', '"last autumn"', "expected a date"),
+        (TORQUE, "[sensor]", "[sensr]", "the table \\[sensor\\] is missing, is it 'sensr'"),
+        ("torque_T22-40117.csv", "T22-40117", "T22-40118", "is the certificate of T22-40118"),
+        ("torque_T22-40117.csv", "applied_torque_Nm", "applied_pressure_bar", "is about pressure"),
+        ("torque_T22-40117.csv", "output_V", "reading", "expected columns applied_torque_<unit>"),
+        ("torque_T22-40117.csv", "40.0,1.00292", "40.0,x", "is not a row of numbers"),
+    ],
+)
+def test_contradictions_are_refused(papers: Path, file: str, old: str, new: str, message: str):
+    edit(papers / file, old, new)
+    with pytest.raises(Refusal, match=message):
+        read_sensor(reference(papers))
+
+
+def test_an_unknown_sheet_key_is_a_finding(papers: Path):
+    edit(papers / TORQUE, "zero_tolerance_V = 0.05", "zero_tolerance_V = 0.05\ngroup_delay_ms = 0.45")
+    findings = read_sensor(reference(papers)).findings
+    assert [finding.code for finding in findings] == ["unknown_key"]
+    assert "did you mean 'group_delay_s'" in findings[0].text
+
+
+def test_header_only_certificate_is_refused(papers: Path):
+    (papers / "torque_T22-40117.csv").write_text("# certificate\napplied_torque_Nm,output_V\n")
+    with pytest.raises(Refusal, match="with 0 rows"):
+        read_sensor(reference(papers))
+
+
+def test_negative_rotation_turns_the_torque(tmp_path: Path):
+    log = clean_log(revolutions=3.0)
+    positive = read_recording(write_folder(tmp_path / "p", [log], Plan("hdf5")))
+    negative = read_recording(write_folder(tmp_path / "n", [log], Plan("hdf5", edits=(('"positive"', '"negative"'),))))
+    assert np.array_equal(negative.of("torque")[0].read(), -positive.of("torque")[0].read())
+    assert np.array_equal(negative.of("pressure")[0].read(), positive.of("pressure")[0].read())
+
+
+def test_zero_from_a_marked_idle_stretch(tmp_path: Path):
+    log = clean_log(revolutions=5.0)
+    volts = log.volts["torque"].copy()
+    volts[:2000] = 0.0123
+    edits = (("zero_before_V = 0.0299\nzero_after_V = 0.0301", "idle_from_s = 0.01\nidle_to_s = 0.19"),)
+    folder = write_folder(tmp_path / "r", [log.with_volts("torque", volts)], Plan("hdf5", edits=edits))
+    calibration = read_recording(folder).of("torque")[0].calibration
+    assert calibration.zero_source == "idle stretch"
+    assert calibration.zero_volts == pytest.approx(0.0123, abs=1e-12)
+    short = replace(Plan("hdf5"), edits=((edits[0][0], "idle_from_s = 90.0\nidle_to_s = 91.0"),))
+    with pytest.raises(Refusal, match=r"the idle stretch 90\.\.91 s holds 0 samples"):
+        read_recording(write_folder(tmp_path / "s", [log], short))

@@ -1,0 +1,84 @@
+"""Time stamps: rate from the whole stretch, jumps and damaged stamps found where they are."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.ingest.raw import ArraySource
+from pipeline.ingest.timebase import time_base
+from pipeline.records import Refusal
+
+RATES = st.sampled_from([1000.0, 5000.0, 12_800.0, 20_000.0, 30_000.0, 51_200.0, 100_000.0])
+
+
+def stamps(rate: float, count: int, start: float = 0.0) -> np.ndarray:
+    """Stamps rounded to a microsecond, as CSV files hold them."""
+    return np.round(start + np.arange(count) / rate, 6)
+
+
+@settings(deadline=None)
+@given(rate=RATES, count=st.integers(200, 5000), start=st.floats(0.0, 100.0))
+def test_rounded_stamps_give_the_declared_rate(rate: float, count: int, start: float):
+    base = time_base(ArraySource(stamps(rate, count, start)), rate, "log")
+    assert base.rate == rate
+    assert base.breaks == ()
+    assert base.findings == ()
+    assert base.start == pytest.approx(start, abs=1e-6)  # the rounding of the stamps
+
+
+@settings(deadline=None)
+@given(at=st.integers(10, 900), jump=st.floats(1e-3, 10.0), sign=st.sampled_from([-1.0, 1.0]))
+def test_a_jump_is_found_where_it_is(at: int, jump: float, sign: float):
+    times = stamps(10_000.0, 1000)
+    times[at:] += sign * jump
+    base = time_base(ArraySource(times), 10_000.0, "log")
+    assert base.breaks == (at,)
+    assert base.break_steps[0] == pytest.approx(sign * jump, abs=5e-6)  # the rounding of steps and stamps
+    assert base.rate == pytest.approx(10_000.0, rel=1e-4)
+    assert [finding.code for finding in base.findings] == ["time_gap" if sign > 0 else "time_not_monotonic"]
+
+
+@settings(deadline=None)
+@given(at=st.integers(2, 990), size=st.floats(1e-3, 1e3))
+def test_one_wrong_stamp_is_not_a_jump(at: int, size: float):
+    times = stamps(10_000.0, 1000)
+    times[at] += size
+    base = time_base(ArraySource(times), 10_000.0, "log")
+    assert base.breaks == ()
+    assert [finding.code for finding in base.findings] == ["time_stamp_damaged"]
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(1, 998), min_size=1, max_size=20, unique=True))
+def test_missing_stamps_are_bridged(places: list[int]):
+    times = stamps(10_000.0, 1000)
+    times[places] = np.nan
+    base = time_base(ArraySource(times), 10_000.0, "log")
+    assert base.rate == 10_000.0
+    assert base.start == pytest.approx(0.0, abs=1e-9)
+    assert base.findings[0].text.startswith(f"{len(places)} time stamps")
+
+
+def test_rates_that_contradict():
+    times = ArraySource(stamps(10_000.0, 5000))
+    base = time_base(times, 10_010.0, "log")
+    assert base.rate == pytest.approx(10_000.0, rel=1e-6)
+    assert [finding.code for finding in base.findings] == ["rate_differs"]
+    with pytest.raises(Refusal, match="the time stamps say 10000 Hz"):
+        time_base(times, 20_000.0, "log")
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        (np.zeros(100), "time does not run forward"),
+        (np.arange(100.0)[::-1], "time does not run forward"),
+        (np.array([1.0]), "expected at least 2"),
+        (np.full(10, np.nan), "expected at least 2"),
+        (np.sort(np.random.default_rng(0).uniform(0, 1, 1000)), "not equidistant"),
+    ],
+)
+def test_what_is_no_time_base_is_refused(times: np.ndarray, message: str):
+    with pytest.raises(Refusal, match=message):
+        time_base(ArraySource(times), 1000.0, "log")

@@ -1,0 +1,59 @@
+"""Units at the border: exact factors, refusals, and the nomenclature."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.records import Refusal
+from pipeline.units import BORDER_UNITS, NOMENCLATURE, SPELLINGS, is_known_unit, tidy_unit, unit_factor
+
+
+@pytest.mark.parametrize(
+    ("unit", "dimension", "factor"),
+    [
+        ("bar", "pressure", 1e5),
+        ("kPa", "pressure", 1e3),
+        ("MPa", "pressure", 1e6),
+        ("psi", "pressure", 6894.757293168362),  # 4.4482216152605 N over (25.4 mm)^2
+        ("N m", "torque", 1.0),
+        ("Nm", "torque", 1.0),
+        ("N·m", "torque", 1.0),
+        ("kN m", "torque", 1e3),
+        ("lbf in", "torque", 0.11298482902761670),  # 4.4482216152605 N times 25.4 mm
+        ("[mV]", "voltage", 1e-3),
+        ("µs", "time", 1e-6),
+    ],
+)
+def test_factors(unit: str, dimension: str, factor: float):
+    assert unit_factor(unit, dimension, "here") == pytest.approx(factor, rel=1e-15)
+
+
+def test_unknown_and_foreign_units_are_refused():
+    with pytest.raises(Refusal, match="here: unknown unit 'baar', did you mean 'bar'"):
+        unit_factor("baar", "pressure", "here")
+    with pytest.raises(Refusal, match="unit 'bar' is a pressure, expected a torque unit"):
+        unit_factor("bar", "torque", "here")
+
+
+def test_millibar_and_megabar_are_not_mixed_up():
+    # case carries meaning in SI: "MPA" or "mPa" must not become MPa
+    assert not is_known_unit("mPa")
+    assert not is_known_unit("MPA")
+
+
+def test_spellings_lead_to_known_units():
+    assert {tidy_unit(spelling) for spelling in SPELLINGS} <= set(BORDER_UNITS)
+
+
+@given(st.text(max_size=12))
+def test_no_text_breaks_the_table(text: str):
+    if not is_known_unit(text):
+        with pytest.raises(Refusal):
+            unit_factor(text, "pressure", "here")
+
+
+def test_each_quantity_stands_once():
+    names = [quantity.name for quantity in NOMENCLATURE]
+    symbols = [quantity.symbol for quantity in NOMENCLATURE]
+    assert len(set(names)) == len(names)
+    assert len(set(symbols)) == len(symbols)
