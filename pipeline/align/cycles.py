@@ -154,7 +154,9 @@ def _cam_cycles(
 
 
 def _compacted(rows: Array, chosen: NDArray[np.int64]) -> Array:
-    """Move the used rows to the front, in place: no second copy of a long recording."""
+    """Return the used rows without a second copy of a long recording: a stretch of it, or moved to the front."""
+    if chosen[-1] - chosen[0] + 1 == chosen.size:
+        return rows[chosen[0] : chosen[-1] + 1]
     for place, k in enumerate(chosen):
         if place != k:
             rows[place] = rows[k]

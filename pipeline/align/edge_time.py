@@ -69,19 +69,39 @@ def joined(parts: list[EdgeSamples]) -> EdgeSamples:
     return EdgeSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def crossings(edges: EdgeSamples) -> tuple[Array, float]:
-    """Return the half-height crossings in samples, with their fraction, and the flank's slope [heights per sample].
+@dataclass(frozen=True)
+class Crossings:
+    """Half-height crossings.
+
+    Attributes
+    ----------
+    position : (n,) [samples], with their fraction
+    slope : of the flank [heights per sample]
+    blur : standard error from the samples being too few to see the flank [samples]
+    """
+
+    position: Array
+    slope: float
+    blur: float
+
+
+def crossings(edges: EdgeSamples) -> Crossings:
+    """Return the half-height crossings of the edges.
 
     Linear interpolation between the two samples that straddle half height is exact while both lie on a straight flank;
-    where the flank is so short that one of them lies on a plateau it is wrong by up to dt^2 / (8 D), and the crossing
-    is found from the flank's duration D instead.
+    where the flank is so short that one of them lies on a plateau it is wrong by up to 1 / (8 D) samples, and the
+    crossing is found from the flank's duration D instead. An edge without any sample on its flank lies anywhere within
+    the 1 - D samples that are left.
     """
     slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
     linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
     duration = _flank_duration(edges.near)
-    if duration >= SHORT_FLANK:
-        return edges.before + linear, float(np.median(slope)) if slope.size else 1.0
-    return edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration
+    if duration < SHORT_FLANK:
+        unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
+        blur = np.sqrt(unseen / 12.0) * max(0.0, 1.0 - duration)
+        return Crossings(edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration, float(blur))
+    usual = float(np.median(slope)) if slope.size else 1.0
+    return Crossings(edges.before + linear, usual, usual / 8.0 if usual > 1.0 / SHORT_FLANK else 0.0)
 
 
 def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:

@@ -50,7 +50,7 @@ class Edges:
     time : (n,) half-height crossing on the logger's clock, switching delay not taken off [s]
     width : time that a pulse lasts, median [s]
     height : median height of the pulses [V]
-    noise : standard error of one edge time, from the noise of the plateaus and the slope of the edge [s]
+    noise : standard error of one edge time: noise of the plateaus over the slope of the flank, and too few samples [s]
     high_fraction : part of a usual period that the signal is high: a shaft that stands still does not count
     edge : the voltage edge that was taken
     n_nan : samples that are no numbers
@@ -253,9 +253,9 @@ def _edges(channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: Ed
             "expected at "
             "least two; check that the channel is the trigger and that the sensor saw the tooth"
         )
-    position, slope = crossings(taken)
-    time = sample_times(channel, position)
-    width = _pulse_width(position, other.before) / channel.sample_rate
+    crossing = crossings(taken)
+    time = sample_times(channel, crossing.position)
+    width = _pulse_width(crossing.position, other.before) / channel.sample_rate
     findings = []
     if inverted:
         findings.append(
@@ -272,7 +272,7 @@ def _edges(channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: Ed
         findings.append(
             Finding("trigger_drop_out", "warning", f"{n_nan} trigger samples are missing (not a number)", where)
         )
-    edge_noise = noise / (height * slope * channel.sample_rate)
+    edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
     return Edges(time, width, height, edge_noise, high, edge, n_nan, tuple(findings))
 
 

@@ -174,15 +174,19 @@ def test_synchronised_loggers_keep_their_own_start() -> None:
     assert [c.method for c in cycles.clocks] == ["reference", "common time base"]
 
 
-def test_edge_times_are_right_within_their_standard_error() -> None:
-    rig = Rig(trigger_noise=0.03, duration=8.0)
+@pytest.mark.parametrize(("rate", "best_us"), [(10e3, 10.0), (20e3, 1.0), (50e3, 0.5), (100e3, 0.5)])
+def test_edge_times_are_right_within_their_standard_error(rate: float, best_us: float) -> None:
+    rig = Rig(trigger_noise=0.03, duration=8.0, trigger_rate=rate)
     channel = trigger_channel(rig)
     edges = find_edges(channel, make(rig).config.trigger, rig.shaft.speed)
     truth = rig.pulse_times() + rig.switching_delay
     nearest = truth[np.argmin(np.abs(edges.time[:, None] - truth[None, :]), axis=1)]
     error = edges.time - nearest
-    # A flank of 60 us sampled every 50 us: linear interpolation alone leaves 1.8 us rms.
-    assert np.sqrt(np.mean(error**2)) < 3.0 * edges.noise < 1.0e-6
+    # A flank of 60 us sampled every 50 us: linear interpolation alone leaves 1.7 us rms; every 100 us, four in ten
+    # edges show no sample on it and lie anywhere within 40 us.
+    rms = np.sqrt(np.mean(error**2))
+    assert rms < 1e-6 * best_us
+    assert 0.4 * rms < edges.noise < 2.5 * rms
 
 
 def test_blocks_change_nothing() -> None:
