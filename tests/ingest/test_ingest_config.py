@@ -8,6 +8,7 @@ from damaged.logs import CALIBRATION, TOML
 
 from pipeline.config_toml import FORMAT_ALIASES, TABLES, load_recording_config
 from pipeline.ingest import READERS
+from pipeline.ingest.sensors import SHEET_KEYS
 from pipeline.ingest.signature import NAMES
 from pipeline.records import Refusal
 from pipeline.units import DEGREE, RPM
@@ -158,3 +159,9 @@ def test_the_raw_examples_hold_no_unknown_key_and_every_known_key_is_a_key_of_so
 def test_every_format_has_a_reader_and_a_name():
     assert set(FORMAT_ALIASES.values()) == set(READERS)
     assert set(READERS) <= set(NAMES)
+
+
+def test_every_key_is_documented():
+    text = (CALIBRATION.parent / "docs" / "recording_toml.md").read_text(encoding="utf-8")
+    keys = {key for name, table in TABLES.items() if name for key in table} | set(SHEET_KEYS)
+    assert {key for key in keys if f"`{key}`" not in text} == set()
