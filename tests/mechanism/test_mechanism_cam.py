@@ -107,6 +107,24 @@ def test_uneven_table_gives_the_same_cam(method):
     assert found[2] < 0.1
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("step_deg", [0.1, 0.5, 2.0])
+def test_finer_and_coarser_tables_are_smoothed_as_well(kind, step_deg):
+    # the dwell's margin is an angle, not a number of points, and dense points take a smaller share of the freedom
+    found = errors(lift_law(rounded_table(kind, MICRON, step_deg)), analytic_law(kind))
+    assert found[1] < 4e-3
+    assert found[2] < 0.12
+
+
+def test_table_of_random_angles_is_smoothed_too():
+    # mean step half a degree, least step a ten-thousandth of it: the knots have to be thinner than the points
+    truth = analytic_law()
+    theta = np.sort(np.random.default_rng(0).uniform(0.0, TURN, 720))
+    found = errors(lift_law(CamTable(theta, np.round(truth.evaluate(theta), 6), MICRON)), truth)
+    assert found[1] < 1.5e-3
+    assert found[2] < 0.02
+
+
 def test_scatter_beyond_the_resolution_is_smoothed_too():
     random = np.random.default_rng(4)
     truth, theta = analytic_law(), np.arange(360) * DEGREE
