@@ -1,1 +1,29 @@
-"""."""
+"""Figures, pages and files: everything that is written, and the only room with matplotlib.
+
+bundle        `RunResult`: what one run hands to this room
+document      result.json, as a dictionary
+cycles_file   cycles.h5 and aligned.h5
+figures       `FIGURES`: every figure of a run; style, torque_figures, part_figures, fit_figures draw them
+page          report.html, campaign.html, align.html from the templates beside
+folder        output written to a temporary sibling, then renamed
+write         `write_run`, `write_alignment`, `write_campaign`
+"""
+
+from pipeline.report.bundle import CampaignEntry, CampaignResult, RunResult
+from pipeline.report.figures import FIGURES
+from pipeline.report.folder import check_output, output_folder
+from pipeline.report.overview_figures import thumbnail
+from pipeline.report.write import write_alignment, write_campaign, write_run
+
+__all__ = [
+    "FIGURES",
+    "CampaignEntry",
+    "CampaignResult",
+    "RunResult",
+    "check_output",
+    "output_folder",
+    "thumbnail",
+    "write_alignment",
+    "write_campaign",
+    "write_run",
+]
