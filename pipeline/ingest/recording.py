@@ -14,7 +14,7 @@ from pipeline.ingest.cam_table import read_cam_table
 from pipeline.ingest.hashes import input_file
 from pipeline.ingest.raw import RawChannel, RawFile
 from pipeline.ingest.readers import READERS
-from pipeline.ingest.sensors import Sensor, read_sensor, with_idle_zero
+from pipeline.ingest.sensors import Sensor, certificate_age, read_sensor, with_idle_zero
 from pipeline.ingest.signature import check_content
 from pipeline.records import Channel, Finding, Recording, Refusal, SensorCalibration
 from pipeline.units import BORDER_UNITS, is_known_unit, tidy_unit, unit_factor
@@ -116,6 +116,7 @@ def _channel(
 ) -> tuple[Channel, list[Finding]]:
     where = f"{spec.path.name} {spec.channel}"
     scale, is_volts, findings = _scale(spec, raw, where)
+    findings += certificate_age(sensor, raw.stamp, where) if sensor is not None else []
     calibration = sensor.calibration if sensor is not None else None
     reference = config.sensors.get(spec.quantity)
     if calibration is not None and not is_volts:

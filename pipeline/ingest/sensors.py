@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, replace
-from datetime import date
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,10 @@ DELAY_TOLERANCE = 0.10
 """Relative half width assumed for a delay whose sheet states no tolerance; printed as a finding."""
 READING_STEP = 1.0e-4
 """Standstill readings are noted to a tenth of a millivolt [V]."""
+CERTIFICATE_DAYS = 366
+"""A certificate older than this is told; sensors are calibrated once a year."""
+FIRST_STAMP = 946_684_800.0
+"""2000-01-01: a logger that says an earlier date has no clock [s since 1970]."""
 PERCENT = re.compile(r"(\d+(?:\.\d+)?)\s*%")
 ORDER = re.compile(r"(\d+)(?:st|nd|rd|th)?[- ]?order", re.IGNORECASE)
 REFERENCES = ("gauge", "absolute")
@@ -106,7 +110,8 @@ def read_sensor(reference: SensorRef) -> Sensor:
         output_max_volts=out_high,
     )
     calibration = _with_zero(calibration, sheet, line, reference)
-    return Sensor(calibration, (path, certificate), (*findings, *more), _date(sheet))
+    findings += [*more, *_zero_findings(calibration, sheet, line)]
+    return Sensor(calibration, (path, certificate), tuple(findings), _date(sheet))
 
 
 def with_idle_zero(calibration: SensorCalibration, mean_volts: float, std_volts: float) -> SensorCalibration:
@@ -133,6 +138,30 @@ def _with_zero(
     drift = gain * abs(readings[-1] - readings[0]) / 2.0 if len(readings) == 2 else tolerance / 2.0 / math.sqrt(3.0)
     std = math.hypot(drift, gain * READING_STEP / math.sqrt(12.0))
     return replace(calibration, zero_volts=zero, zero_std=std, zero_source="standstill")
+
+
+def _zero_findings(calibration: SensorCalibration, sheet: Table, line: CertificateLine) -> list[Finding]:
+    """Tell a standstill zero that lies further from the certificate's than the sheet allows."""
+    off = line.gain * (calibration.zero_volts - line.zero_volts)
+    tolerance = _zero_tolerance(sheet, calibration, abs(line.gain))
+    if calibration.zero_source != "standstill" or abs(off) <= tolerance:
+        return []
+    text = (
+        f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
+        f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used"
+    )
+    return [Finding("zero_off_certificate", "warning", text, sheet.file.name)]
+
+
+def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Finding]:
+    """Tell a certificate that is older than a year, or younger than the recording; ``stamp`` counts from 1970 [s]."""
+    if stamp is None or sensor.calibration_date is None or stamp < FIRST_STAMP:
+        return []
+    days = (datetime.fromtimestamp(stamp, UTC).date() - sensor.calibration_date).days
+    if 0 <= days <= CERTIFICATE_DAYS:
+        return []
+    what = f"{days} days old" if days > 0 else f"{-days} days younger than the recording"
+    return [Finding("certificate_age", "warning", f"the certificate of {sensor.calibration.serial} is {what}", where)]
 
 
 def _zero_tolerance(sheet: Table, calibration: SensorCalibration, gain: float) -> float:

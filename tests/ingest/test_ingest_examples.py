@@ -59,7 +59,10 @@ def test_channels_are_as_the_files_say(name: str):
 @pytest.mark.parametrize("name", sorted(FACTS))
 def test_nothing_is_wrong_but_what_the_sheets_leave_open(name: str):
     example(name)
-    assert {f.code for f in check_recording(EXAMPLES / name)} == {"lift_negative", "delay_tolerance_assumed"}
+    expected = {"lift_negative", "delay_tolerance_assumed"}
+    # this run took a pressure zero further off the certificate than the 0.15 % of range on the sheet
+    expected |= {"zero_off_certificate"} if name == "A_1000rpm" else set()
+    assert {f.code for f in check_recording(EXAMPLES / name)} == expected
 
 
 @pytest.mark.parametrize("name", sorted(FACTS))

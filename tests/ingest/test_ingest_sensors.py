@@ -11,7 +11,7 @@ from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
 
 from pipeline.config import SensorRef
 from pipeline.ingest import read_recording
-from pipeline.ingest.sensors import read_sensor
+from pipeline.ingest.sensors import certificate_age, read_sensor
 from pipeline.records import Refusal
 from pipeline.units import ATMOSPHERE
 
@@ -111,6 +111,23 @@ def test_an_unknown_sheet_key_is_a_finding(papers: Path):
     findings = read_sensor(reference(papers)).findings
     assert [finding.code for finding in findings] == ["unknown_key"]
     assert "did you mean 'group_delay_s'" in findings[0].text
+
+
+def test_a_zero_beyond_the_sheet_is_a_finding():
+    assert not read_sensor(reference(CALIBRATION, before=0.05, after=0.05)).findings
+    findings = read_sensor(reference(CALIBRATION, before=0.06, after=0.06)).findings
+    assert [finding.code for finding in findings] == ["zero_off_certificate"]
+
+
+def test_an_old_or_too_young_certificate_is_a_finding():
+    sensor = read_sensor(reference(CALIBRATION))  # calibrated on 2024-11-05
+    day = 86400.0
+    stamp = 1_730_764_800.0  # 2024-11-05 UTC
+    assert certificate_age(sensor, stamp + 100 * day, "log") == []
+    assert certificate_age(sensor, None, "log") == []
+    assert certificate_age(sensor, 0.0, "log") == []
+    assert "400 days old" in certificate_age(sensor, stamp + 400 * day, "log")[0].text
+    assert "3 days younger" in certificate_age(sensor, stamp - 3 * day, "log")[0].text
 
 
 def test_header_only_certificate_is_refused(papers: Path):
