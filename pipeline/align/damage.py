@@ -13,20 +13,24 @@ STEPS_BESIDE_FLAT = 30.0
 that is flat only for want of resolution falls by eight."""
 
 
+NO_VOLTAGE = 1.0e6
+"""No logger delivers a larger number (in the unit of its file): nan, infinite and absurd samples are missing ones."""
+
+
 @numba.njit(cache=True, nogil=True)
 def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, int, int]:
     """Count what is wrong with the samples of a cycle.
 
     Returns
     -------
-    Samples at or beyond the output range; samples that are no numbers; longest run of equal samples; length of the
-    longest clipped top (and bottom, where ``lowest`` is finite). Runs are looked for only where a first, fast pass
-    finds equal neighbours.
+    Samples at or beyond the output range; samples that are no numbers, or absurd ones; longest run of equal samples;
+    length of the longest clipped top (and bottom, where ``lowest`` is finite). Runs are looked for only where a first,
+    fast pass finds equal neighbours.
     """
     clipped, missing, equal = 0, 0, 0
     for i in range(volts.size):
         value = volts[i]
-        missing += value != value
+        missing += not (-NO_VOLTAGE < value < NO_VOLTAGE)
         clipped += (value <= lowest) | (value >= highest)
     for i in range(1, volts.size):
         equal += volts[i] == volts[i - 1]

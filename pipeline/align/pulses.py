@@ -23,6 +23,7 @@ MAX_EXTRA = 4
 MAX_MISSED = 3
 """Pulses missed in a row that neighbours can prove."""
 LOCAL_PERIODS = 9
+LEAST_PULSES = 2
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,7 @@ def number_teeth(time: Array, pulse_width: float, spec: TriggerSpec, where: str)
     Refusal
         The wheel has no mark, or the mark is not found once per revolution.
     """
+    time = _forward(time, where)
     if spec.pulses_per_rev == 1:
         return clean_pulses(time, pulse_width)
     if not spec.missing_teeth and not spec.double_tooth:
@@ -165,6 +167,19 @@ def number_teeth(time: Array, pulse_width: float, spec: TriggerSpec, where: str)
         )
     train = _double_tooth_train(time, spec) if spec.double_tooth else _missing_tooth_train(time, spec)
     return _from_mark(train, spec, where)
+
+
+def _forward(time: Array, where: str) -> Array:
+    """Keep the pulses whose times run forward."""
+    time = time[np.isfinite(time)]
+    kept = time[np.r_[True, np.diff(np.maximum.accumulate(time)) > 0.0]] if time.size else time
+    if kept.size < LEAST_PULSES:
+        raise Refusal(
+            f"{where}: found {kept.size} trigger pulses in the order of time, expected at least {LEAST_PULSES}; record "
+            "more "
+            "revolutions, or check the time of the file"
+        )
+    return kept
 
 
 @dataclass(frozen=True)

@@ -115,10 +115,12 @@ def _speed_outlier(table: CycleTable) -> Mask:
 
 def _misfire(table: CycleTable) -> Mask:
     low, high = table.extremes["pressure"].T
-    swing = np.where(table.undamaged, high - low, np.nan)
-    if not table.undamaged.any():
-        return np.zeros(table.index.size, dtype=bool)
-    return swing < MISFIRE_SWING * np.nanmedian(swing)
+    weak = np.zeros(table.index.size, dtype=bool)
+    sound = table.undamaged
+    if sound.any():
+        swing = high[sound] - low[sound]
+        weak[sound] = swing < MISFIRE_SWING * np.median(swing)
+    return weak
 
 
 def _outlier(table: CycleTable) -> Mask:

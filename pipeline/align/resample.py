@@ -133,7 +133,7 @@ def _average_row(volts: Array, position: Array, row: Array) -> None:
             total += volts[m]
         f = end - j
         before = f * volts[j] + 0.5 * f * f * (volts[j + 1] - volts[j])
-        row[k] = (total + before) / (end - border)
+        row[k] = (total + before) / (end - border) if end > border else volts[j]
         border, i = end, j
 
 

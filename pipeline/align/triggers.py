@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
+from pipeline.align.damage import NO_VOLTAGE
 from pipeline.align.edge_time import EdgeSamples, crossings, edge_samples, joined
 from pipeline.align.logger_time import sample_times
 from pipeline.config import TriggerSpec
@@ -90,19 +91,22 @@ def find_edges(channel: Channel, spec: TriggerSpec, nominal_speed: float, block_
     """
     window = max(16, round(WINDOW_REVOLUTIONS * 2.0 * np.pi / nominal_speed * channel.sample_rate))
     block = max(2 * block_samples, POOLED_WINDOWS * window)
-    scan, rising, falling, n_nan = _Scan(), _Collector(1.0), _Collector(-1.0), 0
+    scan, rising, falling, n_missing = _Scan(), _Collector(1.0), _Collector(-1.0), 0
     for start in range(0, channel.n_samples, block):
         first = max(0, start - LONGEST_HALF_WINDOW)
         last = min(channel.n_samples, start + block + LONGEST_HALF_WINDOW)
         volts = channel.read_volts(first, last)
         stop = min(start + block, channel.n_samples) - first
+        missing = _count_missing(volts[start - first : stop])
+        if missing:
+            volts = np.where(np.abs(volts) < NO_VOLTAGE, volts, np.nan)
+        n_missing += missing
         places = _scan_block(volts, start - first, stop, window, scan, first)
         up, down = places[places > 0] - 1, -places[places < 0] - 1
         half = _half_window(np.abs(places))
         rising.add(volts, first, up, half)
         falling.add(volts, first, down, half)
-        n_nan += _count_nan(volts[start - first : stop])
-    return _edges(channel, spec, rising.edges(), falling.edges(), n_nan)
+    return _edges(channel, spec, rising.edges(), falling.edges(), n_missing)
 
 
 def _scan_block(volts: Array, begin: int, stop: int, window: int, scan: _Scan, first: int) -> NDArray[np.int64]:
@@ -155,10 +159,10 @@ def _window_extremes(volts: Array, window: int) -> tuple[Array, Array]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _count_nan(volts: Array) -> int:
+def _count_missing(volts: Array) -> int:
     count = 0
     for value in volts:
-        count += value != value
+        count += not (-NO_VOLTAGE < value < NO_VOLTAGE)
     return count
 
 
@@ -247,7 +251,7 @@ def _edges(channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: Ed
     edge = "falling" if inverted else spec.edge
     taken, other = (falling, rising) if edge == "falling" else (rising, falling)
     height, noise = _median(taken.height), _median(taken.noise)
-    if taken.before.size < 2 or height < MIN_HEIGHT_TO_NOISE * noise:
+    if taken.before.size < 2 or not height > MIN_HEIGHT_TO_NOISE * noise:
         raise Refusal(
             f"{where}: found {taken.before.size} trigger pulses of {height:.3g} V over noise of {noise:.2g} V, "
             "expected at "
