@@ -17,7 +17,7 @@ from pipeline.fit.problem import FitData, Problem, build_problem
 from pipeline.fit.result import Fit, fitted_torque, model_on_grid, swapped
 from pipeline.fit.single import FitOptions, Prepared, other_lift_laws, with_law
 from pipeline.fit.solve import Solution, solve
-from pipeline.fit.starts import started_at
+from pipeline.fit.starts import started_at, with_best_coupling
 from pipeline.fit.uncertainty import covariance, parameter_names, parameter_values, spread, variants
 from pipeline.records import Array, Finding, FittedTorque, LadderRung, Metrics, ParameterEstimate
 
@@ -163,6 +163,7 @@ def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -
     options = options or FitOptions()
     used, aside = _without_bad(list(prepared), options)
     data = [item.data for item in used]
+    data = with_best_coupling(joint_start(data), options.effects)
     problem, solution = solve_joint(data, options.effects)
     data = [started_at(item, problem, solution, k) for k, item in enumerate(problem.data)]
     data = [replace(item, chain=original.data.chain) for item, original in zip(data, used, strict=True)]

@@ -12,7 +12,7 @@ from pipeline.fit.prepare import Halves, fit_data, halves, held_out_data
 from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
 from pipeline.fit.result import Fit, fitted_torque
 from pipeline.fit.solve import solve
-from pipeline.fit.starts import SCAN_EFFECTS, find_start, started_at
+from pipeline.fit.starts import SCAN_EFFECTS, find_start, started_at, with_best_coupling
 from pipeline.fit.twist import hidden_torque
 from pipeline.fit.uncertainty import covariance, spread, variants
 from pipeline.mechanism import CamLaw, lift_law
@@ -88,7 +88,7 @@ def rigid_rung(prepared: Prepared) -> LadderRung:
 
 def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     """Return the chosen model of one recording with its uncertainty."""
-    data, held = prepared.data, prepared.held
+    data, held = with_best_coupling([prepared.data], options.effects)[0], prepared.held
     if options.use_ladder:
         effects, solution, rungs = climb(
             [data], lambda names, minimum, items: held_out_rms(build_problem(items, names), minimum, [held]),

@@ -6,6 +6,7 @@ scanned, its best points are improved by a few iterations, and the better one is
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,7 @@ POOR_SHARE = 3.0e-3
 COUPLINGS: tuple[dict[str, float], ...] = tuple(
     {"coupling_compliance": 150.0e-6, "coupling_resonance": 2.0 * np.pi * hertz} for hertz in (40.0, 70.0, 110.0, 200.0)
 )
+COUPLING_SCAN_HZ = (25.0, 70.0, 150.0)
 COUPLING_GAIN = 0.5
 """Share of chi-square that a start with a coupling has to reach."""
 DELIVERIES = ("closed", "spill")
@@ -112,6 +114,26 @@ def _with_coupling(best: Start) -> Start:
         if solution.chi_square < min(limit, best.chi_square):
             best = Start(started_at(item, problem, solution, 0), solution.chi_square, solution)
     return best
+
+
+def with_best_coupling(items: Sequence[FitData], effects: Sequence[str]) -> list[FitData]:
+    """Return the recordings with the coupling's resonance started where the whole chain likes it best.
+
+    A resonance is a narrow valley: a start far from it slides into a coupling of no compliance.
+    """
+    best: tuple[float, list[FitData]] | None = None
+    if "coupling" not in effects:
+        return list(items)
+    for hertz in COUPLING_SCAN_HZ:
+        start = {"coupling_compliance": {"start": 50.0e-6}, "coupling_resonance": {"start": 2.0 * np.pi * hertz}}
+        tried = [with_rows(item, start) for item in items]
+        problem = build_problem(tried, effects)
+        solution = solve(problem, max_iterations=SHORT)
+        if best is None or solution.chi_square < best[0]:
+            chosen = [started_at(item, problem, solution, index) for index, item in enumerate(tried)]
+            best = (solution.chi_square, chosen)
+    assert best is not None
+    return best[1]
 
 
 def started_at(item: FitData, problem: Problem, solution: Solution, index: int) -> FitData:
