@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterable
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -19,7 +21,7 @@ FITTED_OVER = "#4db2ec"
 """Colours of Okabe and Ito (2008) and two of the same lightness steps."""
 CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#7a4fa3", "#5f6b6d", "#8c6d31", "#b04a5a")
 BAND, GRID, MUTED = "#c3c9cf", "#e6e8eb", "#5b6470"
-STYLE = {
+STYLE: Any = {
     "font.size": 9.5,
     "font.family": "sans-serif",
     "axes.spines.top": False,
@@ -28,7 +30,7 @@ STYLE = {
     "axes.labelcolor": "#30363d",
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.prop_cycle": mpl.cycler(color=CYCLE),
+    "axes.prop_cycle": cycler(color=CYCLE),
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
     "grid.color": GRID,
