@@ -136,7 +136,8 @@ def sample_posterior(problem: Problem, solution: Solution, steps: int = 1500, se
     sampler = emcee.EnsembleSampler(
         start.shape[0], start.shape[1], lambda named: target.log_density(named * scale), moves=moves
     )
-    sampler.run_mcmc(start, steps, rstate0=np.random.MT19937(seed).state, skip_initial_state_check=True)
+    first = emcee.State(start, random_state=np.random.MT19937(seed).state)
+    sampler.run_mcmc(first, steps, skip_initial_state_check=True)
     autocorrelation = float(np.max(sampler.get_autocorr_time(tol=0)))
     samples = sampler.get_chain(discard=steps // 3, flat=True)
     torque, pressure = _bands(target, samples * scale, seed)
