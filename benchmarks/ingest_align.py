@@ -158,8 +158,8 @@ def report(seconds: dict[str, float], sizes: dict[str, dict], minutes: list[floa
         "",
         "Written by `python benchmarks/ingest_align.py`: 60 s, three channels, 100 kHz, TDMS, 144 MB of doubles; file",
         f"in the page cache, medians of interleaved rounds, {platform.machine()}, Python {platform.python_version()}, "
-        f"numpy {np.__version__}; {os.cpu_count()} processors, {os.getloadavg()[1]:.1f} processes running beside and with",
-        "it (an idle machine has 1.0).",
+        f"numpy {np.__version__}; {os.cpu_count()} processors, {os.getloadavg()[1]:.1f} processes running beside",
+        "and with it (an idle machine has 1.0).",
         "",
         "| what | s | ratio to np.load |",
         "|---|---|---|",
