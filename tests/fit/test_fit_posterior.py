@@ -24,13 +24,15 @@ def case():
 def test_nearly_normal_posterior_has_the_covariance(case):
     pytest.importorskip("emcee")
     problem, solution = case
-    found = sample_posterior(problem, solution, steps=900, seed=2)
+    found = sample_posterior(problem, solution, steps=450, seed=2)
     cov = covariance(problem, solution)
     per = [slot.row.per_unit for slot in (*problem.nonlinear, *problem.linear)]
     expected = np.sqrt(np.diag(cov.matrix)) / per
-    # 600 steps of 6 walkers, 30 steps apart: some hundred independent draws tell a deviation to 7 %, three allowed
-    assert np.std(found.samples, axis=0) == pytest.approx(expected, rel=0.25)
-    best = np.r_[solution.x, solution.c] / per
+    # 300 steps of 6 walkers, 30 steps apart: some sixty independent draws tell a deviation to 9 %, three allowed
+    assert np.std(found.samples, axis=0) == pytest.approx(expected, rel=0.28)
+    # the widened weights let the priors pull more: the centre is the minimum under those
+    bottom = solve(marginal(problem, solution).problem, solution.x)
+    best = np.r_[bottom.x, bottom.c] / per
     assert np.all(np.abs(np.mean(found.samples, axis=0) - best) < 0.5 * expected)
     low, median, high = found.torque_band["A"]
     assert np.all((low <= median) & (median <= high))
