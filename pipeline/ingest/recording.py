@@ -20,8 +20,8 @@ from pipeline.records import Channel, Finding, Recording, Refusal, SensorCalibra
 from pipeline.units import BORDER_UNITS, is_known_unit, tidy_unit, unit_factor
 
 LEAST_IDLE_SAMPLES = 100
-END_TOLERANCE = 0.05
-"""Loggers on one time base are stopped together to within this [s]; more is a log that was cut."""
+DURATION_TOLERANCE = 1.0e-4
+"""Relative difference from a declared duration that a crystal may cause."""
 
 
 def read_recording(path: Path) -> Recording:
@@ -141,7 +141,8 @@ def _channel(
         break_steps=raw.break_steps,
     )
     expected = spec.duration
-    if expected is not None and abs(channel.duration - expected) > max(END_TOLERANCE, 2.0 / raw.sample_rate):
+    allowed = max(1.5 / raw.sample_rate, DURATION_TOLERANCE * (expected or 0.0))
+    if expected is not None and abs(channel.duration - expected) > allowed:
         text = f"{channel.duration:.4f} s are there, recording.toml declares {expected:.4f} s"
         findings.append(Finding("duration_differs", "error", text, where))
     return channel, findings
