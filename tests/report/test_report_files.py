@@ -1,0 +1,270 @@
+"""result.json, cycles.h5 and report.html of a run without files, against the contract."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from report_cases import NASTY, run_result
+
+from pipeline.fit.metrics import metrics
+from pipeline.records import Refusal
+from pipeline.report import (
+    FIGURES,
+    CampaignEntry,
+    CampaignResult,
+    output_folder,
+    write_alignment,
+    write_campaign,
+    write_run,
+)
+
+METRIC_KEYS = {
+    "rms_nm", "rms_percent_of_peak", "forward_gap_percent", "forward_peak_error_nm", "return_min_measured_nm",
+    "return_min_model_nm", "return_rms_nm",
+}  # fmt: skip
+CONTRACT = {
+    "": {"schema", "version", "created", "seed", "inputs", "recording", "findings", "alignment", "ladder", "effects",
+         "parameters", "metrics", "losses", "chamber", "forces", "next_measurement", "timing_s", "peak_memory_mb"},
+    "recording": {"name", "speed_rpm", "speed_ripple_percent", "duration_s", "cycles_found", "cycles_used",
+                  "odd_even_rms_nm", "cut_flow"},
+    "alignment": {"trigger_angle_deg", "clock", "torque_delay_s", "angle_error_budget_deg"},
+    "metrics": {"rigid", "fitted", "fitted_held_out_cycles"},
+    "losses": {"unit", "pressure", "friction", "input", "closure_percent"},
+    "chamber": {"peak_bar", "return_start_bar"},
+    "forces": {"contact_normal_max_n", "guide_max_n", "bearing_max_n", "hertz_max_gpa", "contact_lost"},
+    "timing_s": {"ingest", "align", "model", "fit", "report", "total"},
+}  # fmt: skip
+ROWS = {
+    "inputs": {"path", "sha256"},
+    "findings": {"code", "severity", "text", "where"},
+    "ladder": {"effects", "n_parameters", "rms_nm", "score", "score_name", "cv_rms_nm", "chosen", "reason"},
+}
+PARAMETER_KEYS = {
+    "value", "unit", "stderr", "stderr_statistical", "ci95", "at_bound", "identifiable", "confounded_with", "prior",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    write_run(run_result(), folder)
+    return folder
+
+
+def refuse_constant(name: str) -> float:
+    raise AssertionError(f"{name} in the file")
+
+
+def read_json(path: Path) -> dict:
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse_constant)
+
+
+def test_result_holds_every_key_of_the_contract(written: Path) -> None:
+    doc = read_json(written / "result.json")
+    for name, keys in CONTRACT.items():
+        assert keys <= set(doc[name] if name else doc), name
+    for name, keys in ROWS.items():
+        assert all(keys <= set(row) for row in doc[name]), name
+    assert all(set(row) >= METRIC_KEYS for row in doc["metrics"].values())
+    assert all(set(row) >= PARAMETER_KEYS for row in doc["parameters"].values())
+    assert {"value", "stderr", "nominal"} <= set(doc["alignment"]["trigger_angle_deg"])
+    assert {"logger", "offset_s", "skew_ppm", "stderr_s"} <= set(doc["alignment"]["clock"][1])
+    assert {"source", "std_deg"} <= set(doc["alignment"]["angle_error_budget_deg"][0])
+    assert {"reason", "cycles", "text"} <= set(doc["recording"]["cut_flow"][0])
+
+
+def test_undetermined_is_null_and_units_are_those_of_the_key(written: Path) -> None:
+    doc = read_json(written / "result.json")
+    assert doc["parameters"]["dead_volume"]["stderr"] is None
+    assert doc["parameters"]["dead_volume"]["prior"] is None
+    assert doc["ladder"][0]["score"] is None
+    assert doc["ladder"][0]["effects"] == []
+    assert doc["chamber"]["return_start_bar"]["value"] is None
+    assert doc["chamber"]["peak_bar"]["value"] == pytest.approx(1100.0)
+    assert doc["alignment"]["trigger_angle_deg"]["value"] == pytest.approx(math.degrees(0.36))
+    assert doc["recording"]["speed_rpm"] == pytest.approx(105.0 * 30.0 / math.pi)
+
+
+def test_without_chamber_the_contract_says_null(tmp_path: Path) -> None:
+    doc = write_run(run_result(with_chamber=False), tmp_path)
+    assert doc["chamber"] is None
+    with h5py.File(tmp_path / "cycles.h5") as file:
+        assert "chamber_pressure" not in file["model"]
+
+
+def test_cycles_file_has_units_scales_and_checksums(written: Path) -> None:
+    with h5py.File(written / "cycles.h5") as file:
+        assert {"configuration", "inputs", "version"} <= set(file.attrs)
+        assert file["theta"].is_scale
+
+        def look(name: str, item: h5py.Dataset) -> None:
+            if isinstance(item, h5py.Dataset):
+                assert item.attrs["units"], name
+                assert item.attrs["long_name"], name
+                assert item.fletcher32, name
+                assert item.chunks is not None, name
+
+        file.visititems(look)
+        assert file["cycles/torque"].dims[1][0] == file["theta"]
+        assert file["cycles/torque"].dims[0][0] == file["cycles/index"]
+        assert file["model/fitted"].dims[0][0] == file["theta"]
+        assert set(file["cycles/role"][:]) == {b"fitted", b"held_out"}
+
+
+def test_metrics_come_out_of_the_cycles_file_again(written: Path) -> None:
+    doc = read_json(written / "result.json")
+    with h5py.File(written / "cycles.h5") as file:
+        held = file["cycles/role"][:] == b"held_out"
+        torque, rigid = file["cycles/torque"][:], file["model/rigid"][:]
+        lift, slope = file["model/lift"][:], file["model/lift_velocity"][:]
+        again = {
+            "rigid": metrics(torque.mean(axis=0), rigid, rigid, lift, slope),
+            "fitted": metrics(torque[~held].mean(axis=0), file["model/fitted"][:], rigid, lift, slope),
+            "fitted_held_out_cycles": metrics(
+                torque[held].mean(axis=0), file["model/fitted_held_out"][:], rigid, lift, slope
+            ),
+        }
+    for name, row in again.items():
+        for key, value in doc["metrics"][name].items():
+            assert value == pytest.approx(getattr(row, key), rel=1e-12), (name, key)  # the same doubles, summed alike
+
+
+def test_cycles_file_opens_in_xarray(written: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    with xarray.open_dataset(written / "cycles.h5", group="cycles", engine="h5netcdf") as data:
+        assert data["torque"].dims == ("index", "theta")
+        assert data["torque"].attrs["units"] == "N m"
+    with xarray.open_dataset(written / "cycles.h5", group="model", engine="h5netcdf") as data:
+        assert data["fitted"].dims == ("theta",)
+
+
+class Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.words: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def test_page_is_self_contained_escaped_and_complete(written: Path) -> None:
+    path = written / "report.html"
+    text = path.read_text(encoding="utf-8")
+    assert path.stat().st_size < 3_000_000
+    page = Page()
+    page.feed(text)
+    tags = [tag for tag, _ in page.tags]
+    assert tags.count("svg") == len(FIGURES)
+    assert "script" not in tags
+    assert NASTY in "".join(page.words)
+    for _, attributes in page.tags:
+        for key in ("src", "href", "xlink:href"):
+            assert not (attributes.get(key) or "").startswith(("http", "//")), attributes
+    for spec in FIGURES.values():
+        assert spec.title in text
+
+
+def test_every_figure_is_a_file_too(written: Path) -> None:
+    names = {path.name for path in (written / "figures").iterdir()}
+    assert names == {f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")}
+
+
+def test_the_same_run_gives_the_same_page_and_numbers(written: Path, tmp_path: Path) -> None:
+    write_run(run_result(), tmp_path)
+    assert (tmp_path / "report.html").read_bytes() == (written / "report.html").read_bytes()
+    first, second = read_json(written / "result.json"), read_json(tmp_path / "result.json")
+    first["timing_s"] = second["timing_s"] = {}
+    assert first == second
+
+
+def test_alignment_page(tmp_path: Path) -> None:
+    result = run_result()
+    doc = write_alignment(result.recording, result.cycles, result.created, tmp_path)
+    assert doc["schema"] == "camtorque.align/1"
+    assert read_json(tmp_path / "align.json")["cycles_used"] == result.cycles.index.size
+    assert "<script>" not in (tmp_path / "align.html").read_text(encoding="utf-8")
+    with h5py.File(tmp_path / "aligned.h5") as file:
+        assert "model" not in file
+
+
+def test_campaign_page_lists_a_refused_recording(tmp_path: Path) -> None:
+    doc = write_run(run_result(), tmp_path)
+    summary = {"speed_rpm": 1000.0, "cycles_found": 9, "cycles_used": 9, "metrics": doc["metrics"]}
+    entries = (
+        CampaignEntry("a", "case", "ok", "", summary, "<svg></svg>"),
+        CampaignEntry("b", "", "refused", f"no trigger {NASTY}", {}),
+    )
+    written = write_campaign(CampaignResult(entries, None, (), {"total": 1.0}, "2026-01-01T00:00:00+00:00"), tmp_path)
+    assert [row["status"] for row in written["recordings"]] == ["ok", "refused"]
+    assert written["n_refused"] == 1
+    assert {"schema", "recordings", "shared_parameters", "held_out", "timing_s"} <= set(written)
+    page = Page()
+    page.feed((tmp_path / "campaign.html").read_text(encoding="utf-8"))
+    assert f"no trigger {NASTY}" in "".join(page.words)
+
+
+def test_output_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    with pytest.raises(RuntimeError, match="stop"), output_folder(target) as folder:  # noqa: PT012
+        (folder / "result.json").write_text("{}", encoding="utf-8")
+        raise RuntimeError("stop")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    for text in ("1", "2"):
+        with output_folder(target) as folder:
+            (folder / "result.json").write_text('{"schema": "camtorque.result/1"}', encoding="utf-8")
+            (folder / text).touch()
+    assert {path.name for path in target.iterdir()} == {"result.json", "2"}
+    assert list(tmp_path.iterdir()) == [target]
+    other = tmp_path / "mine"
+    other.mkdir()
+    (other / "thesis.tex").touch()
+    with pytest.raises(Refusal, match="other files in it"), output_folder(other):
+        pass
+    with pytest.raises(Refusal, match="found a file"), output_folder(other / "thesis.tex"):
+        pass
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--hide-scrollbars",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_page_in_a_browser(written: Path, tmp_path: Path) -> None:
+    assert CHROMIUM is not None
+    shot, log = tmp_path / "shot.png", tmp_path / "net.json"
+    page = (written / "report.html").as_uri()
+    done = subprocess.run(
+        [CHROMIUM, *FLAGS, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={shot}", f"--log-net-log={log}",
+         "--window-size=1280,5000", "--enable-logging=stderr", page],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "CONSOLE" not in done.stderr
+    requests = json.loads(log.read_text(encoding="utf-8"))["events"]
+    asked = {str(event.get("params", {}).get("url", "")) for event in requests}
+    assert not [url for url in asked if written.name in url and not url.startswith("file:")]
+    image = pytest.importorskip("matplotlib.image").imread(shot)
+    dark = np.mean(image[:, :, :3].min(axis=2) < 0.5, axis=1)
+    # text and curves in each fifth of the page: none of them may stay blank
+    assert all(part.max() > 0.005 for part in np.array_split(dark, 5))

@@ -1,0 +1,148 @@
+"""The command: one line for every refusal, the right exit status, nothing half-written."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline import __version__, cli
+from pipeline.records import Refusal
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1, captured.err
+    return lines[0]
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """A copy of an example whose sheets lie where recording.toml looks for them."""
+    shutil.copytree(EXAMPLES.parent / "calibration", tmp_path / "calibration")
+    shutil.copytree(EXAMPLES / "A_1250rpm", tmp_path / "raw" / "A")
+    return tmp_path / "raw" / "A"
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    file = folder / "recording.toml"
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    out = folder.parent.parent / "out"
+    assert cli.main(["run", str(folder), "--out", str(out), "--quiet"]) == 2
+    assert not out.exists()
+    assert not list(folder.parent.parent.glob(".*"))
+    return one_line(capsys)
+
+
+def test_missing_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a").mkdir()
+    assert "recording.toml" in refused(tmp_path / "a" / "none", capsys)
+
+
+def test_missing_log(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (copy / "A_1250rpm_all.csv").unlink()
+    assert "A_1250rpm_all.csv" in refused(copy, capsys)
+
+
+@pytest.mark.parametrize("lines", [0, 1])
+def test_empty_or_header_only_log(copy: Path, capsys: pytest.CaptureFixture[str], lines: int) -> None:
+    log = copy / "A_1250rpm_all.csv"
+    head = log.read_bytes().splitlines(keepends=True)[:lines]
+    log.write_bytes(b"".join(head))
+    assert "A_1250rpm_all.csv" in refused(copy, capsys)
+
+
+def test_unknown_unit(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(copy, 'unit = "V"', 'unit = "furlong"')
+    assert "furlong" in refused(copy, capsys)
+
+
+def test_unknown_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["run", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path / "o"), "--effects", "magic"]
+    assert cli.main(arguments) == 2
+    assert "--effects: found magic, expected some of" in one_line(capsys)
+
+
+def test_foreign_output_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thesis.tex").touch()
+    assert cli.main(["run", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path), "--quiet"]) == 2
+    assert "other files in it" in one_line(capsys)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_campaign_without_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["campaign", str(tmp_path), "--out", str(tmp_path / "o"), "--quiet"]) == 2
+    assert "found no recording.toml" in one_line(capsys)
+
+
+def test_campaign_of_refused_recordings_says_why(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (copy / "A_1250rpm_all.csv").unlink()
+    out = copy.parent.parent / "out"
+    assert cli.main(["campaign", str(copy.parent), "--out", str(out), "--quiet"]) == 2
+    assert "refused" in capsys.readouterr().out
+    assert "A_1250rpm_all.csv" in (out / "campaign.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "text"),
+    [
+        (Refusal("a\nb"), 2, "camtorque check: a b"),
+        (PermissionError(13, "Permission denied", "x.csv"), 2, "x.csv"),
+        (ValueError("odd"), 70, "unexpected ValueError: odd; run again with --debug"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_every_error_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: BaseException, status: int, text: str
+) -> None:
+    def fails(_: object) -> int:
+        raise error
+
+    monkeypatch.setitem(cli.COMMANDS, "check", (fails, "", cli.COMMANDS["check"][2]))
+    assert cli.main(["check", "x"]) == status
+    printed = capsys.readouterr().err
+    assert text in printed
+    assert len(printed.strip().splitlines()) == (1 if text else 0)
+
+
+def test_wrong_arguments_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["run", "somewhere"])
+    assert "--out" in one_line(capsys)
+
+
+def test_check_tells_what_a_recording_holds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", str(EXAMPLES / "A_1000rpm")]) == 0
+    printed = capsys.readouterr().out
+    for word in ("torque", "pressure", "trigger", "rpm by its pulses"):
+        assert word in printed
+
+
+def test_align_needs_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["align", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
+    assert "cycles used" in capsys.readouterr().out
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {"align.html", "align.json", "aligned.h5", "figures"}
+
+
+def test_help_does_not_import_the_rooms() -> None:
+    code = "import sys; from pipeline import cli; cli.build_parser(); print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--version"])
+    assert __version__ in capsys.readouterr().out

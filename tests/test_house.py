@@ -1,0 +1,162 @@
+"""The house: arrows one way, registries complete, one room for each heavy thing, every option documented."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import pipeline
+from pipeline import effects
+from pipeline.cli import COMMANDS, build_parser
+from pipeline.report import FIGURES
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = Path(inspect.getfile(pipeline)).parent
+FILES = sorted(path for path in PACKAGE.rglob("*.py"))
+
+LEFT = {"units", "records", "config", "config_pump", "config_toml", "toml_table", "__init__"}
+ORDER = ["left", "ingest", "align", "mechanism", "effects", "fit", "report", "run", "campaign", "studies", "cli"]
+LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter"}
+"""Heavy optional packages that may be imported inside a function."""
+
+
+def room_of(module: str) -> str:
+    name = module.split(".")[1] if "." in module else "__init__"
+    return "left" if name in LEFT else name
+
+
+def module_name(path: Path) -> str:
+    parts = ["pipeline", *path.relative_to(PACKAGE).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[str, ast.AST]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "absolute imports only"
+            yield node.module or "", node
+
+
+def modules_used(tree: ast.AST, names: set[str]) -> Iterator[str]:
+    """Yield the modules of the package that are imported; ``from package import module`` means the module."""
+    for name, node in imports(tree):
+        inner = [f"{name}.{alias.name}" for alias in getattr(node, "names", [])]
+        if name in names and not (inner and all(item in names for item in inner)):
+            yield name
+        yield from (item for item in inner if item in names)
+
+
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_a_room_never_imports_one_to_its_right(path: Path) -> None:
+    own = room_of(module_name(path))
+    assert own in ORDER, f"{own} has no place in the order of the rooms"
+    for name, _ in imports(parsed(path)):
+        if name.startswith("pipeline."):
+            assert ORDER.index(room_of(name)) <= ORDER.index(own), f"{own} imports {name}"
+
+
+def test_no_import_cycle_between_modules() -> None:
+    names = {module_name(path) for path in FILES}
+    graph: dict[str, set[str]] = {}
+    for path in FILES:
+        own = module_name(path)
+        graph[own] = {name for name in modules_used(parsed(path), names) if name != own}
+    done: set[str] = set()
+
+    def visit(name: str, above: tuple[str, ...]) -> None:
+        assert name not in above, " -> ".join((*above, name))
+        if name not in done:
+            for other in graph[name]:
+                visit(other, (*above, name))
+            done.add(name)
+
+    for name in graph:
+        visit(name, ())
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_imports_inside_functions_are_heavy_optional_packages(path: Path) -> None:
+    if path.name == "cli.py":
+        return  # the rooms a command needs are imported there, so that --help is instant
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.FunctionDef):
+            for name, _ in imports(node):
+                assert name.split(".")[0] in LAZY, f"{node.name} imports {name}"
+
+
+@pytest.mark.parametrize(("package", "room"), [("matplotlib", "report"), ("lmfit", "fit")])
+def test_heavy_packages_live_in_one_room(package: str, room: str) -> None:
+    users = {
+        room_of(module_name(path))
+        for path in FILES
+        for name, _ in imports(parsed(path))
+        if name.split(".")[0] == package
+    }
+    assert users <= {room, "studies"}
+    assert room in users
+
+
+def test_only_the_command_line_prints() -> None:
+    for path in FILES:
+        calls = [n for n in ast.walk(parsed(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
+        if path.name != "cli.py":
+            assert not [call.lineno for call in calls if call.func.id == "print"], path.name
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_every_public_thing_has_a_docstring(path: Path) -> None:
+    tree = parsed(path)
+    assert ast.get_docstring(tree), "module docstring"
+    for node in ast.walk(tree):
+        public = isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
+        if public and node in tree.body:
+            assert ast.get_docstring(node), node.name
+
+
+def test_every_effect_has_its_file_and_every_parameter_its_row() -> None:
+    stems = {path.stem for path in (PACKAGE / "effects").glob("*.py")}
+    for name, rows in effects.EFFECTS.items():
+        assert rows, f"{name} has no parameters"
+    shared = {"coupling": "driveline"}
+    assert {shared.get(name, name) for name in effects.EFFECTS} <= stems
+    assert len(effects.ROWS) == sum(len(rows) for rows in effects.EFFECTS.values()), "a parameter name repeats"
+
+
+def test_every_figure_function_is_in_the_registry() -> None:
+    drawn = {spec.draw for spec in FIGURES.values()}
+    for module in ("torque_figures", "part_figures", "fit_figures"):
+        source = __import__(f"pipeline.report.{module}", fromlist=["x"])
+        for name, function in inspect.getmembers(source, inspect.isfunction):
+            takes_run = list(inspect.signature(function).parameters) == ["result"]
+            own = function.__module__ == source.__name__ and not name.startswith("_")
+            if own and takes_run and inspect.signature(function).return_annotation == "Figure":
+                assert function in drawn, f"{module}.{name} is drawn nowhere"
+
+
+def test_every_option_and_command_is_in_the_readme() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    parser = build_parser()
+    actions = next(action for action in parser._actions if hasattr(action, "choices") and action.choices)
+    for name, command in actions.choices.items():
+        assert f"camtorque {name}" in text
+        for action in command._actions:
+            for option in action.option_strings:
+                assert option in text or option in ("-h", "--help"), f"{name} {option}"
+    assert set(actions.choices) == set(COMMANDS)
+
+
+def test_the_contract_is_the_one_that_the_documents_name() -> None:
+    text = (ROOT / "docs" / "result_schema.md").read_text(encoding="utf-8")
+    assert '"camtorque.result/1"' in text
+    assert "campaign.json" in text
