@@ -18,8 +18,8 @@ from pipeline.effects.chain import (
 from pipeline.records import Array
 
 CAUSES = (
-    "pressure", "spring", "inertia", "guide_friction", "bearing_friction", "pin_friction", "shaft_drag", "shaft_viscous",
-    "plunger_viscous", "lift_table",
+    "pressure", "spring", "inertia", "guide_friction", "bearing_friction", "pin_friction", "shaft_drag",
+    "shaft_viscous", "plunger_viscous", "lift_table",
 )  # fmt: skip
 LOSS_GROUPS: dict[str, tuple[str, ...]] = {
     "pressure": ("pressure",),

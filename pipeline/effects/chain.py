@@ -28,7 +28,8 @@ SHAFT_NAMES = ("cam_side_inertia", *driveline.COMPLIANCE_NAMES)
 """Parameters of the transfer from the load to the shaft."""
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
 LINEAR_NAMES = (
-    "bearing_arm", "pin_arm", "shaft_drag", "shaft_viscous", "plunger_viscous", "spring_stiffness_error", "spring_preload_error",
+    "bearing_arm", "pin_arm", "shaft_drag", "shaft_viscous", "plunger_viscous", "spring_stiffness_error",
+    "spring_preload_error",
 )  # fmt: skip
 STATIC_NAMES = ("guide_friction",)
 NONLINEAR_NAMES = tuple(
@@ -117,7 +118,7 @@ def cam_motion(data: ChainInput, values: Mapping[str, float]) -> Motion:
     """Return the true cam angle after trigger offset, twist and drive, with its rates and the lift there."""
     moved = driveline.angle_shifts(data.twist, values)
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
-    lift = tuple(data.law.evaluate(theta, derivative) for derivative in range(4))
+    lift = tuple(data.law.derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]
     n = data.theta.size
     shifts = tuple(

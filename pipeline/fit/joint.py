@@ -22,6 +22,7 @@ from pipeline.fit.uncertainty import covariance, parameter_names, parameter_valu
 from pipeline.records import Array, Finding, FittedTorque, LadderRung, Metrics, ParameterEstimate
 
 LEFT_OUT_ITERATIONS = 15
+LEFT_OUT_TOLERANCE = 1.0e-5
 ZERO_SPREAD_SHARE = 1.0e-3
 """Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
 BAD_RECORDING = 25.0
@@ -110,7 +111,7 @@ def without(problem: Problem, solution: Solution, index: int) -> tuple[Problem, 
         started_at(item, problem, solution, position) for position, item in enumerate(problem.data) if position != index
     ]
     fewer = build_problem(data, problem.effects)
-    return fewer, solve(fewer, max_iterations=LEFT_OUT_ITERATIONS)
+    return fewer, solve(fewer, None, LEFT_OUT_ITERATIONS, LEFT_OUT_TOLERANCE)
 
 
 def left_out_rms(problem: Problem, solution: Solution) -> float:

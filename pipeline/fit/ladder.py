@@ -25,6 +25,9 @@ from pipeline.records import Array, LadderRung
 
 SCORE_NAME = "BIC on independent residuals"
 LEAST_PENALTY = 4.7
+RUNG_ITERATIONS = 40
+RUNG_TOLERANCE = 1.0e-5
+"""A rung is judged by differences of chi-square of several units; the chosen one is solved to the end afterwards."""
 LONGEST_CORRELATION = 60.0
 CROSS_VALIDATION_SLACK = 1.002
 """Held-out error may rise by this factor, its own scatter, before a rung counts as worse."""
@@ -157,7 +160,7 @@ def _rung(data: Sequence[FitData], effects: tuple[str, ...], held_out_error: Hel
     if full is not None:
         known = dict(zip([s.name for s in build_problem(data, full.effects).nonlinear], full.solution.x, strict=True))
         start = np.array([known.get(slot.name, slot.row.start) for slot in problem.nonlinear])
-    solution = solve(problem, start)
+    solution = solve(problem, start, RUNG_ITERATIONS, RUNG_TOLERANCE)
     return Rung(effects, solution, effective_parameters(solution), np.nan, held_out_error(effects, solution, data))
 
 

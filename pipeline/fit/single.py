@@ -95,6 +95,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
             options.effects, UNTESTED,
         )  # fmt: skip
         problem = build_problem([data], effects)
+        solution = solve(problem, solution.x)
     else:
         problem, rungs = build_problem([data], options.effects), ()
         solution = solve(problem)

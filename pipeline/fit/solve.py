@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.effects.chain import LINEAR_NAMES, ChainOutput, chain_derivative, evaluate_chain
 from pipeline.fit.problem import FitData, Problem, Slot
@@ -134,16 +135,19 @@ def _linear_priors(problem: Problem) -> tuple[Array, Array, Array, Array]:
     return mean, inverse, lower, upper
 
 
-def bounded_quadratic(matrix: Array, vector: Array, lower: Array, upper: Array) -> Array:
+def bounded_quadratic(
+    matrix: Array, vector: Array, lower: Array, upper: Array, active: NDArray[np.int64] | None = None
+) -> Array:
     """Return the minimum of ``c^T M c / 2 - v^T c`` within bounds, by an active set.
 
     Parameters
     ----------
     matrix : (n, n) symmetric positive definite
     vector, lower, upper : (n,)
+    active : (n,) -1 and +1 where a bound is likely to hold, such as those of a neighbouring problem
     """
     n = vector.size
-    at = np.zeros(n, dtype=int)
+    at = np.zeros(n, dtype=int) if active is None else active.copy()
     c = np.zeros(n)
     for _ in range(5 * n + 10):
         free = at == 0
@@ -163,8 +167,8 @@ def bounded_quadratic(matrix: Array, vector: Array, lower: Array, upper: Array) 
     return np.clip(c, lower, upper)
 
 
-def try_at(problem: Problem, x: Array) -> Trial:
-    """Evaluate all recordings at x and solve for the linear parameters."""
+def try_at(problem: Problem, x: Array, near: Trial | None = None) -> Trial:
+    """Evaluate all recordings at x and solve for the linear parameters; ``near`` is a trial at a neighbouring x."""
     mean, inverse, lower, upper = _linear_priors(problem)
     steps = linear_steps(problem)
     outputs, designs, targets = [], [], []
@@ -179,7 +183,9 @@ def try_at(problem: Problem, x: Array) -> Trial:
         outputs.append(output)
         designs.append(design)
         targets.append(target)
-    c = bounded_quadratic(matrix + 1e-13 * np.eye(steps.size), vector, lower / steps, upper / steps) * steps
+    active = None if near is None else (near.c >= upper).astype(int) - (near.c <= lower).astype(int)
+    c = bounded_quadratic(matrix + 1e-13 * np.eye(steps.size), vector, lower / steps, upper / steps, active) * steps
+    c = np.clip(c, lower, upper)
     residuals = tuple(target - design @ c for target, design in zip(targets, designs, strict=True))
     data_chi = sum(float(np.sum((r * item.weight) ** 2)) for r, item in zip(residuals, problem.data, strict=True))
     x_mean, x_inverse = _priors(problem.nonlinear)
@@ -237,18 +243,21 @@ def _step(problem: Problem, trial: Trial, gram: Array, gradient: Array, damping:
     return bounded_quadratic(matrix, gradient, room_low, room_high) * steps
 
 
-def solve(problem: Problem, start: Array | None = None, max_iterations: int = 80) -> Solution:
+def solve(
+    problem: Problem, start: Array | None = None, max_iterations: int = 80, tolerance: float = RELATIVE_TOLERANCE
+) -> Solution:
     """Return the minimum that a start leads to.
 
     Parameters
     ----------
     problem : what to fit
     start : (n_nonlinear,) [SI]; the rows' starts by default
+    tolerance : relative change of chi-square that ends the search
 
     Returns
     -------
     Solution
-        ``converged`` tells whether the relative change of chi-square fell below 1e-9.
+        ``converged`` tells whether the relative change of chi-square fell below the tolerance.
     """
     x = problem.start() if start is None else np.array(start, dtype=float)
     lower = np.array([slot.row.lower for slot in problem.nonlinear])
@@ -260,11 +269,11 @@ def solve(problem: Problem, start: Array | None = None, max_iterations: int = 80
         _, gram, gradient = _normal_equations(problem, trial)
         while True:
             step = _step(problem, trial, gram, gradient, damping)
-            candidate = try_at(problem, np.clip(trial.x + step, lower, upper))
+            candidate = try_at(problem, np.clip(trial.x + step, lower, upper), trial)
             evaluations += 1
             gain = trial.chi_square - candidate.chi_square
             if gain >= 0.0:
-                converged = gain <= RELATIVE_TOLERANCE * trial.chi_square and damping < 1.0
+                converged = gain <= tolerance * trial.chi_square and damping < 1.0
                 trial, damping = candidate, max(damping * 0.15, 1.0e-9)
                 break
             damping *= 6.0

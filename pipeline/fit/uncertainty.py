@@ -19,6 +19,7 @@ CONFOUNDED = 0.95
 PRIOR_DOMINATED = 0.8
 """Posterior over prior standard deviation above which the data have said next to nothing."""
 VARIANT_ITERATIONS = 25
+VARIANT_TOLERANCE = 1.0e-5
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
     for name, data, held in specs:
         changed = build_problem(data, problem.effects, held)
         start = np.array([known[slot.name] for slot in changed.nonlinear])
-        result.append(Variant(name, changed, solve(changed, start, VARIANT_ITERATIONS)))
+        result.append(Variant(name, changed, solve(changed, start, VARIANT_ITERATIONS, VARIANT_TOLERANCE)))
     return tuple(result)
 
 

@@ -20,9 +20,10 @@ THETA = np.arange(N) * 2.0 * np.pi / N
 class HarmonicLaw:
     """A smooth lift with exact derivatives: 8 mm, raised to the fourth power for a long base circle."""
 
+    def derivatives(self, theta, highest=3):
+        return np.array([self.evaluate(theta, k) for k in range(highest + 1)])
+
     def evaluate(self, theta, derivative=0):
-        series = np.polynomial.polynomial.polyfromroots([]) if False else None
-        del series
         # 8 mm * cos((theta - a)/2)^8 as a Fourier sum
         c = np.array([35.0, 56.0, 28.0, 8.0, 1.0]) / 128.0
         a = 1.4
