@@ -1,0 +1,105 @@
+"""The main job on a raw example, and a campaign with a broken recording: files, targets, exit status."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from pipeline import cli
+from pipeline.campaign import SamplesLeftBehind, find_recordings
+from pipeline.fit.metrics import metrics
+from pipeline.records import Refusal
+from pipeline.report import FIGURES
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("main") / "A_1000rpm"
+    assert cli.main(["run", str(EXAMPLES / "A_1000rpm"), "--out", str(out), "--quiet"]) == 0
+    return out
+
+
+def document(folder: Path, name: str = "result.json") -> dict:
+    return json.loads((folder / name).read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+def test_main_job_leaves_a_whole_report(report: Path) -> None:
+    assert {path.name for path in report.iterdir()} == {"result.json", "cycles.h5", "report.html", "figures"}
+    assert [path.name for path in report.parent.iterdir()] == ["A_1000rpm"]
+    assert len(list((report / "figures").iterdir())) == 2 * len(FIGURES)
+    assert (report / "report.html").stat().st_size < 3_000_000
+
+
+@pytest.mark.slow
+def test_main_job_reaches_what_it_must_reach(report: Path) -> None:
+    # the limits are those that the product promises for held-out cycles, in percent of the peak torque and N m
+    doc = document(report)
+    held = doc["metrics"]["fitted_held_out_cycles"]
+    assert held["rms_percent_of_peak"] <= 0.35
+    assert abs(held["forward_gap_percent"]) <= 0.5
+    assert abs(held["return_min_measured_nm"] - held["return_min_model_nm"]) <= 0.4
+    assert abs(doc["losses"]["closure_percent"]) <= 1.0
+    assert doc["recording"]["cycles_used"] >= 0.95 * doc["recording"]["cycles_found"]
+    assert doc["ladder"][0]["effects"] == []
+    assert sum(row["cycles"] for row in doc["recording"]["cut_flow"]) == (
+        doc["recording"]["cycles_found"] - doc["recording"]["cycles_used"]
+    )
+    assert {"ingest", "align", "model", "fit", "report", "total"} == set(doc["timing_s"])
+
+
+@pytest.mark.slow
+def test_metrics_and_causes_come_out_of_the_files_again(report: Path) -> None:
+    doc = document(report)
+    with h5py.File(report / "cycles.h5") as file:
+        held = file["cycles/role"][:] == b"held_out"
+        model = file["model/fitted_held_out"][:]
+        again = metrics(
+            file["cycles/torque"][:][held].mean(axis=0), model, file["model/rigid"][:], file["model/lift"][:],
+            file["model/lift_velocity"][:],
+        )  # fmt: skip
+        causes = sum(values[:] for values in file["model/by_cause"].values())
+        # sums of a dozen doubles of some 50 N m
+        np.testing.assert_allclose(causes, file["model/fitted"][:], atol=1e-9)
+        assert file.attrs["configuration"] == (EXAMPLES / "A_1000rpm" / "recording.toml").read_text(encoding="utf-8")
+    for key, value in doc["metrics"]["fitted_held_out_cycles"].items():
+        assert value == pytest.approx(getattr(again, key), rel=1e-9), key  # the same numbers, summed in another order
+
+
+@pytest.mark.slow
+def test_one_broken_recording_does_not_stop_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(EXAMPLES.parent / "calibration", tmp_path / "calibration")
+    for name in ("A_1000rpm", "A_1250rpm"):
+        shutil.copytree(EXAMPLES / name, tmp_path / "raw" / name)
+    (tmp_path / "raw" / "A_1250rpm" / "A_1250rpm_all.csv").write_bytes(b"")
+    arguments = ["campaign", str(tmp_path / "raw"), "--out", str(tmp_path / "out"), "--workers", "1", "--quiet"]
+    assert cli.main([*arguments, "--effects", "chamber", "--no-ladder", "--n-theta", "720"]) == 1
+    doc = document(tmp_path / "out", "campaign.json")
+    assert {row["name"]: row["status"] for row in doc["recordings"]} == {"A_1000rpm": "ok", "A_1250rpm": "refused"}
+    assert "A_1250rpm_all.csv" in doc["recordings"][1]["error"]
+    assert (tmp_path / "out" / "A_1000rpm" / "report.html").is_file()
+    assert not (tmp_path / "out" / "A_1250rpm").exists()
+    assert [row["code"] for row in doc["findings"]] == ["no_joint_fit"]
+    assert "refused" in capsys.readouterr().out
+
+
+def test_recordings_are_found_at_and_below_a_folder(tmp_path: Path) -> None:
+    for name in ("b/deep", "a"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "recording.toml").touch()
+    assert list(find_recordings(tmp_path)) == ["a", "b/deep"]
+    assert list(find_recordings(tmp_path / "a")) == ["a"]
+    with pytest.raises(Refusal, match="no such folder"):
+        find_recordings(tmp_path / "c")
+
+
+def test_samples_left_behind_are_not_read() -> None:
+    with pytest.raises(ValueError, match="left behind"):
+        SamplesLeftBehind(3).read(0, 1)
