@@ -81,7 +81,7 @@ def _predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("pump", type=Path, metavar="PUMP", help="pump file, see docs/predict.md")
     parser.add_argument("--speed", type=float, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to be written")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder to be written")
 
 
 def _progress(arguments: argparse.Namespace) -> Callable[[str], None]:
@@ -161,13 +161,16 @@ def _align(arguments: argparse.Namespace) -> int:
 
 def _predict(arguments: argparse.Namespace) -> int:
     from pipeline.ingest.pump_file import read_pressure_curve, read_pump
-    from pipeline.mechanism.predict import predict, prediction_document, sweep_rows
-    from pipeline.report.document import write_json
+    from pipeline.mechanism.predict import predict, sweep_rows
+    from pipeline.report import check_output, write_prediction
     from pipeline.units import RPM
 
-    config, _ = read_pump(arguments.pump)
+    if arguments.out is not None:
+        check_output(arguments.out)
+    config, findings = read_pump(arguments.pump)
     pressure = None if arguments.pressure is None else read_pressure_curve(arguments.pressure)
     prediction = predict(config, [speed * RPM for speed in arguments.speed], pressure)
+    print("\n".join(_finding_lines([vars(row) for row in (*findings, *prediction.findings)])))
     print(f"{'rpm':>8}{'torque max':>12}{'min':>9}{'mean':>9} N m{'contact':>10} N{'Hertz':>8} GPa")
     for row in sweep_rows(prediction):
         print(
@@ -175,8 +178,8 @@ def _predict(arguments: argparse.Namespace) -> int:
             f"{row['shaft_torque_mean_nm']:9.3f}    {row['contact_normal_max_n']:10.0f}  {row['hertz_max_gpa']:8.3f}"
         )
     if arguments.out is not None:
-        write_json(arguments.out, prediction_document(prediction))
-        print(arguments.out)
+        write_prediction(prediction, arguments.pump.stem, arguments.out)
+        print(arguments.out / "predict.html")
     return 0
 
 

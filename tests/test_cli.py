@@ -136,6 +136,15 @@ def test_align_needs_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert {p.name for p in (tmp_path / "o").iterdir()} == {"align.html", "align.json", "aligned.h5", "figures"}
 
 
+def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheets = EXAMPLES.parent / "calibration"
+    arguments = ["predict", str(sheets / "paper_pump.toml"), "--pressure", str(sheets / "paper_pressure.csv")]
+    assert cli.main([*arguments, "--speed", "300", "500", "--out", str(tmp_path / "o")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if line[:8].strip()[:1].isdigit()] == ["300.0", "500.0"]
+    assert {path.name for path in (tmp_path / "o").iterdir()} == {"predict.html", "predict.json"}
+
+
 def test_help_does_not_import_the_rooms() -> None:
     code = "import sys; from pipeline import cli; cli.build_parser(); print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -13,7 +13,7 @@ from pipeline.report.bundle import CampaignEntry, CampaignResult, RunResult
 from pipeline.report.figures import FIGURES
 from pipeline.report.folder import check_output, output_folder
 from pipeline.report.overview_figures import thumbnail
-from pipeline.report.write import write_alignment, write_campaign, write_run
+from pipeline.report.write import write_alignment, write_campaign, write_prediction, write_run
 
 __all__ = [
     "FIGURES",
@@ -25,5 +25,6 @@ __all__ = [
     "thumbnail",
     "write_alignment",
     "write_campaign",
+    "write_prediction",
     "write_run",
 ]

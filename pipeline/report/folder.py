@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pipeline.records import Refusal
 
-MARKERS = ("result.json", "campaign.json", "align.json")
+MARKERS = ("result.json", "campaign.json", "align.json", "predict.json")
 """A folder that holds one of these with a schema of this product may be replaced."""
 
 

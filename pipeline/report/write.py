@@ -12,13 +12,16 @@ from matplotlib.figure import Figure
 
 from pipeline import __version__
 from pipeline.align import alignment_summary
+from pipeline.mechanism.predict import Prediction, prediction_document
 from pipeline.records import CamCycles, Recording
 from pipeline.report.bundle import CampaignResult, RunResult
 from pipeline.report.cycles_file import write_aligned, write_cycles
 from pipeline.report.document import inputs_document, parameters_document, plain, result_document, write_json
 from pipeline.report.figures import FIGURES, drawn_svg
+from pipeline.report.folder import output_folder
 from pipeline.report.overview_figures import aligned_cycles
 from pipeline.report.page import align_page, campaign_page, run_page
+from pipeline.report.predict_page import prediction_page
 from pipeline.report.style import svg_text
 
 DPI = 150
@@ -84,6 +87,13 @@ def write_campaign(result: CampaignResult, folder: Path) -> dict[str, Any]:
     (folder / "campaign.html").write_text(campaign_page(doc, thumbnails), encoding="utf-8")
     write_json(folder / "campaign.json", doc)
     return doc
+
+
+def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
+    """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
+    with output_folder(target) as folder:
+        (folder / "predict.html").write_text(prediction_page(prediction, title), encoding="utf-8")
+        write_json(folder / "predict.json", plain(prediction_document(prediction)))
 
 
 def campaign_document(result: CampaignResult) -> dict[str, Any]:
