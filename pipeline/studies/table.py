@@ -1,0 +1,164 @@
+"""What a study returns: measured points of charts and verdicts of maps, frozen, and written as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+VERDICTS = ("works", "degrades", "fails loudly", "fails silently")
+FRONT_FACTOR = 1.5
+"""A default may cost this much more than the cheapest choice that is at least as accurate."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One measured choice.
+
+    Attributes
+    ----------
+    family : method, drawn as one line
+    setting : what was varied along the line
+    error : against the converged reference, in the unit of the chart
+    cost : in the unit of the chart
+    candidate : False where the choice answers another question (an engine without forces, a foreign step)
+    """
+
+    family: str
+    setting: str
+    error: float
+    cost: float
+    default: bool = False
+    candidate: bool = True
+
+    def __post_init__(self) -> None:
+        if not (self.cost > 0.0 and math.isfinite(self.cost) and self.error >= 0.0):
+            raise ValueError(
+                f"{self.family}, {self.setting}: cost {self.cost} and error {self.error} are no measurement"
+            )
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One work-precision chart.
+
+    ``note`` says how error and cost were measured; ``given_cost`` is True where the user's data fix the cost (points of
+    a lift table), so that choices compare by their error at the same cost.
+    """
+
+    name: str
+    title: str
+    error_label: str
+    cost_label: str
+    points: tuple[Point, ...]
+    note: str = ""
+    given_cost: bool = False
+
+
+@dataclass(frozen=True)
+class Cell:
+    """How one method fares under one condition; ``detail`` is a figure, or the refusal that the user reads."""
+
+    condition: str
+    method: str
+    verdict: str
+    detail: str
+    default: bool = False
+
+    def __post_init__(self) -> None:
+        if self.verdict not in VERDICTS:
+            raise ValueError(f"verdict is {self.verdict!r}, expected one of {VERDICTS}")
+        if self.verdict == "fails loudly" and not self.detail:
+            raise ValueError(f"{self.condition}, {self.method}: a loud failure has to say what is read")
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Conditions by methods."""
+
+    name: str
+    title: str
+    cells: tuple[Cell, ...]
+    note: str = ""
+
+
+def pareto_front(points: Sequence[Point]) -> tuple[Point, ...]:
+    """Return the points that nothing beats in both error and cost, cheapest first."""
+    front: list[Point] = []
+    for point in sorted((p for p in points if p.candidate and math.isfinite(p.error)), key=lambda p: (p.cost, p.error)):
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    return tuple(front)
+
+
+def front_factor(chart: Chart, point: Point) -> float:
+    """Return by how much a point costs more than the cheapest that is at least as accurate (1 on the front).
+
+    Where the cost is given, by how much its error exceeds the least at that cost.
+    """
+    if chart.given_cost:
+        same = [p.error for p in chart.points if p.candidate and p.cost == point.cost]
+        return point.error / max(min(same, default=point.error), 1e-300)
+    as_good = [p.cost for p in chart.points if p.candidate and p.error <= point.error]
+    return point.cost / min(as_good, default=point.cost)
+
+
+def shortest_times(functions: Sequence[Callable[[], Any]], repeats: int = 5, least: float = 2e-3) -> list[float]:
+    """Return the least time of one call of each function [s], after one call to warm up.
+
+    They take turns, so that the machine's mood hits all alike; short calls are repeated until they last ``least``.
+    """
+    counts = [max(1, math.ceil(least / max(_duration(function, 1), 1e-9))) for function in functions]
+    best = [math.inf] * len(functions)
+    for _ in range(repeats):
+        for place, (function, count) in enumerate(zip(functions, counts, strict=True)):
+            best[place] = min(best[place], _duration(function, count) / count)
+    return best
+
+
+def _duration(function: Callable[[], Any], count: int) -> float:
+    start = time.perf_counter()
+    for _ in range(count):
+        function()
+    return time.perf_counter() - start
+
+
+def _plain(value: Any) -> Any:
+    """Return the value with everything that JSON cannot hold as None, numbers at four digits."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return float(f"{value:.4g}") if math.isfinite(value) else None
+    return value
+
+
+def document(study: str, parts: Sequence[Chart] | Sequence[StabilityMap], quick: bool) -> dict[str, Any]:
+    """Return a study as plain data."""
+    return {"study": study, "quick": quick, "parts": [_plain(asdict(part)) for part in parts]}
+
+
+def write_document(path: Path, content: dict[str, Any]) -> Path:
+    """Write plain data as JSON and return the path."""
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return path
+
+
+def read_charts(path: Path) -> tuple[Chart, ...]:
+    """Return the charts of a written study; a missing error comes back as infinite."""
+    parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
+    for part in parts:
+        for point in part["points"]:
+            point["error"] = math.inf if point["error"] is None else point["error"]
+    return tuple(Chart(**{**part, "points": tuple(Point(**point) for point in part["points"])}) for part in parts)
+
+
+def read_maps(path: Path) -> tuple[StabilityMap, ...]:
+    """Return the maps of a written study."""
+    parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
+    return tuple(StabilityMap(**{**part, "cells": tuple(Cell(**cell) for cell in part["cells"])}) for part in parts)

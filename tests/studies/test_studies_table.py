@@ -1,0 +1,46 @@
+"""The Pareto front, the factor to it, and what may stand in a table."""
+
+import numpy as np
+import pytest
+
+from pipeline.studies.table import Cell, Chart, Point, document, front_factor, pareto_front, read_charts, write_document
+
+
+def points():
+    return (
+        Point("a", "1", 1e-2, 1.0),
+        Point("a", "2", 1e-4, 4.0),
+        Point("b", "1", 1e-3, 6.0, default=True),
+        Point("c", "1", 1e-9, 0.1, candidate=False),
+    )
+
+
+def test_front_leaves_out_the_beaten_and_the_foreign():
+    assert [(p.family, p.setting) for p in pareto_front(points())] == [("a", "1"), ("a", "2")]
+
+
+def test_factor_compares_with_the_cheapest_as_accurate():
+    chart = Chart("x", "x", "e", "c", points())
+    assert front_factor(chart, chart.points[2]) == pytest.approx(1.5)
+    assert front_factor(chart, chart.points[1]) == 1.0
+
+
+def test_factor_at_given_cost_compares_errors():
+    same = (Point("a", "1", 2e-3, 360.0), Point("b", "1", 1e-3, 360.0), Point("b", "2", 1e-5, 720.0))
+    assert front_factor(Chart("x", "x", "e", "c", same, given_cost=True), same[0]) == pytest.approx(2.0)
+
+
+def test_written_chart_comes_back(tmp_path):
+    chart = Chart("x", "x", "e", "c", (Point("a", "1", np.inf, 1.0), Point("a", "2", 0.125, 2.0)))
+    path = write_document(tmp_path / "study.json", document("speed-accuracy", [chart], quick=True))
+    assert read_charts(path) == (chart,)
+
+
+def test_point_without_measurement_is_refused():
+    with pytest.raises(ValueError, match="no measurement"):
+        Point("a", "1", float("nan"), 1.0)
+
+
+def test_loud_cell_needs_its_text():
+    with pytest.raises(ValueError, match="what is read"):
+        Cell("condition", "method", "fails loudly", "")
