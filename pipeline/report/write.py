@@ -59,6 +59,8 @@ def _drawing(name: str, result: RunResult, folder: Path) -> dict[str, Any]:
 def _save(figure: Figure, svg: str, folder: Path, name: str) -> None:
     folder.mkdir(exist_ok=True)
     (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    # the SVG laid the figure out already; doing so again costs as much as drawing it
+    figure.set_layout_engine("none")
     figure.savefig(folder / f"{name}.png", dpi=DPI, metadata={"Software": None})
 
 
