@@ -28,6 +28,9 @@ class CosineLaw:
 
     amplitudes = 8.0e-3 * np.array([35.0, 56.0, 28.0, 8.0, 1.0]) / 128.0
 
+    def derivatives(self, theta, highest=3):
+        return np.array([self.evaluate(theta, k) for k in range(highest + 1)])
+
     def evaluate(self, theta, derivative=0):
         k = np.arange(5.0)
         phase = np.multiply.outer(np.asarray(theta, dtype=float) - 1.4, k) + derivative * np.pi / 2.0

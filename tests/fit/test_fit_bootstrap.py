@@ -49,11 +49,11 @@ def test_blocks_are_neighbours_and_fill_the_count(n_cycles, block):
 
 def test_zero_scatters_as_the_mean_of_the_cycles(case):
     problem, solution, cycles = case
-    found = bootstrap(problem, solution, [cycles], count=200, seed=1, block=1)
+    found = bootstrap(problem, solution, [cycles], count=100, seed=1, block=1)
     fitted = cycles.torque[~cycles.held_out].mean(axis=1)
-    # the zero follows the cycles' mean; 200 draws tell a deviation to 5 %, three of which are allowed
-    assert found.std[found.names.index("torque_zero")] == pytest.approx(np.std(fitted) / np.sqrt(fitted.size), rel=0.15)
-    assert found.samples.shape == (200, len(found.names))
+    # the zero follows the cycles' mean; 100 draws tell a deviation to 7 %, three of which are allowed
+    assert found.std[found.names.index("torque_zero")] == pytest.approx(np.std(fitted) / np.sqrt(fitted.size), rel=0.21)
+    assert found.samples.shape == (100, len(found.names))
     assert np.all(found.low <= found.high)
 
 

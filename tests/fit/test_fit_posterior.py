@@ -21,6 +21,7 @@ def case():
     return problem, solve(problem)
 
 
+@pytest.mark.slow
 def test_nearly_normal_posterior_has_the_covariance(case):
     pytest.importorskip("emcee")
     problem, solution = case
