@@ -16,6 +16,7 @@ from pipeline.mechanism.contact import ContactLoss
 from pipeline.mechanism.elastic import solve_elastic
 from pipeline.mechanism.kinematics import Kinematics, flat_pressure_angle
 from pipeline.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
+from pipeline.mechanism.outliers import outlying_points
 from pipeline.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
 from pipeline.mechanism.shaft import solve_shaft
 from pipeline.mechanism.solve import solve_rigid
@@ -136,7 +137,10 @@ def predict(
         jump_without_pressure=tables.jump(),
         flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation),
         roller=roller,
-        findings=_findings(tables.kinematics, law, roller, pumps, speed, pressure is None),
+        findings=(
+            *_table_findings(config),
+            *_findings(tables.kinematics, law, roller, pumps, speed, pressure is None),
+        ),
     )
 
 
@@ -146,6 +150,16 @@ def _shaft_torque(config: PumpConfig, units: list[PumpUnit], theta: Array, load:
         return solve_shaft(units, theta, load, speed).torque
     stiffness = np.full(len(units), config.shaft_stiffness)
     return solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping)).torque
+
+
+def _table_findings(config: PumpConfig) -> tuple[Finding, ...]:
+    """Return a warning for single points of the lift table that stick out: no smoothing would take them for wrong."""
+    found = outlying_points(config.cam_table) if config.cam_table is not None else ()
+    if config.cam_table is None or not len(found):
+        return ()
+    where = ", ".join(f"{np.rad2deg(config.cam_table.theta[k]):g}" for k in found[:5])
+    text = f"{len(found)} point(s) of the lift table stick out of their neighbours, at {where} deg; measure them again"
+    return (Finding("lift_outlier", "warning", text, f"{where} deg"),)
 
 
 def _findings(

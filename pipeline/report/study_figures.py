@@ -16,6 +16,8 @@ from pipeline.report.style import CYCLE, MEASURED, MUTED, STYLE
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
 COLOURS = {"works": "#b7e0cf", "degrades": "#fbe3a8", "fails loudly": "#c9ddf2", "fails silently": "#e8927c"}
+CHARACTERS_PER_INCH, LINES = 16.0, 4
+"""Room for text in a cell of a map."""
 SIGNS = {"works": "works", "degrades": "degrades", "fails loudly": "loud", "fails silently": "SILENT"}
 
 
@@ -67,10 +69,11 @@ def _chart(part: Mapping[str, Any]) -> Figure:
         if not grouped:
             _ends(axes, line, CYCLE[hue % len(CYCLE)])
     front = _front(points)
-    axes.step(
-        [p["cost"] for p in front], [p["error"] for p in front], where="post", color="#30363d", lw=5.0, alpha=0.16,
-        label="Pareto front", zorder=0,
-    )  # fmt: skip
+    if front:
+        axes.step(
+            [p["cost"] for p in front], [p["error"] for p in front], where="post", color="#30363d", lw=5.0, alpha=0.16,
+            label="Pareto front", zorder=0,
+        )  # fmt: skip
     chosen = [point for point in points if point["default"]]
     axes.plot(
         [p["cost"] for p in chosen], [p["error"] for p in chosen], ls="", marker="o", ms=13, mfc="none", mec=MEASURED,
@@ -108,15 +111,15 @@ def _map(part: Mapping[str, Any]) -> Figure:
     cells = part["cells"]
     conditions = list(dict.fromkeys(cell["condition"] for cell in cells))
     methods = list(dict.fromkeys(cell["method"] for cell in cells))
-    width = max(9.0, 2.6 + 2.5 * len(methods))
-    figure = Figure(figsize=(width, 1.3 + 0.62 * len(conditions)), layout="constrained")
+    width = max(9.0, 2.4 + 2.05 * len(methods))
+    figure = Figure(figsize=(width, 1.3 + 0.7 * len(conditions)), layout="constrained")
     axes = figure.subplots()
-    characters = max(18, int(8.9 * (width - 3.0) / len(methods) * 1.62))
+    characters = int(CHARACTERS_PER_INCH * (width - 2.4) / len(methods))
     for cell in cells:
         x, y = methods.index(cell["method"]), conditions.index(cell["condition"])
         axes.add_patch(mpl.patches.Rectangle((x, y), 1, 1, facecolor=COLOURS[cell["verdict"]], edgecolor="white", lw=2))
-        detail = textwrap.shorten(cell["detail"], 3 * characters, placeholder=" ...")
-        text = "\n".join([SIGNS[cell["verdict"]].upper(), *textwrap.wrap(detail, characters)[:3]])
+        detail = textwrap.shorten(cell["detail"], LINES * characters, placeholder=" ...")
+        text = "\n".join([SIGNS[cell["verdict"]].upper(), *textwrap.wrap(detail, characters)[: LINES + 1]])
         axes.text(x + 0.02, y + 0.5, text, va="center", ha="left", fontsize=6.6, linespacing=1.05, color="#1b1b1b")
     defaults = {cell["method"] for cell in cells if cell["default"]}
     axes.set(xlim=(0, len(methods)), ylim=(len(conditions), 0))

@@ -1,11 +1,14 @@
 """Speed against accuracy, and stability where methods fail: measured, written as JSON and drawn.
 
-table               points, charts, cells, maps; the Pareto front; reading and writing
+table, verdicts     points, charts, cells, maps; the Pareto front; reading and writing
 case, integrators   the pump of the studies, and the usual ways to integrate its driveline
-grid, dynamics, driveline, resampling, fitting, scenes     the charts
+grid, dynamics, driveline, resampling, fitting, scenes              the charts
+stability_driveline, stability_pump, stability_align                the maps
 choices             the grid for a wanted error
 """
 
+from pipeline.studies.choices import choose_grid
 from pipeline.studies.speed_accuracy import run_speed_accuracy
+from pipeline.studies.stability import run_stability
 
-__all__ = ["run_speed_accuracy"]
+__all__ = ["choose_grid", "run_speed_accuracy", "run_stability"]

@@ -24,6 +24,8 @@ CYCLES = 4
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
 DEFAULTS = (("linear harmonic", "720/rev"), ("non-linear harmonic", "3600/rev"))
 """What the fit's chain uses (3600 points in bins of 5), and what a prediction uses."""
+BEYOND_FRONT = {("driveline", "non-linear harmonic"): "also solves shafts of many pumps; tables at each of its steps"}
+"""Defaults that cost more than the factor allows: chart and method -> why they are kept."""
 Curve = tuple[Array, Array]
 Solved = tuple[Array, Array, bool]
 

@@ -5,31 +5,50 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from pipeline.records import Refusal
 from pipeline.report.study_figures import save_study_figure
 from pipeline.studies.driveline import driveline_chart
 from pipeline.studies.dynamics import dynamics_chart
+from pipeline.studies.fitting import fitting_charts
 from pipeline.studies.grid import grid_chart, table_charts
+from pipeline.studies.resampling import resampling_charts
+from pipeline.studies.scenes import scenes_chart
 from pipeline.studies.table import Chart, document, write_document
 
 Charts = tuple[Chart, ...]
-CHARTS: dict[str, Callable[[bool], Charts]] = {
-    "grid": lambda quick: (grid_chart(quick), *table_charts(quick)),
-    "dynamics": lambda quick: (dynamics_chart(quick),),
-    "driveline": lambda quick: (driveline_chart(quick),),
+EXAMPLES = Path("raw_examples")
+CHARTS: dict[str, Callable[[Path, bool], Charts]] = {
+    "grid": lambda _, quick: (grid_chart(quick), *table_charts(quick)),
+    "dynamics": lambda _, quick: (dynamics_chart(quick),),
+    "driveline": lambda _, quick: (driveline_chart(quick),),
+    "resampling": lambda _, quick: resampling_charts(quick),
+    "fitting": fitting_charts,
+    "scenes": lambda examples, quick: (scenes_chart(examples, quick),),
 }
 """Part of the study -> its charts."""
 
 
-def run_speed_accuracy(out: Path, quick: bool = False) -> list[Path]:
+def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> list[Path]:
     """Measure every chart, write ``speed_accuracy.json`` and one PNG and SVG per chart, and return the paths.
 
     Parameters
     ----------
     out : folder, made when missing
     quick : fewer settings and repeats, below a minute
+    examples : folder with the example recordings
+
+    Raises
+    ------
+    Refusal
+        No example recordings.
     """
+    if not (examples / "A_0500rpm" / "recording.toml").exists():
+        raise Refusal(
+            f"study: no example recordings in {examples}, expected A_0500rpm and others; run it in the folder that "
+            "holds raw_examples"
+        )
     out.mkdir(parents=True, exist_ok=True)
-    charts = [chart for build in CHARTS.values() for chart in build(quick)]
+    charts = [chart for build in CHARTS.values() for chart in build(examples, quick)]
     content = document("speed-accuracy", charts, quick)
     paths = [write_document(out / "speed_accuracy.json", content)]
     for part in content["parts"]:

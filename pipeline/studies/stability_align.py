@@ -1,0 +1,186 @@
+"""Stability map of the alignment: a synthetic record in memory, damaged, through `pipeline.align.align`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pipeline.align import align
+from pipeline.config import RecordingConfig, TriggerSpec
+from pipeline.records import Array, CamTable, Channel, Recording, SensorCalibration
+from pipeline.studies.case import SPEED, study_law, study_pressure, study_pump, uniform
+from pipeline.studies.grid import torque_on
+from pipeline.studies.table import StabilityMap
+from pipeline.studies.verdicts import Outcome, cell
+
+TURN = 2.0 * np.pi
+LIMITS = (1.0e-2, 5.0e-2)
+RATE = 2.0e4
+PULSE = 0.11
+"""Width of the trigger pulse [rad]."""
+NOWHERE = Path("study")
+
+
+@dataclass(frozen=True)
+class Damage:
+    """What is wrong with a record: shares, relative sizes, seconds."""
+
+    cycles: int = 60
+    loss: float = 0.0
+    jitter: float = 0.0
+    ripple: float = 0.0
+    drift_ppm: float = 0.0
+    noise: float = 0.1
+    trigger_noise: float = 0.02
+    samples: int | None = None
+    reverse: bool = False
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples in memory, as a source of a channel."""
+
+    values: Array
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return self.values.size
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return samples ``[start, stop)``."""
+        return self.values[start:stop]
+
+
+def _calibration(quantity: str, gain: float) -> SensorCalibration:
+    return SensorCalibration(
+        "S",
+        quantity,
+        gain,
+        1e-3,
+        0.0,
+        0.0,
+        "standstill",
+        0.0,
+        0.0,
+        0.0,
+        float("nan"),
+        0,
+        -200.0 * gain,
+        200.0 * gain,
+        -250.0,
+        250.0,
+    )
+
+
+def _config() -> RecordingConfig:
+    trigger = TriggerSpec(0.0, np.deg2rad(1.5), "rising", 1, 5.0, 0.0)
+    return RecordingConfig(
+        path=NOWHERE, text="", id="study", pump_id="study", nominal_speed=SPEED, file_format="csv", csv_dialect="",
+        acquisition="", rotation=1, note="", pump=study_pump(), trigger=trigger, sensors={}, loggers=(), channels=(),
+    )  # fmt: skip
+
+
+def damaged_recording(damage: Damage, seed: int = 11) -> Recording:
+    """Return a record of the study pump with the damage applied; the true pulse stands at angle zero."""
+    random = np.random.default_rng(seed)
+    count = round(damage.cycles * TURN / SPEED * RATE) if damage.samples is None else damage.samples
+    phase = 0.4 + SPEED * np.arange(count) / RATE
+    theta = phase + 0.5 * damage.ripple * np.sin(2.0 * phase)
+    if damage.reverse:
+        theta = -theta
+    turn = np.floor((theta + PULSE) / TURN).astype(np.int64)
+    late = damage.jitter * random.standard_normal(damage.cycles + 12)[np.abs(turn) % (damage.cycles + 12)]
+    lost = random.random(damage.cycles + 12) < damage.loss
+    inside = np.mod(theta - SPEED * late, TURN) < PULSE
+    volts = np.where(
+        inside & ~lost[np.abs(turn) % lost.size], 5.0, 0.0
+    ) + damage.trigger_noise * random.standard_normal(count)
+    grid = uniform(7200)
+    curve = [
+        CubicSpline(np.append(grid, TURN), np.append(v, v[0]))
+        for v in (torque_on(grid, study_law()), study_pressure(grid))
+    ]
+    torque, pressure = (item(np.mod(theta, TURN)) for item in curve)
+    torque = torque + damage.noise * random.standard_normal(count)
+    rate = RATE * (1.0 + damage.drift_ppm * 1e-6)
+    bar = _calibration("pressure", 1e7)
+    channels = (
+        Channel("torque", "A", Samples(torque), 0.0, RATE, _calibration("torque", 1.0), NOWHERE, "torque"),
+        Channel("pressure", "A", Samples(pressure / 1e7), 0.0, rate, bar, NOWHERE, "pressure"),
+        Channel("trigger", "A", Samples(volts), 0.0, RATE, None, NOWHERE, "trigger"),
+    )  # fmt: skip
+    table = CamTable(uniform(360), study_law().evaluate(uniform(360)), 1e-6)
+    return Recording(_config(), channels, table, (), ())
+
+
+def aligned_error(damage: Damage) -> Outcome:
+    """Return the rms error of the mean torque over its peak, and what the alignment says."""
+    cycles = align(damaged_recording(damage))
+    assert cycles.torque is not None
+    exact = torque_on(cycles.theta, study_law())
+    error = float(np.sqrt(np.mean((cycles.torque.mean(axis=0) - exact) ** 2)) / np.max(exact))
+    told = [item.text for item in cycles.findings if item.severity != "info"]
+    lost = cycles.cycles_found - cycles.speed.size
+    told += [f"cut-flow: {lost} of {cycles.cycles_found} cycles left out"] if lost else []
+    return error, "; ".join(told)
+
+
+CONDITIONS: dict[str, Damage] = {
+    "undamaged": Damage(),
+    "5 % of pulses lost": Damage(loss=0.05),
+    "20 % of pulses lost": Damage(loss=0.2),
+    "50 % of pulses lost": Damage(loss=0.5),
+    "jitter of 50 us": Damage(jitter=5e-5),
+    "jitter of 1 ms": Damage(jitter=1e-3),
+    "speed ripple 1 %": Damage(ripple=0.01),
+    "speed ripple 5 %": Damage(ripple=0.05),
+    "speed ripple 20 %": Damage(ripple=0.2),
+    "sample clock off by 100 ppm": Damage(drift_ppm=100.0),
+    "torque noise of 5 N m": Damage(noise=5.0),
+    "trigger noise of 1.5 V": Damage(trigger_noise=1.5),
+    "3 cycles": Damage(cycles=3),
+    "1 cycle": Damage(cycles=1),
+    "one sample": Damage(samples=1),
+    "no sample": Damage(samples=0),
+    "runs backwards": Damage(reverse=True),
+}
+"""Condition -> damage."""
+
+
+def _one_pulse_script(damage: Damage) -> Outcome:
+    """Return the same from the usual script: threshold, `numpy.interp` between pulses, plain mean."""
+    recording = damaged_recording(damage)
+    volts, torque = recording.of("trigger")[0].read(), recording.of("torque")[0].read()
+    edges = np.flatnonzero((volts[1:] >= 2.5) & (volts[:-1] < 2.5)) + 1
+    if edges.size < 2:
+        raise ValueError("script: fewer than two pulses (zero-size array)")
+    grid = uniform(3600)
+    position = edges[:-1, None] + np.diff(edges)[:, None] * (grid / TURN)
+    mean = np.interp(position, np.arange(torque.size), torque).mean(axis=0)
+    exact = torque_on(grid, study_law())
+    return float(np.sqrt(np.mean((mean - exact) ** 2)) / np.max(exact)), ""
+
+
+METHODS: dict[str, tuple[Callable[[Damage], Outcome], bool]] = {
+    "align": (aligned_error, True),
+    "usual script (threshold, interp)": (_one_pulse_script, False),
+}
+"""Method -> function, and whether it is the package's default."""
+
+
+def align_map(quick: bool) -> StabilityMap:
+    """Return what becomes of the mean torque under damage of trigger, clock, noise and length."""
+    names = list(CONDITIONS)[::2] if quick else list(CONDITIONS)
+    cells = [
+        cell(name, method, partial(run, CONDITIONS[name]), LIMITS, default=default)
+        for name in names
+        for method, (run, default) in METHODS.items()
+    ]
+    note = "rms error of the mean torque over its peak: up to 1 % works, up to 5 % or told degrades"
+    return StabilityMap("alignment", "Trigger, clock, noise and length of a record", tuple(cells), note)
