@@ -90,7 +90,7 @@ def summary(family: str, results: list[dict]) -> list[str]:
         f"held-out RMS median {np.median([r['rms'] for r in results]):.3f} % of peak; cam angle rms median "
         f"{np.median([r['angle_deg'] for r in results]):.3f} deg; chamber pressure rms median "
         f"{np.median([r['chamber_percent'] for r in results]):.2f} % of its peak\n",
-        "| parameter | rigs | statistical 95 % covers | total 95 % covers | median stated / actual error | median error |",
+        "| parameter | rigs | statistical 95 % covers | total 95 % covers | stated / actual error | median error |",
         "|---|---|---|---|---|---|",
     ]
     for name in results[0]["rows"]:

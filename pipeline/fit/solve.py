@@ -154,7 +154,7 @@ def bounded_quadratic(
         c = np.where(at < 0, lower, np.where(at > 0, upper, 0.0))
         if free.any():
             rhs = vector[free] - matrix[np.ix_(free, ~free)] @ c[~free]
-            c[free] = np.linalg.solve(matrix[np.ix_(free, free)], rhs)
+            c[free] = _solved(matrix[np.ix_(free, free)], rhs)
         low, high = free & (c < lower), free & (c > upper)
         if low.any() or high.any():
             at[low], at[high] = -1, 1
@@ -165,6 +165,14 @@ def bounded_quadratic(
             break
         at[np.argmax(np.where(wrong, np.abs(gradient), 0.0))] = 0
     return np.clip(c, lower, upper)
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    """Return the solution of a symmetric system; the shortest one where columns repeat each other."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(matrix, vector, rcond=1e-13)[0], dtype=np.float64)
 
 
 def try_at(problem: Problem, x: Array, near: Trial | None = None) -> Trial:
