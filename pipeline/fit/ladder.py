@@ -28,7 +28,7 @@ LEAST_PENALTY = 4.7
 RUNG_ITERATIONS = 40
 RUNG_TOLERANCE = 1.0e-5
 """A rung is judged by differences of chi-square of several units; the chosen one is solved to the end afterwards."""
-LONGEST_CORRELATION = 120.0
+LONGEST_CORRELATION = 60.0
 CROSS_VALIDATION_SLACK = 1.002
 """Held-out error may rise by this factor, its own scatter, before a rung counts as worse."""
 
