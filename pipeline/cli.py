@@ -17,6 +17,9 @@ from typing import Any, NoReturn
 from pipeline import __version__
 
 REFUSED, UNEXPECTED, STOPPED = 2, 70, 130
+STUDIES = ("speed-accuracy", "stability")
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Threads of the linear algebra: the matrices are small, and a campaign already fills the processors."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -62,6 +65,9 @@ def _fit_arguments(parser: argparse.ArgumentParser) -> None:
     _grid_argument(parser)
     parser.add_argument("--effects", metavar="A,B,...", help="effects that are offered to the ladder (default: all)")
     parser.add_argument("--no-ladder", action="store_true", help="keep every offered effect, needed or not")
+    parser.add_argument(
+        "--tolerance", type=float, metavar="SHARE", help="wanted error of grid and curve, share of the peak torque"
+    )
 
 
 def _run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,6 +88,12 @@ def _predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", type=float, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to be written")
+
+
+def _study_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", choices=STUDIES, metavar="NAME", help=" or ".join(STUDIES))
+    _output_argument(parser)
+    parser.add_argument("--quick", action="store_true", help="a coarse version within about a minute")
 
 
 def _progress(arguments: argparse.Namespace) -> Callable[[str], None]:
@@ -106,7 +118,23 @@ def _options(arguments: argparse.Namespace) -> Any:
         if unknown:
             raise Refusal(f"--effects: found {', '.join(unknown)}, expected some of {', '.join(FIT_EFFECTS)}")
     align = AlignOptions() if arguments.n_theta is None else AlignOptions(n_theta=arguments.n_theta)
+    if arguments.tolerance is not None:
+        align = AlignOptions(n_theta=_grid_for(arguments))
     return RunOptions(align, FitOptions(effects=effects, use_ladder=not arguments.no_ladder))
+
+
+def _grid_for(arguments: argparse.Namespace) -> int:
+    """Return the coarsest grid that the speed-accuracy chart allows for a wanted error."""
+    from pipeline.fit.prepare import LEAST_GRID
+    from pipeline.records import Refusal
+    from pipeline.studies import choose_grid
+
+    if arguments.n_theta is not None:
+        raise Refusal("--tolerance, --n-theta: found both, expected one of them; the tolerance chooses the grid")
+    n_theta, method, implied = choose_grid(arguments.tolerance)
+    n_theta = max(n_theta, LEAST_GRID)
+    _progress(arguments)(f"grid of {n_theta} points, {method}: error {implied:.1e} of the peak torque")
+    return n_theta
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -183,11 +211,21 @@ def _predict(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _study(arguments: argparse.Namespace) -> int:
+    from pipeline.studies import run_speed_accuracy, run_stability
+
+    run = run_speed_accuracy if arguments.name == "speed-accuracy" else run_stability
+    for path in run(arguments.out, arguments.quick):
+        print(path)
+    return 0
+
+
 COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, Callable[[argparse.ArgumentParser], None]]] = {
     "run": (_run, "one recording: align, model, fit, report", _run_arguments),
     "campaign": (_campaign, "every recording below a folder, then one joint fit", _campaign_arguments),
     "check": (_check, "what a recording holds and what is wrong with it", _recording_arguments),
     "align": (_align, "logs to cam angle without a model (torque not needed)", _align_arguments),
+    "study": (_study, "speed charted against accuracy; stability where methods fail", _study_arguments),
     "predict": (_predict, "torque and forces of a pump from its sheet", _predict_arguments),
 }
 """Command -> what it does, its help, its arguments."""
@@ -251,6 +289,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments : without the program's name; None for those of the process
     """
     parsed = build_parser().parse_args(arguments)
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
     if not parsed.debug:
         warnings.simplefilter("ignore")
     try:

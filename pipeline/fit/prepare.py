@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.config import RecordingConfig
 from pipeline.effects import ROWS
-from pipeline.effects.chain import ChainInput, binned
+from pipeline.effects.chain import BIN, ChainInput, binned
 from pipeline.effects.lift import lift_correction
 from pipeline.effects.rows import ParameterRow
 from pipeline.fit.problem import FitData
@@ -21,6 +21,8 @@ SMALLEST_SHARE = 2.0e-4
 """Least standard deviation of a bin, as a share of the peak torque: quantisation and grid."""
 DISCREPANCY = 1.0e-3
 """Model error per torque that the weights admit; a larger one widens the intervals afterwards."""
+LEAST_GRID = 1800
+"""Points per revolution below which the chamber's time step smears port and valve."""
 CORRELATION = 12.0
 """Bins (of half a degree) that carry one independent value: what the 1 kHz low-pass and smooth model errors leave."""
 
@@ -56,6 +58,11 @@ def halves(cycles: CamCycles) -> Halves:
     """
     if cycles.torque is None:
         raise Refusal("fit: the recording has no torque channel; use `camtorque align` for pressure and trigger only")
+    if cycles.theta.size < LEAST_GRID or cycles.theta.size % BIN:
+        raise Refusal(
+            f"fit: found an angle grid of {cycles.theta.size} points, expected a multiple of {BIN} and at least "
+            f"{LEAST_GRID}; choose another --n-theta"
+        )
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
     fit, held = ~cycles.held_out, cycles.held_out
