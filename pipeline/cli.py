@@ -74,6 +74,10 @@ def _run_arguments(parser: argparse.ArgumentParser) -> None:
     _recording_arguments(parser)
     _output_argument(parser)
     _fit_arguments(parser)
+    parser.add_argument(
+        "--posterior", type=int, default=0, metavar="STEPS", help="sample the posterior by chains of that length (slow)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the posterior's random numbers (default 0)")
 
 
 def _campaign_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,7 +124,10 @@ def _options(arguments: argparse.Namespace) -> Any:
     align = AlignOptions() if arguments.n_theta is None else AlignOptions(n_theta=arguments.n_theta)
     if arguments.tolerance is not None:
         align = AlignOptions(n_theta=_grid_for(arguments))
-    return RunOptions(align, FitOptions(effects=effects, use_ladder=not arguments.no_ladder))
+    steps, seed = getattr(arguments, "posterior", 0), getattr(arguments, "seed", 0)
+    if steps < 0:
+        raise Refusal(f"--posterior: found {steps} steps, expected 0 (none) or more, 1500 is usual")
+    return RunOptions(align, FitOptions(effects, not arguments.no_ladder, steps, seed))
 
 
 def _grid_for(arguments: argparse.Namespace) -> int:

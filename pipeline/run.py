@@ -100,7 +100,8 @@ def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tup
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)
-    return RunResult(recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb()), prepared
+    result = RunResult(recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(), seed=options.fit.seed)
+    return result, prepared
 
 
 def run_recording(

@@ -15,6 +15,7 @@ from pipeline.effects.driveline import COMPLIANCE_NAMES
 from pipeline.fit.advice import next_measurement
 from pipeline.fit.estimates import estimates, prior_findings
 from pipeline.fit.metrics import metrics, stroke_masks
+from pipeline.fit.posterior import Posterior
 from pipeline.fit.predict import torque_zero
 from pipeline.fit.prepare import Halves
 from pipeline.fit.problem import FitData, Problem
@@ -47,6 +48,7 @@ class Fit:
     spreads: Array
     variants: tuple[Variant, ...]
     ladder: tuple[LadderRung, ...]
+    posterior: Posterior | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def _details(fit: Fit, index: int, fitted: Modelled) -> dict[str, object]:
         "variants": {variant.name: variant.solution.chi_square for variant in fit.variants},
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
-        "delivery": fit.problem.data[index].delivery,
+        "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior,
     }  # fmt: skip
 
 

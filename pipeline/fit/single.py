@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.fit.ladder import climb
+from pipeline.fit.posterior import sample_posterior
 from pipeline.fit.predict import held_out_rms
 from pipeline.fit.prepare import Halves, fit_data, halves, held_out_data
 from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
@@ -29,10 +30,13 @@ class FitOptions:
     """What a user may choose.
 
     effects : effects that are offered to the ladder; use_ladder : False keeps them all
+    posterior_steps : length of the Markov chains of the posterior, 0 for none; seed : of its random numbers
     """
 
     effects: tuple[str, ...] = FIT_EFFECTS
     use_ladder: bool = True
+    posterior_steps: int = 0
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,11 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     cov = covariance(problem, solution)
     laws = [[with_law(data, law)] for law in other_lift_laws(prepared.recording)]
     others = variants(problem, solution, laws)
-    return Fit(problem, solution, cov, spread(problem, solution, others), others, (rigid_rung(prepared), *rungs))
+    sampled = None
+    if options.posterior_steps:
+        sampled = sample_posterior(problem, solution, options.posterior_steps, options.seed)
+    rungs = (rigid_rung(prepared), *rungs)
+    return Fit(problem, solution, cov, spread(problem, solution, others), others, rungs, sampled)
 
 
 def fit_recording(

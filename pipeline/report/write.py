@@ -21,6 +21,7 @@ from pipeline.report.figures import FIGURES, drawn_svg
 from pipeline.report.folder import output_folder
 from pipeline.report.overview_figures import aligned_cycles
 from pipeline.report.page import align_page, campaign_page, run_page
+from pipeline.report.posterior_figures import write_posterior
 from pipeline.report.predict_page import prediction_page
 from pipeline.report.style import svg_text
 
@@ -38,6 +39,9 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     start = time.perf_counter()
     write_cycles(folder / "cycles.h5", result)
     drawings = [_drawing(name, result, folder / "figures") for name in FIGURES]
+    posterior = result.fitted.details.get("posterior")
+    if posterior is not None:
+        write_posterior(posterior, folder)
     doc = result_document(result)
     page = run_page(doc, result.fitted.ladder, drawings, result.recording.config.text)
     (folder / "report.html").write_text(page, encoding="utf-8")
