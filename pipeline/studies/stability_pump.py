@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pipeline.config_pump import PressureCurve, PumpConfig
+from pipeline.effects.chain import ChainInput, contact_load
 from pipeline.ingest.pump_file import read_pressure_curve
 from pipeline.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, kinematics, lift_law
 from pipeline.mechanism.outliers import outlying_points
@@ -57,9 +58,8 @@ TABLES: dict[str, Callable[[], CamTable]] = {
 def _table_error(table: Callable[[], CamTable], method: str, quantity: int) -> Outcome:
     given = table()
     law = lift_law(given, method)
-    said = [f"lift +- {law.lift_std * 1e6:.1f} um"] if law.lift_std > 2e-6 else []
-    said += [f"{outlying_points(given).size} point sticks out"] if outlying_points(given).size else []
-    return law_errors(law, EXACT(), THETA)[quantity], "; ".join(said)
+    said = f"{outlying_points(given).size} point sticks out" if outlying_points(given).size else ""
+    return law_errors(law, EXACT(), THETA)[quantity], said
 
 
 def table_map(quick: bool) -> StabilityMap:
@@ -122,8 +122,24 @@ def running_map(quick: bool) -> StabilityMap:
         cell("500 rpm", "tables in float32", _single, LIMITS),
         cell("pressure at one angle", "predict", _one_sample, LIMITS, default=True),
     ]
+    for friction, default in ((0.35, True), (1.0, False)):
+        name = f"steep flank, guide friction {friction:g}"
+        cells.append(cell(name, "fit's chain", partial(_jamming, friction), LIMITS, default=default))
     note = "error of the torque over its peak; 1 where contact is lost or the cam cannot exist"
     return StabilityMap("running", "Cams and speeds at the edge of the model", tuple(cells), note)
+
+
+def _jamming(friction: float) -> Outcome:
+    """Return 1 where the contact force of the chain turns negative: the follower jams as mu tan(phi) reaches 1.
+
+    0.35 is the largest coefficient that a fit may reach; more can only be held by hand.
+    """
+    law, pressure = study_law(rise_deg=25.0), study_pressure(THETA)
+    data = ChainInput(THETA, SPEED, pressure, 0.0 * THETA, 0.0, study_pump(), law, 0.0, 0.0, None, False)
+    lift, slope, curve = law.derivatives(THETA, 2)
+    load = contact_load(data, (lift, slope, curve), (SPEED + 0.0 * THETA, 0.0 * THETA), pressure, friction)
+    free = contact_load(data, (lift, slope, curve), (SPEED + 0.0 * THETA, 0.0 * THETA), pressure, 0.0)
+    return float(np.any((load < 0.0) & (free > 0.0))), ""
 
 
 def _empty() -> Outcome:
