@@ -159,11 +159,14 @@ def fitting_charts(examples: Path, quick: bool) -> tuple[Chart, ...]:
     linear_cost = time.perf_counter() - start
     median = _median_ratio(sampled)
     stated.append(Point("covariance at the minimum", "", max(abs(median), LEAST), linear_cost, True))
-    text = "median over parameters of |ratio of standard deviations - 1| against the longest chains"
+    text = (
+        "median over parameters of |deviation of the chains / deviation of the covariance - 1|; the covariance is drawn "
+        "at the value of the longest chains, which are too short to be a reference: agreement, not error"
+    )
     return (
         Chart("fitting", "Fitting", "largest error / standard uncertainty", "time [s]", tuple(points), note),
         Chart(
-            "uncertainty", "Stated uncertainty", "relative error of the uncertainty", "time [s]", tuple(stated), text
+            "uncertainty", "Stated uncertainty", "difference of stated uncertainties", "time [s]", tuple(stated), text
         ),
     )
 
