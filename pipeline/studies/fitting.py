@@ -160,8 +160,8 @@ def fitting_charts(examples: Path, quick: bool) -> tuple[Chart, ...]:
     median = _median_ratio(sampled)
     stated.append(Point("covariance at the minimum", "", max(abs(median), LEAST), linear_cost, True))
     text = (
-        "median over parameters of |deviation of the chains / deviation of the covariance - 1|; the covariance is drawn "
-        "at the value of the longest chains, which are too short to be a reference: agreement, not error"
+        "median over parameters of |deviation of the chains / deviation of the covariance - 1|; the covariance is "
+        "drawn at the value of the longest chains, which are too short to be a reference: agreement, not error"
     )
     return (
         Chart("fitting", "Fitting", "largest error / standard uncertainty", "time [s]", tuple(points), note),
