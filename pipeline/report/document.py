@@ -15,6 +15,7 @@ import numpy as np
 from pipeline import __version__
 from pipeline.records import AngleError, Estimate, FittedTorque, ParameterEstimate, Recording
 from pipeline.report.bundle import RunResult
+from pipeline.report.gaps import gap_shares
 from pipeline.units import BAR, DEGREE, RPM
 
 SCHEMA = "camtorque.result/1"
@@ -64,6 +65,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "parameters": parameters_document(fitted.parameters),
             "metrics": {name: asdict(metrics) for name, metrics in fitted.metrics.items()},
             "losses": {"unit": "J per revolution", **fitted.losses},
+            "gap_by_cause": _gap(result),
             "chamber": _chamber(fitted),
             "forces": _forces(fitted),
             "next_measurement": fitted.next_measurement,
@@ -85,6 +87,7 @@ def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, 
 
 def _recording(result: RunResult) -> dict[str, Any]:
     cycles = result.cycles
+    assert cycles.torque is not None
     return {
         "name": result.recording.config.id,
         "pump": result.recording.config.pump_id,
@@ -93,6 +96,7 @@ def _recording(result: RunResult) -> dict[str, Any]:
         "duration_s": cycles.duration,
         "cycles_found": cycles.cycles_found,
         "cycles_used": cycles.index.size,
+        "peak_torque_nm": np.max(np.mean(cycles.torque, axis=0)),
         "odd_even_rms_nm": result.fitted.odd_even_rms,
         "trigger_jitter_s": cycles.trigger_jitter_s,
         "cut_flow": [asdict(row) for row in cycles.cut_flow],
@@ -116,6 +120,18 @@ def _alignment(result: RunResult) -> dict[str, Any]:
 
 def _budget(rows: tuple[AngleError, ...]) -> list[dict[str, Any]]:
     return [asdict(row) for row in rows]
+
+
+def _gap(result: RunResult) -> dict[str, Any]:
+    """Return measured minus rigid torque by cause; each column sums to its total."""
+    shares = gap_shares(result)
+    columns = ("forward", "return_stroke", "return_minimum")
+    total = {f"{name}_nm": sum(getattr(row, name) for row in shares) for name in columns}
+    rows = [
+        {"cause": row.cause, "text": row.meaning, **{f"{name}_nm": getattr(row, name) for name in columns}}
+        for row in shares
+    ]
+    return {"total": total, "causes": rows}
 
 
 def _chamber(fitted: FittedTorque) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from pipeline.report import fit_figures, part_figures, torque_figures
+from pipeline.report import fit_figures, gap_figures, part_figures, torque_figures
 from pipeline.report.bundle import RunResult
 from pipeline.report.style import STYLE, svg_text
 
@@ -45,6 +45,10 @@ FIGURES: dict[str, FigureSpec] = {
     "losses": FigureSpec(
         "Work per revolution", "Each cause integrated for itself over the true cam angle.", fit_figures.losses,
         "causes",
+    ),
+    "gap": FigureSpec(
+        "What closes the gap", "Measured minus rigid torque, by cause. Left: mean over the loaded part of the forward "
+        "stroke. Right: where the measured torque is least on the return stroke.", gap_figures.gap, "causes",
     ),
     "pressure": FigureSpec(
         "Line pressure and chamber pressure", "The sensor sits behind the delivery valve. The chamber pressure is "

@@ -14,7 +14,17 @@ from markupsafe import Markup
 from pipeline.records import LadderRung
 from pipeline.report.fit_figures import rung_names
 from pipeline.report.numbers import FILTERS
-from pipeline.report.texts import METRIC_NAMES, alignment_text, budget_rows, cards, inside_text, loss_rows, verdict
+from pipeline.report.texts import (
+    METRIC_NAMES,
+    alignment_text,
+    budget_rows,
+    cards,
+    gap_rows,
+    gap_text,
+    inside_text,
+    loss_rows,
+    verdict,
+)
 
 VERSIONS_OF = ("numpy", "scipy", "h5py", "matplotlib", "lmfit", "numba", "pandas")
 
@@ -57,7 +67,8 @@ def run_page(
     return render(
         "run.html", title=f"{doc['recording']['name']} - measured against model", doc=doc, drawings=as_markup(drawings),
         verdict=verdict(doc), cards=cards(doc), losses=loss_rows(doc["losses"]), ladder=ladder,
-        inside=inside_text(doc), alignment=alignment_text(doc), config_text=config_text, metric_names=METRIC_NAMES,
+        gaps=gap_rows(doc["gap_by_cause"]), gap_text=gap_text(doc["gap_by_cause"]), inside=inside_text(doc),
+        alignment=alignment_text(doc), config_text=config_text, metric_names=METRIC_NAMES,
         budget=budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"]),
     )  # fmt: skip
 

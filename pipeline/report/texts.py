@@ -45,6 +45,7 @@ def cards(doc: Document) -> list[dict[str, str]]:
     """Return the key numbers of a run."""
     held, recording, chamber = doc["metrics"]["fitted_held_out_cycles"], doc["recording"], doc["chamber"]
     rows = [
+        (f"{fixed(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
         (f"{num(held['rms_percent_of_peak'], 2)} %", "RMS of peak torque, held-out cycles"),
         (f"{signed(held['forward_gap_percent'])} %", "forward gap after the fit"),
         (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
@@ -113,3 +114,32 @@ def loss_rows(losses: Mapping[str, Any]) -> list[dict[str, str]]:
             "share": "0" if conserved else fixed(100.0 * value / total, 2),
         })  # fmt: skip
     return rows
+
+
+def gap_rows(gap: Document) -> list[dict[str, Any]]:
+    """Return the gap by cause with shares of its total; a total of zero has no shares."""
+    total = gap["total"]
+    return [
+        {
+            **row,
+            "name": row["cause"].replace("_", " "),
+            "forward_share": _share(row["forward_nm"], total["forward_nm"]),
+            "return_share": _share(row["return_minimum_nm"], total["return_minimum_nm"]),
+        }
+        for row in gap["causes"]
+    ]
+
+
+def _share(part: float, total: float) -> float | None:
+    return 100.0 * part / total if total else None
+
+
+def gap_text(gap: Document) -> str:
+    """Return what closes the gap in words: the largest causes on both strokes."""
+    total = gap["total"]
+    parts = []
+    for key, what in (("forward_nm", "On the forward stroke"), ("return_minimum_nm", "At the return minimum")):
+        rows = sorted(gap["causes"], key=lambda row: -abs(row[key]))[:3]
+        named = ", ".join(f"{signed(row[key], 3)} N m by {row['cause'].replace('_', ' ')}" for row in rows)
+        parts.append(f"{what} the measurement lies {signed(total[key], 3)} N m from the rigid model: {named}.")
+    return " ".join(parts)

@@ -96,7 +96,8 @@ def run_result(recording_name: str = "case", with_chamber: bool = True) -> RunRe
         angle_errors_after=(AngleError("trigger angle", 0.06, "fitted"),), odd_even_rms=0.03,
         next_measurement=("record standstill readings",), findings=(),
     )  # fmt: skip
-    config = SimpleNamespace(id=recording_name, pump_id="P1", text=f"id = '{NASTY}'", rotation=1)
+    config = SimpleNamespace(id=recording_name, pump_id="P1", text=f"id = '{NASTY}'", rotation=1,
+                             pump=SimpleNamespace(plunger_area=5e-5))  # fmt: skip
     table = CamTable(theta[::2], lift[::2], 1e-6)
     inputs = (InputFile(Path("recording.toml"), "ab" * 32),)
     return RunResult(

@@ -25,6 +25,8 @@ from pipeline.report import (
     write_campaign,
     write_run,
 )
+from pipeline.report.gaps import gap_curves, loaded_part
+from pipeline.report.style import new_figure, svg_text
 
 METRIC_KEYS = {
     "rms_nm", "rms_percent_of_peak", "forward_gap_percent", "forward_peak_error_nm", "return_min_measured_nm",
@@ -268,3 +270,40 @@ def test_page_in_a_browser(written: Path, tmp_path: Path) -> None:
     dark = np.mean(image[:, :, :3].min(axis=2) < 0.5, axis=1)
     # text and curves in each fifth of the page: none of them may stay blank
     assert all(part.max() > 0.005 for part in np.array_split(dark, 5))
+
+
+def test_gap_by_cause_sums_to_measured_minus_rigid(written: Path) -> None:
+    doc = read_json(written / "result.json")
+    gap, result = doc["gap_by_cause"], run_result()
+    forward, fall = loaded_part(result)
+    with h5py.File(written / "cycles.h5") as file:
+        distance = file["mean/torque"][:] - file["model/rigid"][:]
+        lowest = np.flatnonzero(fall)[np.argmin(file["mean/torque"][:][fall])]
+    # sums of a few curves of some 10 N m: rounding stays below 1e-12 N m
+    for key, value in (("forward_nm", distance[forward].mean()), ("return_stroke_nm", distance[fall].mean()),
+                       ("return_minimum_nm", distance[lowest])):  # fmt: skip
+        assert gap["total"][key] == pytest.approx(value, abs=1e-11), key
+        assert sum(row[key] for row in gap["causes"]) == pytest.approx(value, abs=1e-11), key
+    percent = 100.0 * gap["total"]["forward_nm"] / result.rigid.torque[forward].mean()
+    assert percent == pytest.approx(doc["metrics"]["rigid"]["forward_gap_percent"], rel=1e-9)
+    assert gap["causes"][-1]["cause"] == "residual"
+
+
+def test_cam_angle_and_plunger_pressure_are_told_apart() -> None:
+    result = run_result()
+    curves = gap_curves(result)
+    lift_slope = np.interp(
+        result.cycles.theta + 0.01, result.cycles.theta, result.rigid.lift_velocity, period=2.0 * np.pi
+    )
+    shifted = 5e-5 * result.cycles.pressure[0] * lift_slope
+    # the case's rigid torque is p A y' with the area of its pump: the same product, up to rounding
+    np.testing.assert_allclose(curves["cam angle"], shifted - result.rigid.torque, atol=1e-11)
+    both = curves["cam angle"] + curves["plunger pressure"]
+    np.testing.assert_allclose(both, result.fitted.by_cause["pressure"] - result.rigid.torque, atol=1e-11)
+
+
+def test_numbers_in_a_figure_keep_their_digits() -> None:
+    figure = new_figure()
+    figure.axes[0].set_title("0.02567 N m")
+    text = svg_text(figure, "digits")
+    assert "0.02567 N m" in text
