@@ -2,8 +2,8 @@
 
 Effects help each other (a twist without the low-pass behind it explains nothing), so the way up adds one effect after
 the other and only records what each brings; the way down takes from the chain every effect whose absence costs nothing.
-An effect stays when without it the score rises and the held-out cycles (in a campaign: the left-out recordings) do not
-improve.
+The trigger angle stays in any case: its sheet declares a tolerance. Another effect stays when without it the score
+rises and the held-out cycles (in a campaign: the left-out recordings) do not improve.
 
 The score is an information criterion on the number of *independent* residuals: neighbouring bins of a filtered signal
 repeat each other, and the plain criterion takes a useless smooth term in half of all trials. A parameter that
@@ -24,6 +24,8 @@ from pipeline.fit.solve import Solution, solve
 from pipeline.records import Array, LadderRung
 
 SCORE_NAME = "BIC on independent residuals"
+DECLARED = ("trigger",)
+"""Effects that stay: the sheet declares an installation tolerance, so the mounted angle is a nuisance with a prior."""
 LEAST_PENALTY = 4.7
 RUNG_ITERATIONS = 40
 RUNG_TOLERANCE = 1.0e-5
@@ -137,7 +139,7 @@ def climb(
         previous = rung
     current = tried(tuple(order))
     rows.append((current, f"upward: with {order[-1]} {_change(previous, current)}"))
-    for effect in reversed(order):
+    for effect in (name for name in reversed(order) if name not in DECLARED):
         fewer = tuple(name for name in current.effects if name != effect)
         trial = tried(fewer)
         stays = trial.score > current.score and trial.cv_rms * CROSS_VALIDATION_SLACK > current.cv_rms
