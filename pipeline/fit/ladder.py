@@ -139,16 +139,33 @@ def climb(
         previous = rung
     current = tried(tuple(order))
     rows.append((current, f"upward: with {order[-1]} {_change(previous, current)}"))
-    for effect in (name for name in reversed(order) if name not in DECLARED):
-        fewer = tuple(name for name in current.effects if name != effect)
-        trial = tried(fewer)
-        stays = trial.score > current.score and trial.cv_rms * CROSS_VALIDATION_SLACK > current.cv_rms
-        rows.append(
-            (trial, f"back: without {effect} {_change(current, trial)}; it {'stays' if stays else 'is dropped'}")
-        )
-        current = current if stays else trial
+    current, down = _descend(current, order, tried)
+    rows += down
     table = tuple(_row(rung, rung is current, reason, untested) for rung, reason in rows)
     return current.effects, current.solution, table
+
+
+def _descend(
+    current: Rung, order: Sequence[str], tried: Callable[[tuple[str, ...]], Rung]
+) -> tuple[Rung, list[tuple[Rung, str]]]:
+    """Drop effects until every one left is needed; one that helped another may go once the other has gone."""
+    rows: list[tuple[Rung, str]] = []
+    seen: set[tuple[str, ...]] = set()
+    dropped = True
+    while dropped:
+        dropped = False
+        for effect in (name for name in reversed(order) if name in current.effects and name not in DECLARED):
+            fewer = tuple(name for name in current.effects if name != effect)
+            if fewer in seen:
+                continue
+            seen.add(fewer)
+            trial = tried(fewer)
+            stays = trial.score > current.score and trial.cv_rms * CROSS_VALIDATION_SLACK > current.cv_rms
+            verdict = "stays" if stays else "is dropped"
+            rows.append((trial, f"back: without {effect} {_change(current, trial)}; it {verdict}"))
+            if not stays:
+                current, dropped = trial, True
+    return current, rows
 
 
 def _change(before: Rung, after: Rung) -> str:
