@@ -80,7 +80,9 @@ def align_page(doc: Mapping[str, Any], drawings: Sequence[Mapping[str, Any]], co
     )
 
 
-def campaign_page(doc: Mapping[str, Any], thumbnails: Mapping[str, str]) -> str:
+def campaign_page(
+    doc: Mapping[str, Any], thumbnails: Mapping[str, str], drawings: Sequence[Mapping[str, Any]] = ()
+) -> str:
     """Return campaign.html."""
     used = len(doc["recordings"]) - doc["n_refused"]
     text = f"{used} of {len(doc['recordings'])} recordings used."
@@ -91,7 +93,7 @@ def campaign_page(doc: Mapping[str, Any], thumbnails: Mapping[str, str]) -> str:
             f"{min(left_out):.2f} to {max(left_out):.2f} % of its peak torque (RMS)."
         )
     return render(
-        "campaign.html", title="Campaign", doc=doc, verdict=text,
+        "campaign.html", title="Campaign", doc=doc, verdict=text, drawings=as_markup(drawings),
         thumbnails={name: Markup(svg) for name, svg in thumbnails.items()},
         drifts={row["name"]: row for row in doc["drifts"]},
     )  # fmt: skip

@@ -15,6 +15,7 @@ from pipeline.align import alignment_summary
 from pipeline.mechanism.predict import Prediction, prediction_document
 from pipeline.records import CamCycles, Recording
 from pipeline.report.bundle import CampaignResult, RunResult
+from pipeline.report.campaign_figures import CAMPAIGN_FIGURES, campaign_drawing, can_draw
 from pipeline.report.cycles_file import write_aligned, write_cycles
 from pipeline.report.document import inputs_document, parameters_document, plain, result_document, write_json
 from pipeline.report.figures import FIGURES, drawn_svg
@@ -90,9 +91,23 @@ def write_campaign(result: CampaignResult, folder: Path) -> dict[str, Any]:
     """Write campaign.html and campaign.json; return the content of the latter."""
     doc = campaign_document(result)
     thumbnails = {entry.name: entry.thumbnail for entry in result.entries if entry.status == "ok"}
-    (folder / "campaign.html").write_text(campaign_page(doc, thumbnails), encoding="utf-8")
+    (folder / "campaign.html").write_text(
+        campaign_page(doc, thumbnails, _campaign_drawings(result, folder / "figures")), encoding="utf-8"
+    )
     write_json(folder / "campaign.json", doc)
     return doc
+
+
+def _campaign_drawings(result: CampaignResult, folder: Path) -> list[dict[str, Any]]:
+    rows = []
+    for name, (section, title, caption, _) in CAMPAIGN_FIGURES.items():
+        if result.joint is None or not can_draw(name, result.joint):
+            continue
+        figure = campaign_drawing(name, result.joint)
+        svg = svg_text(figure, name)
+        _save(figure, svg, folder, name)
+        rows.append({"section": section, "title": title, "caption": caption, "svg": svg})
+    return rows
 
 
 def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
