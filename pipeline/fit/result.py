@@ -22,10 +22,13 @@ from pipeline.fit.problem import FitData, Problem
 from pipeline.fit.solve import Solution, chain_coefficients
 from pipeline.fit.uncertainty import Covariance, Variant
 from pipeline.mechanism import Mounting, closed_form_tables, forces_of, lift_law
+from pipeline.mechanism.outliers import outlying_points
+from pipeline.mechanism.smoothing import table_error
 from pipeline.records import (
     AngleError,
     Array,
     CamCycles,
+    CamTable,
     Estimate,
     Finding,
     FittedTorque,
@@ -129,7 +132,9 @@ def fitted_torque(
         angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger),
         odd_even_rms=float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2))),
         next_measurement=next_measurement(parameters),
-        findings=(*prior_findings(parameters), *_fit_findings(fit, index, fitted, means)),
+        findings=(
+            *prior_findings(parameters), *table_findings(recording.cam_table), *_fit_findings(fit, index, fitted)
+        ),
         details=_details(fit, index, fitted),
     )  # fmt: skip
 
@@ -254,7 +259,27 @@ def _lift_curve(fit: Fit, fitted: Modelled) -> Array:
     return basis.correction(fitted.chain.theta, fit.solution.c[len(fit.problem.linear) :])
 
 
-def _fit_findings(fit: Fit, index: int, fitted: Modelled, means: Halves) -> tuple[Finding, ...]:
+def table_findings(table: CamTable) -> tuple[Finding, ...]:
+    """Return what is odd about a lift table: single points that stick out, and scatter beyond the stated resolution."""
+    result = []
+    outliers = outlying_points(table)
+    if outliers.size:
+        where = ", ".join(f"{angle / DEGREE:.1f}" for angle in table.theta[outliers[:5]])
+        text = (
+            f"{outliers.size} points of the lift table stick out of their neighbours; torque and stress are wrong there"
+        )
+        result.append(Finding("lift_outlier", "warning", text, f"{where} deg"))
+    scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)
+    if scatter > 0.6 * table.resolution:
+        text = (
+            f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
+            f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; it is smoothed by its scatter"
+        )
+        result.append(Finding("lift_scatter", "info", text))
+    return tuple(result)
+
+
+def _fit_findings(fit: Fit, index: int, fitted: Modelled) -> tuple[Finding, ...]:
     result = []
     if not fit.solution.converged:
         text = "the fit used up its iterations; chi-square still falls slowly along a flat direction"
