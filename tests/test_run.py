@@ -80,7 +80,7 @@ def test_one_broken_recording_does_not_stop_a_campaign(tmp_path: Path, capsys: p
         shutil.copytree(EXAMPLES / name, tmp_path / "raw" / name)
     (tmp_path / "raw" / "A_1250rpm" / "A_1250rpm_all.csv").write_bytes(b"")
     arguments = ["campaign", str(tmp_path / "raw"), "--out", str(tmp_path / "out"), "--workers", "1", "--quiet"]
-    assert cli.main([*arguments, "--effects", "chamber", "--no-ladder", "--n-theta", "720"]) == 1
+    assert cli.main([*arguments, "--effects", "chamber", "--no-ladder", "--n-theta", "1800"]) == 1
     doc = document(tmp_path / "out", "campaign.json")
     assert {row["name"]: row["status"] for row in doc["recordings"]} == {"A_1000rpm": "ok", "A_1250rpm": "refused"}
     assert "A_1250rpm_all.csv" in doc["recordings"][1]["error"]

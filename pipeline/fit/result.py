@@ -273,7 +273,8 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     if scatter > 0.6 * table.resolution:
         text = (
             f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
-            f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; it is smoothed by its scatter"
+            f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; "
+            "it is smoothed by its scatter"
         )
         result.append(Finding("lift_scatter", "info", text))
     return tuple(result)
