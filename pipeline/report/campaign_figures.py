@@ -54,7 +54,7 @@ def _drift(axes: Axes, drift: Drift, joint: ParameterEstimate | None) -> None:
 def predictions(joint: CampaignFit) -> Figure:
     """Draw the RMS of every recording predicted by the others, beside the joint fit and the rigid model."""
     place = np.arange(len(joint.names))
-    figure = Figure(figsize=(6.4, 1.2 + 0.42 * len(joint.names)), layout="constrained")
+    figure = Figure(figsize=(10.0, 1.2 + 0.36 * len(joint.names)), layout="constrained")
     axes = figure.subplots()
     for key, name, (marker, color) in (
         ("rigid", "rigid model", ("s", RIGID)),
