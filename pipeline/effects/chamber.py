@@ -25,7 +25,6 @@ import numpy as np
 from numba import njit
 
 from pipeline.effects.rows import display
-from pipeline.records import Array
 from pipeline.units import BAR, DEGREE
 
 MM3 = 1.0e-9
@@ -37,7 +36,7 @@ VAPOUR_PRESSURE = -0.9 * BAR
 """Gauge pressure at which the liquid stops following the plunger [Pa]."""
 SMOOTHING_PRESSURE = 2.0 * BAR
 """Below this difference the square root goes over into a straight line (laminar) [Pa]."""
-KILO_LITRE = 1.0e-9 / BAR
+MM3_PER_SECOND_BAR = 1.0e-9 / BAR
 
 ROWS = (
     display("dead_volume", "V_0", "mm^3", MM3, (800.0, 10.0, 20000.0, 100.0), None,
@@ -54,7 +53,7 @@ ROWS = (
             "flow area of the delivery valve at its stop (Cd = 0.7)", "fitted"),
     display("valve_range", "w", "bar", BAR, (20.0, 0.3, 300.0, 5.0), (20.0, 20.0),
             "further pressure difference that lifts the valve to its stop", "spring rate of delivery valves"),
-    display("leakage", "g", "mm^3/s/bar", KILO_LITRE, (0.5, 0.0, 200.0, 0.3), (0.5, 2.0),
+    display("leakage", "g", "mm^3/s/bar", MM3_PER_SECOND_BAR, (0.5, 0.0, 200.0, 0.3), (0.5, 2.0),
             "laminar leakage past the plunger", "clearances of 2-6 um: 0.05-0.8, worn ones more"),
     display("port_closing_lift", "y_port", "mm", 1.0e-3, (1.4, 0.02, 12.0, 0.02), None,
             "lift at which the plunger closes the inlet port", "end of pre-stroke; nominally at the trigger angle"),
@@ -242,10 +241,3 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
         for j in range(n_shift):
             mass_tangent[15 + j] -= area * slope[i] * shifts[i, j] * density
     return pressure, tangents, flows
-
-
-def chamber_pressure(values: dict[str, float], area: float, top_lift: float, time_step: float, angles: Array) -> Array:
-    """Return the chamber pressure alone [Pa]; ``angles`` holds theta, lift, slope and line pressure as rows (4, n)."""
-    vector = np.array([values[name] for name in KERNEL_ORDER])
-    theta, lift, slope, line = angles
-    return integrate_chamber(vector, area, top_lift, time_step, theta, lift, slope, line, np.zeros((theta.size, 0)))[0]
