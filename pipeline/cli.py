@@ -115,7 +115,7 @@ def _options(arguments: argparse.Namespace) -> Any:
     from pipeline.records import Refusal
     from pipeline.run import RunOptions
 
-    effects = FIT_EFFECTS
+    effects: tuple[str, ...] | None = None
     if arguments.effects is not None:
         effects = tuple(name.strip() for name in arguments.effects.split(",") if name.strip())
         unknown = [name for name in effects if name not in FIT_EFFECTS]

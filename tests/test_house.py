@@ -128,7 +128,7 @@ def test_every_effect_has_its_file_and_every_parameter_its_row() -> None:
     stems = {path.stem for path in (PACKAGE / "effects").glob("*.py")}
     for name, rows in effects.EFFECTS.items():
         assert rows, f"{name} has no parameters"
-    shared = {"coupling": "driveline"}
+    shared = {"controller": "driveline", "coupling": "driveline"}
     assert {shared.get(name, name) for name in effects.EFFECTS} <= stems
     assert len(effects.ROWS) == sum(len(rows) for rows in effects.EFFECTS.values()), "a parameter name repeats"
 

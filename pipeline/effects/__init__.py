@@ -10,6 +10,7 @@ EFFECTS: dict[str, tuple[ParameterRow, ...]] = {
     "friction": friction.ROWS,
     "damping": damping.ROWS,
     "driveline": driveline.ROWS,
+    "controller": driveline.CONTROLLER_ROWS,
     "coupling": driveline.COUPLING_ROWS,
     "sensor": sensor.ROWS,
     "spring": spring.ROWS,

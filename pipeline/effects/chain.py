@@ -80,7 +80,7 @@ class ChainInput:
 class Motion:
     """Cam angle, its rates, and the lift with three derivatives at one set of values, each (n,).
 
-    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 7) each.
+    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 9) each.
     """
 
     theta: Array
@@ -100,7 +100,7 @@ class ChainOutput:
     linear : (m, n_linear + n_basis) columns of the linear parameters, then of the lift correction
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
-    pressure_tangents : (n, 15 + 7) in kernel order, then `SHIFT_NAMES`; None where the line pressure is used
+    pressure_tangents : (n, 15 + 9) in kernel order, then `SHIFT_NAMES`; None where the line pressure is used
     load : (n,) contact force along the follower lambda_y [N]
     flows : (n, 4) port, spill, valve, leak [m^3/s]
     """
@@ -181,7 +181,7 @@ def binned(values: Array) -> Array:
 
 
 def transfer(data: ChainInput, values: Mapping[str, float], n_points: int) -> tuple[Any, Any, Any]:
-    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 10) on the harmonics of a grid."""
+    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 12) on the harmonics of a grid."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     shaft, shaft_d = driveline.shaft_transfer(omega, values["cam_side_inertia"], values)
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))

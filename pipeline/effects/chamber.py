@@ -89,11 +89,14 @@ def _root(difference, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _opening(ratio):  # type: ignore[no-untyped-def]
-    """Valve opening between 0 (closed) and 1 (at its stop), smooth, with derivative."""
+    """Valve opening between 0 (closed) and 1 (fully open), with derivative.
+
+    Between a hard stop and a valve whose flow force, growing with the pressure difference, alone limits the lift.
+    """
     if ratio <= 0.0:
         return 0.0, 0.0
-    r4 = ratio**4
-    return ratio / (1.0 + r4) ** 0.25, 1.0 / (1.0 + r4) ** 1.25
+    root = np.sqrt(1.0 + ratio * ratio)
+    return ratio / root, 1.0 / root**3
 
 
 @njit(cache=True, error_model="numpy")

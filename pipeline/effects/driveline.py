@@ -4,12 +4,14 @@ The trigger sits on the camshaft, so the cam angle is known at its edge and only
 correction enters once, here), with T the torque of the shaft, which the transducer measures, and s = i w::
 
     theta = theta_nominal + d_trigger + psi - psi(edge),   psi = -C(s) T
-    C(s)  = 1/(k_t + c_t s) + (1/J)/s^2 + (1/k_c) w_c^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
+    C(s)  = 1/(k_t + c_t s) + (1/J) / (s^2 + 2 zeta w_d s + w_d^2)
+                            + (1/k_c) w_c^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
 
-The first term is the shaft, the second the double integral over time for a drive of inertia J. The third, an effect of
-its own (``coupling``), is a coupling half that swings behind the transducer on a yielding coupling; far below w_c it is
-more compliance, so a shaft stiffness fitted without it is wrong. The inertia between transducer and cam turns the load
-into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
+The first term is the shaft. The second is a drive of inertia J; an effect of its own (``controller``) holds its speed:
+its proportional part is the damping ``2 zeta w_d = K_p / J``, its integral part the frequency ``w_d^2 = K_i / J``, and
+w_d = 0 leaves the inertia alone. The third, an effect of its own as well (``coupling``), is a coupling half that swings
+behind the transducer on a yielding coupling; far below w_c it is more compliance, so a shaft stiffness fitted without
+it is wrong. The inertia between transducer and cam turns the load into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
 """
 
 from __future__ import annotations
@@ -34,8 +36,15 @@ ROWS = (
             "damping of the shaft's torsion", "assumed, 2-20 % of critical"),
     display("cam_side_inertia", "I_c", "kg mm^2", 1.0e-6, (50.0, 1.0, 5000.0, 10.0), None,
             "inertia between transducer and cam, camshaft included", "camshaft from the sheet; coupling unknown"),
-    display("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (0.0, 0.0, 60.0, 0.5), (0.0, 5.0),
+    display("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (1.0, 0.0, 60.0, 0.5), (0.0, 5.0),
             "inverse of the drive's inertia; 0 for a drive that holds its speed", "assumed: J above 0.1 kg m^2"),
+)  # fmt: skip
+
+CONTROLLER_ROWS = (
+    display("drive_frequency", "w_d", "Hz", 2.0 * np.pi, (5.0, 0.0, 60.0, 1.0), (0.0, 10.0),
+            "frequency at which the drive swings on its speed controller", "bandwidths of drive controllers: 1-30 Hz"),
+    display("drive_damping", "zeta", "-", 1.0, (0.7, 0.3, 3.0, 0.1), (0.7, 0.2),
+            "damping ratio of that swing", "controllers are tuned to 0.5-1"),
 )  # fmt: skip
 
 COUPLING_ROWS = (
@@ -79,30 +88,37 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> Twis
 
 
 COMPLIANCE_NAMES = (
-    "shaft_compliance", "shaft_damping", "drive_admittance", "coupling_compliance", "coupling_resonance",
-    "coupling_damping",
+    "shaft_compliance", "shaft_damping", "drive_admittance", "drive_frequency", "drive_damping", "coupling_compliance",
+    "coupling_resonance", "coupling_damping",
 )  # fmt: skip
 """Parameters of C(s), in the order of its derivatives."""
 
 
 def compliance(omega: Array, values: Mapping[str, float]) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 6).
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 8).
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
-    shaft, damping, admittance, soft, resonance, ratio = (values[name] for name in COMPLIANCE_NAMES)
+    shaft, damping, admittance, drive, drive_ratio, soft, resonance, ratio = (values[n] for n in COMPLIANCE_NAMES)
     s = 1j * omega
     slowed = 1.0 + s * damping * shaft
-    inverse_square = np.where(omega > 0.0, -1.0 / np.maximum(omega, 1e-12) ** 2, 0.0)
-    swing = s**2 + 2.0 * ratio * resonance * s + resonance**2
-    response = resonance**2 / swing
-    by_resonance = 2.0 * resonance / swing - response / swing * (2.0 * ratio * s + 2.0 * resonance)
-    by_ratio = -response / swing * 2.0 * resonance * s
-    total = shaft / slowed + admittance * inverse_square + soft * response
+    yielding, by_drive, by_drive_ratio = _swing(s, drive, drive_ratio)
+    response, by_resonance, by_ratio = _swing(s, resonance, ratio)
+    total = shaft / slowed + admittance * yielding + soft * resonance**2 * response
     derivatives = (
-        1.0 / slowed**2, -s * shaft**2 / slowed**2, inverse_square + 0j, response, soft * by_resonance, soft * by_ratio
+        1.0 / slowed**2, -s * shaft**2 / slowed**2, yielding, admittance * by_drive, admittance * by_drive_ratio,
+        resonance**2 * response, soft * (2.0 * resonance * response + resonance**2 * by_resonance),
+        soft * resonance**2 * by_ratio,
     )  # fmt: skip
     return total, np.column_stack(derivatives)
+
+
+def _swing(s: Any, frequency: float, ratio: float) -> tuple[Any, Any, Any]:
+    """Return ``1 / (s^2 + 2 zeta w s + w^2)``, zero at s = 0, and its derivatives by w and zeta."""
+    swing = s**2 + 2.0 * ratio * frequency * s + frequency**2
+    response = np.where(s != 0.0, 1.0 / np.where(s != 0.0, swing, 1.0), 0.0)
+    by_frequency = -2.0 * (ratio * s + frequency) * response**2
+    return response, by_frequency, -2.0 * frequency * s * response**2
 
 
 def angle_shifts(basis: TwistBasis, values: Mapping[str, float]) -> tuple[Array, Array, Array]:
@@ -110,7 +126,7 @@ def angle_shifts(basis: TwistBasis, values: Mapping[str, float]) -> tuple[Array,
 
     Returns
     -------
-    shift, rate, second : (n, 7) each; column 0 the shift itself, then its derivatives by the parameters
+    shift, rate, second : (n, 9) each; column 0 the shift itself, then its derivatives by the parameters
     """
     total, derivatives = compliance(basis.omega, values)
     spectrum = -basis.spectrum[:, None] * np.column_stack([total, derivatives])
@@ -123,7 +139,7 @@ def angle_shifts(basis: TwistBasis, values: Mapping[str, float]) -> tuple[Array,
 
 
 def shaft_transfer(omega: Array, inertia: float, values: Mapping[str, float]) -> tuple[Any, Any]:
-    """Return load torque -> shaft torque (k,), and its derivatives by inertia, then `COMPLIANCE_NAMES` (k, 7)."""
+    """Return load torque -> shaft torque (k,), and its derivatives by inertia, then `COMPLIANCE_NAMES` (k, 9)."""
     total, derivatives = compliance(omega, values)
     square = -(omega**2)
     transfer = 1.0 / (1.0 + inertia * square * total)

@@ -18,6 +18,8 @@ from pipeline.units import DEGREE
 
 KNOT_STEP = 1.5 * DEGREE
 MARGIN = 3.0 * DEGREE
+BOUND = 3.0
+"""Largest coefficient, in standard deviations of its prior."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class LiftCorrection:
     ----------
     knots : (n_basis + 4,) [rad], first to last lifted angle with a margin
     prior_std : standard deviation of each coefficient [m]
-    bound : largest coefficient allowed, the table's resolution [m]
+    bound : largest coefficient allowed [m]
     """
 
     knots: Array
@@ -61,17 +63,25 @@ class LiftCorrection:
         return values
 
 
-def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: float) -> LiftCorrection:
+def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: float, step: float) -> LiftCorrection:
     """Return the correction basis for a lift given on an angle grid.
 
     Parameters
     ----------
     theta, lift : (n,) [rad], [m]
-    resolution : stated resolution of the table, the bound of the correction [m]
+    resolution : stated resolution of the table [m]
     noise_std : standard deviation of the table's values about a smooth curve [m]
+    step : of the table [rad]
+
+    Notes
+    -----
+    White noise of the table, at its own step, and white coefficients at `KNOT_STEP` have the same spectral density at
+    low harmonics when their variances are as the inverse steps.
     """
     lifted = theta[lift > 2.0 * resolution + 1e-9]
     start, stop = lifted.min() - MARGIN, lifted.max() + MARGIN
     count = int(np.ceil((stop - start) / KNOT_STEP))
     knots = start + (np.arange(count + 7) - 3.0) * KNOT_STEP
-    return LiftCorrection(knots, 0.7 * min(max(noise_std, 0.2 * resolution), resolution), resolution)
+    error = max(noise_std, resolution / np.sqrt(12.0))
+    prior_std = error * np.sqrt(step / KNOT_STEP)
+    return LiftCorrection(knots, prior_std, BOUND * prior_std)

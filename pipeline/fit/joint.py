@@ -11,9 +11,16 @@ from pipeline.fit.estimates import estimates, prior_findings
 from pipeline.fit.events import predicted_end
 from pipeline.fit.ladder import climb
 from pipeline.fit.metrics import metrics
-from pipeline.fit.predict import left_out
+from pipeline.fit.predict import HeldOutError, left_out
 from pipeline.fit.prepare import with_rows
-from pipeline.fit.problem import FitData, Problem, build_problem
+from pipeline.fit.problem import (
+    EFFECT_PARAMETERS,
+    SEVERAL_SPEEDS,
+    FitData,
+    Problem,
+    build_problem,
+    offered_effects,
+)
 from pipeline.fit.result import Fit, fitted_torque, model_on_grid, swapped
 from pipeline.fit.single import FitOptions, Prepared, other_lift_laws, with_law
 from pipeline.fit.solve import Solution, solve
@@ -27,6 +34,8 @@ ZERO_SPREAD_SHARE = 1.0e-3
 """Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
 BAD_RECORDING = 25.0
 """A recording whose misfit exceeds the median misfit by this factor is left out of the joint fit."""
+SEVERAL_SPEEDS_NAMES = tuple(name for effect in SEVERAL_SPEEDS for name in EFFECT_PARAMETERS[effect])
+"""Shared parameters that no recording can tell alone; they keep their joint values there."""
 MODES = ("own_zero_and_end", "blind")
 
 
@@ -114,13 +123,18 @@ def without(problem: Problem, solution: Solution, index: int) -> tuple[Problem, 
     return fewer, solve(fewer, None, LEFT_OUT_ITERATIONS, LEFT_OUT_TOLERANCE)
 
 
-def left_out_rms(problem: Problem, solution: Solution) -> float:
-    """Return the rms [N m] over all recordings, each predicted by the others with own zero and end of delivery."""
-    squares = []
+def left_out_error(problem: Problem, solution: Solution) -> HeldOutError:
+    """Return the error over all recordings, each predicted by the others with own zero and end of delivery.
+
+    The misfit counts what the own zero is pulled off its standstill reading: without it a chain that lacks a drag goes
+    unpunished, for every left-out recording hides it in its zero.
+    """
+    squares, misfit = [], 0.0
     for index, item in enumerate(problem.data):
         _, found = left_out(*without(problem, solution, index), item)
         squares.append(np.mean(found.residuals[0] ** 2))
-    return float(np.sqrt(np.mean(squares)))
+        misfit += found.chi_square
+    return HeldOutError(float(np.sqrt(np.mean(squares))), misfit)
 
 
 def _held_out(prepared: Prepared, others: tuple[Problem, Solution], mode: str) -> HeldOut:
@@ -162,16 +176,19 @@ def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -
     The ladder decides on left-out recordings: odd and even cycles of one recording share every systematic error.
     """
     options = options or FitOptions()
-    used, aside = _without_bad(list(prepared), options)
+    offered = options.effects
+    if offered is None:
+        offered = offered_effects([item.data for item in prepared])
+    used, aside = _without_bad(list(prepared), offered)
     data = [item.data for item in used]
-    data = with_best_coupling(joint_start(data), options.effects)
-    problem, solution = solve_joint(data, options.effects)
+    data = with_best_coupling(joint_start(data), offered)
+    problem, solution = solve_joint(data, offered)
     data = [started_at(item, problem, solution, k) for k, item in enumerate(problem.data)]
     data = [replace(item, chain=original.data.chain) for item, original in zip(data, used, strict=True)]
     rungs: tuple[LadderRung, ...] = ()
     if options.use_ladder and len(used) > 2:
         effects, solution, rungs = climb(
-            data, lambda names, minimum, items: left_out_rms(build_problem(items, names), minimum), options.effects,
+            data, lambda names, minimum, items: left_out_error(build_problem(items, names), minimum), offered,
             "left-out recordings",
         )  # fmt: skip
         problem = build_problem(data, effects)
@@ -180,11 +197,11 @@ def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -
     return _campaign(used, fit, aside)
 
 
-def _without_bad(prepared: list[Prepared], options: FitOptions) -> tuple[list[Prepared], tuple[str, ...]]:
+def _without_bad(prepared: list[Prepared], effects: Sequence[str]) -> tuple[list[Prepared], tuple[str, ...]]:
     """Return the recordings that a joint fit can explain, and the names of those left aside."""
     aside: list[str] = []
     while len(prepared) > 3:
-        problem, solution = solve_joint([item.data for item in prepared], options.effects)
+        problem, solution = solve_joint([item.data for item in prepared], effects)
         misfit = np.array(
             [np.mean((r * item.weight) ** 2) for r, item in zip(solution.residuals, problem.data, strict=True)]
         )
@@ -263,8 +280,9 @@ def shared_drifts(problem: Problem, solution: Solution) -> tuple[Drift, ...]:
     """Return every shared parameter that one recording can tell, fitted per recording, with its slope over speed."""
     speeds = np.array([item.chain.speed for item in problem.data]) * 60.0 / (2.0 * np.pi)
     table: dict[str, list[tuple[float, float]]] = {}
+    held = {name: value for name, value in problem.values(solution.x, 0).items() if name in SEVERAL_SPEEDS_NAMES}
     for index, item in enumerate(problem.data):
-        alone = build_problem([started_at(item, problem, solution, index)], problem.effects)
+        alone = build_problem([started_at(item, problem, solution, index)], problem.effects, held)
         found = solve(alone, max_iterations=25)
         deviation = np.sqrt(np.maximum(np.diag(covariance(alone, found).matrix), 0.0))
         values = parameter_values(alone, found)
@@ -273,6 +291,8 @@ def shared_drifts(problem: Problem, solution: Solution) -> tuple[Drift, ...]:
     rows = {slot.row.name: slot.row for slot in (*problem.nonlinear, *problem.linear) if slot.recording < 0}
     drifts = []
     for name, row in rows.items():
+        if name in held:
+            continue
         pairs = np.array(table[name])
         if pairs.shape[0] == len(problem.data):
             drifts.append(_drift(name, row.unit, pairs / row.per_unit, speeds, problem))

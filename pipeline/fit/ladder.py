@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.fit.predict import HeldOutError
 from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
 from pipeline.fit.solve import Solution, solve
@@ -31,10 +32,13 @@ RUNG_ITERATIONS = 40
 RUNG_TOLERANCE = 1.0e-5
 """A rung is judged by differences of chi-square of several units; the chosen one is solved to the end afterwards."""
 LONGEST_CORRELATION = 60.0
-CROSS_VALIDATION_SLACK = 1.002
-"""Held-out error may rise by this factor, its own scatter, before a rung counts as worse."""
+EVIDENCE = 6.0
+"""Least loss of score for which an effect stays: strong evidence (2 ln K > 6; Kass & Raftery 1995). Parameters
+with priors cost no score where the data say nothing about them."""
+CROSS_VALIDATION_SLACK = 1.004
+"""Held-out misfit may rise by this factor, its own scatter, before a rung counts as worse."""
 
-HeldOutError = Callable[[Sequence[str], Solution, Sequence[FitData]], float]
+HeldOut = Callable[[Sequence[str], Solution, Sequence[FitData]], HeldOutError]
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Rung:
     solution: Solution
     n_parameters: float
     score: float
-    cv_rms: float
+    held_out: HeldOutError
 
 
 def correlation_length(residual: Array) -> float:
@@ -105,7 +109,7 @@ def score_of(solution: Solution, mean_square: float, n_independent: float) -> fl
 
 def climb(
     data: Sequence[FitData],
-    held_out_error: HeldOutError,
+    held_out_error: HeldOut,
     order: Sequence[str] = FIT_EFFECTS,
     untested: str = "",
 ) -> tuple[tuple[str, ...], Solution, tuple[LadderRung, ...]]:
@@ -114,7 +118,7 @@ def climb(
     Parameters
     ----------
     data : recordings with starts in the right basin
-    held_out_error : rms [N m] on data that the rung has not seen
+    held_out_error : on data that the rung has not seen
     order : effects in the order in which they are offered
     untested : remark that is added to each reason, such as "untested on other recordings"
     """
@@ -160,7 +164,8 @@ def _descend(
                 continue
             seen.add(fewer)
             trial = tried(fewer)
-            stays = trial.score > current.score and trial.cv_rms * CROSS_VALIDATION_SLACK > current.cv_rms
+            missed = trial.score > current.score + EVIDENCE
+            stays = missed and trial.held_out.misfit * CROSS_VALIDATION_SLACK > current.held_out.misfit
             verdict = "stays" if stays else "is dropped"
             rows.append((trial, f"back: without {effect} {_change(current, trial)}; it {verdict}"))
             if not stays:
@@ -170,10 +175,12 @@ def _descend(
 
 def _change(before: Rung, after: Rung) -> str:
     score = after.score - before.score
-    return f"score {score:+.1f}, held-out rms {before.cv_rms:.3f} -> {after.cv_rms:.3f} N m"
+    misfit = after.held_out.misfit / before.held_out.misfit - 1.0
+    rms = f"held-out rms {before.held_out.rms:.3f} -> {after.held_out.rms:.3f} N m"
+    return f"score {score:+.1f}, {rms}, misfit {100.0 * misfit:+.1f} %"
 
 
-def _rung(data: Sequence[FitData], effects: tuple[str, ...], held_out_error: HeldOutError, full: Rung | None) -> Rung:
+def _rung(data: Sequence[FitData], effects: tuple[str, ...], held_out_error: HeldOut, full: Rung | None) -> Rung:
     problem = build_problem(data, effects)
     start = None
     if full is not None:
@@ -186,4 +193,6 @@ def _rung(data: Sequence[FitData], effects: tuple[str, ...], held_out_error: Hel
 def _row(rung: Rung, chosen: bool, reason: str, untested: str) -> LadderRung:
     rms = float(np.sqrt(np.mean(np.concatenate(rung.solution.residuals) ** 2)))
     text = f"{reason} ({untested})" if untested else reason
-    return LadderRung(rung.effects, round(rung.n_parameters), rms, rung.score, SCORE_NAME, rung.cv_rms, chosen, text)
+    return LadderRung(
+        rung.effects, round(rung.n_parameters), rms, rung.score, SCORE_NAME, rung.held_out.rms, chosen, text
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,13 +38,25 @@ def _like(template: FitData, item: FitData):  # type: ignore[no-untyped-def]
     return replace(item.chain, uses_chamber=template.chain.uses_chamber, lift_basis=basis)
 
 
-def held_out_rms(problem: Problem, solution: Solution, held: Sequence[FitData]) -> float:
-    """Return the rms of measured - model over the held-out cycles of all recordings [N m]."""
-    squares = []
+@dataclass(frozen=True)
+class HeldOutError:
+    """How well a minimum predicts what it has not seen.
+
+    rms : measured - model [N m]; misfit : weighted sum of squares, priors of what the prediction had to fit included
+    """
+
+    rms: float
+    misfit: float
+
+
+def held_out_error(problem: Problem, solution: Solution, held: Sequence[FitData]) -> HeldOutError:
+    """Return the error over the held-out cycles of all recordings."""
+    squares, misfit = [], 0.0
     for index, item in enumerate(held):
-        torque, _ = model_torque(problem, solution, index, item)
-        squares.append(np.mean((item.torque - torque) ** 2))
-    return float(np.sqrt(np.mean(squares)))
+        residual = item.torque - model_torque(problem, solution, index, item)[0]
+        squares.append(np.mean(residual**2))
+        misfit += float(np.sum((residual * item.weight) ** 2))
+    return HeldOutError(float(np.sqrt(np.mean(squares))), misfit)
 
 
 def shared_values(problem: Problem, solution: Solution) -> tuple[dict[str, float], Array | None]:

@@ -126,7 +126,8 @@ def chain_input(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Ar
     """Return the chain's input for one pair of mean cycles (n_theta,) [N m, Pa]."""
     config: RecordingConfig = recording.config
     table: CamTable = recording.cam_table
-    basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std)
+    step = float(np.median(np.diff(table.theta)))
+    basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
     return ChainInput(
         theta=cycles.theta, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque,
         trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,

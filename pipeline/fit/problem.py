@@ -105,7 +105,7 @@ IDENTITY: dict[str, float] = dict.fromkeys(NONLINEAR_NAMES, 0.0)
 """Values that make every link of the chain the identity."""
 IDENTITY.update(
     coupling_resonance=750.0, coupling_damping=0.1, cutoff=1.0e9, filter_damping=0.707, end_of_delivery=99.0,
-    spill_lift=99.0, end_width=0.01, dead_volume=1.0e-6,
+    drive_damping=0.7, spill_lift=99.0, end_width=0.01, dead_volume=1.0e-6,
     bulk_modulus=1.3e9, bulk_modulus_slope=10.0, valve_range=1.0e5, port_closing_lift=1.0e-3,
 )  # fmt: skip
 
@@ -121,12 +121,24 @@ EFFECT_PARAMETERS: dict[str, tuple[str, ...]] = {
     "damping": ("shaft_viscous", "plunger_viscous"),
     "spring": ("spring_stiffness_error", "spring_preload_error"),
     "lift": (),
+    "controller": ("drive_frequency", "drive_damping"),
     "coupling": ("coupling_compliance", "coupling_resonance", "coupling_damping"),
 }  # fmt: skip
 """Effect of the ladder -> the parameters that it frees; the torque zero is free on every rung but the rigid one."""
 FIT_EFFECTS = tuple(EFFECT_PARAMETERS)
+SEVERAL_SPEEDS = ("controller",)
+"""Effects that one speed cannot tell from inertia and stiffness: offered to fits over several speeds alone."""
+LEAST_SPEED_RATIO = 1.2
 CLOSED_ONLY = ("end_of_delivery",)
 SPILL_ONLY = ("spill_lift", "spill_width")
+
+
+def offered_effects(data: Sequence[FitData]) -> tuple[str, ...]:
+    """Return the effects that are offered to the fit of some recordings unless the user chooses."""
+    speeds = [item.chain.speed for item in data]
+    if max(speeds) > LEAST_SPEED_RATIO * min(speeds):
+        return FIT_EFFECTS
+    return tuple(name for name in FIT_EFFECTS if name not in SEVERAL_SPEEDS)
 
 
 def own_name(parameter: str, recording: str) -> str:

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.fit.delivery import with_valve_error_at_start
 from pipeline.fit.ladder import climb
 from pipeline.fit.posterior import sample_posterior
-from pipeline.fit.predict import held_out_rms
+from pipeline.fit.predict import held_out_error
 from pipeline.fit.prepare import Halves, fit_data, halves, held_out_data
-from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
+from pipeline.fit.problem import FitData, build_problem, offered_effects
 from pipeline.fit.result import Fit, fitted_torque
 from pipeline.fit.solve import solve
 from pipeline.fit.starts import SCAN_EFFECTS, find_start, started_at, with_best_coupling
@@ -29,11 +30,11 @@ UNTESTED = "untested on other recordings"
 class FitOptions:
     """What a user may choose.
 
-    effects : effects that are offered to the ladder; use_ladder : False keeps them all
+    effects : effects that are offered to the ladder, None for those of `offered_effects`; use_ladder : False keeps all
     posterior_steps : length of the Markov chains of the posterior, 0 for none; seed : of its random numbers
     """
 
-    effects: tuple[str, ...] = FIT_EFFECTS
+    effects: tuple[str, ...] | None = None
     use_ladder: bool = True
     posterior_steps: int = 0
     seed: int = 0
@@ -56,6 +57,7 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     means = halves(cycles)
     data = find_start(fit_data(recording, cycles, spectral_law(recording.cam_table), means)).data
     data, held = with_hidden_torque(data, held_out_data(data, means))
+    data = with_valve_error_at_start(data, SCAN_EFFECTS)
     return Prepared(recording, cycles, rigid, means, data, held)
 
 
@@ -92,16 +94,17 @@ def rigid_rung(prepared: Prepared) -> LadderRung:
 
 def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     """Return the chosen model of one recording with its uncertainty."""
-    data, held = with_best_coupling([prepared.data], options.effects)[0], prepared.held
+    offered = options.effects if options.effects is not None else offered_effects([prepared.data])
+    data, held = with_best_coupling([prepared.data], offered)[0], prepared.held
     if options.use_ladder:
         effects, solution, rungs = climb(
-            [data], lambda names, minimum, items: held_out_rms(build_problem(items, names), minimum, [held]),
-            options.effects, UNTESTED,
+            [data], lambda names, minimum, items: held_out_error(build_problem(items, names), minimum, [held]),
+            offered, UNTESTED,
         )  # fmt: skip
         problem = build_problem([data], effects)
         solution = solve(problem, solution.x)
     else:
-        problem, rungs = build_problem([data], options.effects), ()
+        problem, rungs = build_problem([data], offered), ()
         solution = solve(problem)
     cov = covariance(problem, solution)
     laws = [[with_law(data, law)] for law in other_lift_laws(prepared.recording)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.fit.delivery import DISTRUSTED, drop_torque, with_valve_error
 from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import FitData, Problem, build_problem
 from pipeline.fit.solve import Solution, linear_steps, solve
@@ -18,6 +19,8 @@ WEAK_PRIOR = 1.0e-4
 CONFOUNDED = 0.95
 PRIOR_DOMINATED = 0.8
 """Posterior over prior standard deviation above which the data have said next to nothing."""
+CONTROLLER = 2.0 * np.pi * 8.0
+"""Frequency of a drive on its speed controller where the data have not told it [rad/s]."""
 VARIANT_ITERATIONS = 25
 VARIANT_TOLERANCE = 1.0e-5
 
@@ -123,8 +126,8 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
 
     Notes
     -----
-    Other valve law (square root instead of lift-limited), no guide friction, sharp end of delivery, wider model error
-    in the weights, other smoothing of the lift table.
+    Other valve law (square root instead of lift-limited), no guide friction, sharp end of delivery, delivery or the
+    whole chain trusted less in the weights, other smoothing of the lift table.
     """
     known = dict(zip(parameter_names(problem), parameter_values(problem, solution), strict=True))
     specs: list[tuple[str, Sequence[FitData], dict[str, float]]] = []
@@ -132,6 +135,11 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
         specs.append(("valve opens at once (square-root law)", problem.data, {"valve_range": 1.0e5}))
         specs.append(("outlet closes within 0.3 deg", problem.data, {"end_width": 0.3 * np.pi / 180.0}))
         specs.append(("bulk modulus slope as in the literature", problem.data, {"bulk_modulus_slope": 10.0}))
+        specs.append(("valve law trusted to a tenth of its pressure drop", _valve_distrusted(problem, solution), {}))
+    if "driveline" in problem.effects and "controller" not in problem.effects:
+        specs.append(
+            ("drive on a speed controller", problem.data, {"drive_frequency": CONTROLLER, "drive_damping": 0.7})
+        )
     if "friction" in problem.effects:
         specs.append(("guide without friction", problem.data, {"guide_friction": 0.0}))
     specs.append(("four times the model error in the weights", [_softer(item) for item in problem.data], {}))
@@ -142,6 +150,13 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
         start = np.array([known[slot.name] for slot in changed.nonlinear])
         result.append(Variant(name, changed, solve(changed, start, VARIANT_ITERATIONS, VARIANT_TOLERANCE)))
     return tuple(result)
+
+
+def _valve_distrusted(problem: Problem, solution: Solution) -> list[FitData]:
+    return [
+        with_valve_error(item, drop_torque(item.chain, output, problem.values(solution.x, index)), DISTRUSTED)
+        for index, (item, output) in enumerate(zip(problem.data, solution.outputs, strict=True))
+    ]
 
 
 def _softer(item: FitData) -> FitData:

@@ -44,7 +44,7 @@ def chain_input(**changes) -> ChainInput:
     line = (60.0 + 500.0 * np.exp(-(((THETA - 0.7) / 0.2) ** 2))) * BAR
     torque = 5.0 + 40.0 * np.exp(-(((THETA - 0.7) / 0.25) ** 2)) - 20.0 * np.exp(-(((THETA - 1.9) / 0.25) ** 2))
     law = HarmonicLaw()
-    basis = lift_correction(THETA, law.evaluate(THETA), 1e-6, 1e-6)
+    basis = lift_correction(THETA, law.evaluate(THETA), 1e-6, 1e-6, DEGREE)
     arguments = {
         "theta": THETA, "speed": 60.0, "line_pressure": line, "shaft_torque": torque, "trigger_angle": 20 * DEGREE,
         "pump": pump(), "law": law, "offset": 0.002, "roller_inertia": 3e-7, "lift_basis": basis,

@@ -48,7 +48,7 @@ def chain(speed: float = 60.0, scale: float = 1.0) -> ChainInput:
     line = (3.0 + scale * 500.0 * np.exp(-(((THETA - 0.7) / 0.2) ** 2))) * BAR
     torque = scale * (40.0 * np.exp(-(((THETA - 0.7) / 0.25) ** 2)) - 20.0 * np.exp(-(((THETA - 1.9) / 0.25) ** 2)))
     law = CosineLaw()
-    basis = lift_correction(THETA, law.evaluate(THETA), 1e-6, 1e-6)
+    basis = lift_correction(THETA, law.evaluate(THETA), 1e-6, 1e-6, DEGREE)
     return ChainInput(
         theta=THETA, speed=speed, line_pressure=line, shaft_torque=torque, trigger_angle=20 * DEGREE, pump=pump(),
         law=law, offset=0.002, roller_inertia=3e-7, lift_basis=basis, uses_chamber=False,

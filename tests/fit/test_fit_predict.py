@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fit_cases import NOISE, TRUE_ZERO, fit_data
 
-from pipeline.fit.predict import held_out_rms, left_out, model_torque, shared_values, torque_zero
+from pipeline.fit.predict import held_out_error, left_out, model_torque, shared_values, torque_zero
 from pipeline.fit.problem import build_problem
 from pipeline.fit.solve import solve
 
@@ -32,7 +32,7 @@ def test_held_out_cycles_are_met_to_their_noise(joint):
     problem, solution = joint
     held = [fit_data("A", 11, 60.0), fit_data("B", 12, 120.0)]
     # 1440 white bins tell a standard deviation to 2 %; ten parameters fitted to as many others add 1 %
-    assert held_out_rms(problem, solution, held) == pytest.approx(NOISE, rel=0.08)
+    assert held_out_error(problem, solution, held).rms == pytest.approx(NOISE, rel=0.08)
 
 
 def test_left_out_recording_fits_its_own_zero_alone(joint):

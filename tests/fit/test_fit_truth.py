@@ -12,8 +12,12 @@ from rigs.families import FAMILIES
 from rigs.rig import RigRun, simulate
 
 from pipeline.fit import FitOptions, Prepared, fit_prepared
+from pipeline.fit.problem import FIT_EFFECTS
 from pipeline.fit.result import Fit, fitted_torque
 from pipeline.records import FittedTorque
+
+CHAIN = tuple(name for name in FIT_EFFECTS if name not in ("controller", "coupling"))
+"""Without the ladder: what one speed can tell; a controller needs several."""
 
 
 @cache
@@ -21,7 +25,7 @@ def case(family: str, speed: float, ladder: bool) -> tuple[RigRun, Prepared, Fit
     truth = FAMILIES[family](np.random.default_rng(5))
     run = simulate(truth, speed_rpm=speed, load=0.7, n_cycles=16, seed=3, step=1e-5)
     prepared = prepared_run(run)
-    fit = fit_prepared(prepared, FitOptions(use_ladder=ladder))
+    fit = fit_prepared(prepared, FitOptions(effects=None if ladder else CHAIN, use_ladder=ladder))
     return run, prepared, fit, fitted_torque(
         fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means
     )  # fmt: skip
