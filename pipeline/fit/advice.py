@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
+from pipeline.fit.next_run import Gain
 from pipeline.records import ParameterEstimate
 
 GROUPS: tuple[tuple[frozenset[str], str], ...] = (
@@ -40,14 +42,41 @@ GROUPS: tuple[tuple[frozenset[str], str], ...] = (
 """Parameters that are known to be mistaken for each other, and the recording that separates them."""
 
 
-def next_measurement(parameters: Sequence[ParameterEstimate]) -> tuple[str, ...]:
-    """Return what to record next, one sentence for every group in which something is not identified."""
+TELLING = 0.75
+"""A recording is named only where it brings a standard error below this share of what it is now."""
+
+
+def next_measurement(parameters: Sequence[ParameterEstimate], gains: Sequence[Gain] = ()) -> tuple[str, ...]:
+    """Return what to record next, one sentence for every group in which something is not identified.
+
+    Parameters
+    ----------
+    parameters : what was fitted
+    gains : what recordings that could be made would bring
+    """
     advice = []
     for members, text in GROUPS:
         weak = [p for p in parameters if p.name.split("__")[0] in members and not p.identifiable and not p.at_bound]
         if weak:
-            advice.append(f"{text} (now: {', '.join(_state(p) for p in weak[:4])})")
+            state = ", ".join(_state(p) for p in weak[:4])
+            advice.append(f"{text} (now: {state}){_expected({p.name for p in weak}, gains)}")
     return tuple(advice)
+
+
+def _expected(names: set[str], gains: Sequence[Gain]) -> str:
+    """Return which single recording would help these parameters most, and by how much."""
+    of_run: dict[str, list[Gain]] = {}
+    for gain in gains:
+        if gain.name in names and gain.before > 0.0:
+            of_run.setdefault(gain.recording, []).append(gain)
+    if not of_run:
+        return ""
+    best = min(of_run, key=lambda run: sum(math.log(max(g.after / g.before, 1e-6)) for g in of_run[run]))
+    helped = sorted((g for g in of_run[best] if g.after < TELLING * g.before), key=lambda g: g.after / g.before)
+    if not helped:
+        return "; another run of this kind alone would not tell"
+    told = ", ".join(f"{g.name} +- {g.before:.2g} to {g.after:.2g} {g.unit}".rstrip(" -") for g in helped[:3])
+    return f"; expected of {best}: {told}"
 
 
 def _state(parameter: ParameterEstimate) -> str:

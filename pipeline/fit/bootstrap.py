@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 
 from pipeline.effects.chain import binned
 from pipeline.fit.full_space import full_rows
+from pipeline.fit.prepare import swapped
 from pipeline.fit.problem import FitData, Problem
-from pipeline.fit.result import swapped
 from pipeline.fit.solve import Solution, solve
 from pipeline.fit.uncertainty import parameter_names, parameter_values
 from pipeline.records import Array, CamCycles, freeze_arrays
 
 BLOCK = 3
 """Cycles per block."""
+TOLERANCE = 1.0e-5
 ITERATIONS = 8
 """Steps from the minimum; a resampled mean is never far."""
 QUANTILES = (2.5, 97.5)
@@ -82,7 +83,7 @@ def bootstrap(
     for k in range(count):
         data = tuple(resampled(i, c, block, generator) for i, c in zip(problem.data, cycles, strict=True))
         drawn = replace(problem, data=data)
-        samples[k] = parameter_values(drawn, solve(drawn, solution.x, ITERATIONS)) / per
+        samples[k] = parameter_values(drawn, solve(drawn, solution.x, ITERATIONS, TOLERANCE)) / per
     low, high = np.percentile(samples, QUANTILES, axis=0)
     units = tuple(row.unit for row in full_rows(problem))
     return Bootstrap(parameter_names(problem), units, samples, np.std(samples, axis=0, ddof=1), low, high)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from pipeline.effects import EFFECT_OF
+from pipeline.effects import EFFECT_OF, ROWS
 from pipeline.effects.rows import ParameterRow
 from pipeline.fit.problem import Problem, Slot
+from pipeline.fit.profiles import Profile, describe
 from pipeline.fit.solve import Solution
 from pipeline.fit.uncertainty import (
     PRIOR_DOMINATED,
@@ -66,6 +68,39 @@ def _interval(row: ParameterRow, value: float, total: float, bound: bool) -> tup
     return max(low, row.lower), min(high, row.upper)
 
 
+def with_profiles(
+    parameters: Sequence[ParameterEstimate], profiles: Sequence[Profile]
+) -> tuple[ParameterEstimate, ...]:
+    """Return the parameters with 95 % intervals from profiles where there are any.
+
+    The profile gives each side's statistical width, the model spread is added in quadrature. A side on which the
+    profile never ends reaches to the bound; a flat profile says that the parameter is not identifiable.
+    """
+    known = {profile.name: profile for profile in profiles}
+    return tuple(_with_profile(row, known[row.name]) if row.name in known else row for row in parameters)
+
+
+def _with_profile(row: ParameterEstimate, profile: Profile) -> ParameterEstimate:
+    model = COVERAGE * np.sqrt(max(row.stderr**2 - row.stderr_statistical**2, 0.0))
+    per, law = ROWS[row.name.split("__")[0]].per_unit, ROWS[row.name.split("__")[0]]
+    low = row.value - float(np.hypot(row.value - profile.low, model))
+    high = row.value + float(np.hypot(profile.high - row.value, model))
+    if profile.kind in ("upper limit", "flat"):
+        low = profile.low
+    if profile.kind in ("lower limit", "flat"):
+        high = profile.high
+    interval = (max(low, law.lower / per), min(high, law.upper / per))
+    return replace(row, ci95=interval, identifiable=row.identifiable and profile.kind != "flat")
+
+
+def profile_findings(profiles: Sequence[Profile]) -> tuple[Finding, ...]:
+    """Return a finding for every profile that has no end on one side or on both."""
+    return tuple(
+        Finding("one_sided_profile", "info", describe(profile, ROWS[profile.name.split("__")[0]]), profile.name)
+        for profile in profiles if profile.kind != "two-sided"
+    )  # fmt: skip
+
+
 def _lift_estimate(problem: Problem, solution: Solution) -> ParameterEstimate:
     basis = problem.data[0].chain.lift_basis
     assert basis is not None
@@ -75,8 +110,8 @@ def _lift_estimate(problem: Problem, solution: Solution) -> ParameterEstimate:
     return ParameterEstimate(
         LIFT_NAME, largest, "um", basis.prior_std * 1e6, basis.prior_std * 1e6, (0.0, bound), largest >= bound * 0.999,
         True, (), (0.0, basis.prior_std * 1e6),
-        f"largest of {lift.size} coefficients of the lift correction (rms {np.std(lift):.2f} um), each within the "
-        "table's resolution", "lift table: resolution and scatter", "shared", "lift", "dy",
+        f"largest of {lift.size} coefficients of the lift correction (rms {np.std(lift):.2f} um), each within three "
+        "standard deviations of the table's noise", "lift table: resolution and scatter", "shared", "lift", "dy",
     )  # fmt: skip
 
 

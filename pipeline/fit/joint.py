@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.fit.budget import pressure_gain_shift
 from pipeline.fit.estimates import estimates, prior_findings
 from pipeline.fit.events import predicted_end
 from pipeline.fit.ladder import climb
 from pipeline.fit.metrics import metrics
 from pipeline.fit.predict import HeldOutError, left_out
-from pipeline.fit.prepare import with_rows
+from pipeline.fit.prepare import swapped, with_rows
 from pipeline.fit.problem import (
     EFFECT_PARAMETERS,
     SEVERAL_SPEEDS,
@@ -21,8 +22,8 @@ from pipeline.fit.problem import (
     build_problem,
     offered_effects,
 )
-from pipeline.fit.result import Fit, fitted_torque, model_on_grid, swapped
-from pipeline.fit.single import FitOptions, Prepared, other_lift_laws, with_law
+from pipeline.fit.result import Fit, fitted_torque, model_on_grid
+from pipeline.fit.single import FitOptions, Prepared, other_lift_laws, pressure_gain_std, with_law
 from pipeline.fit.solve import Solution, solve
 from pipeline.fit.starts import started_at, with_best_coupling
 from pipeline.fit.uncertainty import covariance, parameter_names, parameter_values, spread, variants
@@ -219,7 +220,8 @@ def _with_uncertainty(
     laws = other_lift_laws(used[0].recording)
     other = [[with_law(item, law) for item in problem.data] for law in laws]
     found = variants(problem, solution, other)
-    return Fit(problem, solution, cov, spread(problem, solution, found), found, rungs)
+    gain = pressure_gain_shift(problem, solution, max(pressure_gain_std(item) for item in used))
+    return Fit(problem, solution, cov, np.hypot(spread(problem, solution, found), gain), gain, found, rungs)
 
 
 def _campaign(used: Sequence[Prepared], fit: Fit, aside: tuple[str, ...]) -> CampaignFit:

@@ -32,8 +32,8 @@ RUNG_ITERATIONS = 40
 RUNG_TOLERANCE = 1.0e-5
 """A rung is judged by differences of chi-square of several units; the chosen one is solved to the end afterwards."""
 LONGEST_CORRELATION = 60.0
-EVIDENCE = 6.0
-"""Least loss of score for which an effect stays: strong evidence (2 ln K > 6; Kass & Raftery 1995). Parameters
+EVIDENCE = 2.0
+"""Least loss of score for which an effect stays: positive evidence (2 ln K > 2; Kass & Raftery 1995). Parameters
 with priors cost no score where the data say nothing about them."""
 CROSS_VALIDATION_SLACK = 1.004
 """Held-out misfit may rise by this factor, its own scatter, before a rung counts as worse."""

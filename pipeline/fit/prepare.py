@@ -161,3 +161,13 @@ def with_rows(data: FitData, changes: Mapping[str, Mapping[str, float]]) -> FitD
     for name, fields in changes.items():
         rows[name] = replace(rows[name], **fields)  # type: ignore[arg-type]
     return replace(data, rows=rows)
+
+
+def swapped(data: FitData, torque: Array, pressure: Array) -> ChainInput:
+    """Return the chain's input with the mean cycles of another half; what the low-pass hides stays."""
+    chain = data.chain
+    hidden = chain.shaft_torque - data.mean_torque
+    return ChainInput(
+        chain.theta, chain.speed, pressure, torque + hidden, chain.trigger_angle, chain.pump, chain.law, chain.offset,
+        chain.roller_inertia, chain.lift_basis, chain.uses_chamber,
+    )  # fmt: skip

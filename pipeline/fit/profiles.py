@@ -23,9 +23,13 @@ THRESHOLD = 3.841
 """95 % quantile of chi-square with one degree of freedom."""
 MOST_STEPS = 14
 ITERATIONS = 25
+TOLERANCE = 1.0e-5
+"""Relative change of chi-square that ends a step: a hundredth of the threshold for chi-square up to several hundred."""
 FIRST_STEP = 0.7
 """First step in standard errors."""
 WIDENING = 1.6
+PROFILED = ("trigger_offset", "shaft_compliance", "dead_volume", "leakage", "guide_friction")
+"""Parameters whose intervals decide what a user concludes, and whose valleys bend or end at a bound."""
 KINDS = ("two-sided", "upper limit", "lower limit", "flat")
 
 
@@ -76,7 +80,7 @@ def profile(problem: Problem, solution: Solution, name: str) -> Profile:
     row = slot_named(problem, name).row
     cov = covariance(problem, solution)
     soft = softened(problem, cov.inflation)
-    bottom = solve(soft, solution.x, ITERATIONS)
+    bottom = solve(soft, solution.x, ITERATIONS, TOLERANCE)
     best = float(parameter_values(soft, bottom)[parameter_names(soft).index(name)])
     deviation = float(np.sqrt(cov.matrix[cov.names.index(name), cov.names.index(name)]))
     first = FIRST_STEP * (deviation if 0.0 < deviation < row.upper - row.lower else row.step)
@@ -110,7 +114,7 @@ def _walk(problem: Problem, bottom: Solution, name: str, best: float, step: floa
         if moved == value:
             break
         held = pinned(problem, name, moved)
-        solution = solve(held, _started(held, x, name, moved), ITERATIONS)
+        solution = solve(held, _started(held, x, name, moved), ITERATIONS, TOLERANCE)
         rise = solution.chi_square - bottom.chi_square
         found.append((moved, rise))
         if rise > THRESHOLD:
@@ -138,9 +142,10 @@ def _crossing(points: list[tuple[float, float]], bound: float) -> tuple[float, b
     return bound, False
 
 
-def profiles(problem: Problem, solution: Solution, names: tuple[str, ...]) -> tuple[Profile, ...]:
-    """Return the profiles of several parameters."""
-    return tuple(profile(problem, solution, name) for name in names)
+def profiles(problem: Problem, solution: Solution, names: tuple[str, ...] = PROFILED) -> tuple[Profile, ...]:
+    """Return the profiles of those parameters that are free."""
+    free = parameter_names(problem)
+    return tuple(profile(problem, solution, name) for name in names if name in free)
 
 
 def describe(found: Profile, row: ParameterRow) -> str:

@@ -13,12 +13,16 @@ from pipeline.effects.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluat
 from pipeline.effects.chamber import KERNEL_ORDER
 from pipeline.effects.driveline import COMPLIANCE_NAMES
 from pipeline.fit.advice import next_measurement
-from pipeline.fit.estimates import estimates, prior_findings
+from pipeline.fit.bootstrap import Bootstrap
+from pipeline.fit.budget import BudgetRow, uncertainty_budget
+from pipeline.fit.estimates import estimates, prior_findings, profile_findings, with_profiles
 from pipeline.fit.metrics import metrics, stroke_masks
+from pipeline.fit.next_run import expected_gains
 from pipeline.fit.posterior import Posterior
 from pipeline.fit.predict import torque_zero
-from pipeline.fit.prepare import Halves
-from pipeline.fit.problem import FitData, Problem
+from pipeline.fit.prepare import Halves, swapped
+from pipeline.fit.problem import Problem
+from pipeline.fit.profiles import Profile
 from pipeline.fit.solve import Solution, chain_coefficients
 from pipeline.fit.uncertainty import Covariance, Variant
 from pipeline.mechanism import Mounting, closed_form_tables, forces_of, lift_law
@@ -43,15 +47,21 @@ from pipeline.units import DEGREE
 
 @dataclass(frozen=True)
 class Fit:
-    """Everything that one chosen model consists of."""
+    """Everything that one chosen model consists of.
+
+    ``spreads`` (k,) is all that is not statistical [SI], ``gain_shift`` (k,) the pressure gain's part of it.
+    """
 
     problem: Problem
     solution: Solution
     covariance: Covariance
     spreads: Array
+    gain_shift: Array
     variants: tuple[Variant, ...]
     ladder: tuple[LadderRung, ...]
     posterior: Posterior | None = None
+    profiles: tuple[Profile, ...] = ()
+    bootstrap: Bootstrap | None = None
 
 
 @dataclass(frozen=True)
@@ -86,16 +96,6 @@ def model_on_grid(problem: Problem, solution: Solution, index: int, chain: Chain
     return Modelled(chain, output, values, cam, by_cause)
 
 
-def swapped(data: FitData, torque: Array, pressure: Array) -> ChainInput:
-    """Return the chain's input with the mean cycles of another half; what the low-pass hides stays."""
-    chain = data.chain
-    hidden = chain.shaft_torque - data.mean_torque
-    return ChainInput(
-        chain.theta, chain.speed, pressure, torque + hidden, chain.trigger_angle, chain.pump, chain.law, chain.offset,
-        chain.roller_inertia, chain.lift_basis, chain.uses_chamber,
-    )  # fmt: skip
-
-
 def fitted_torque(
     fit: Fit, index: int, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: Halves
 ) -> FittedTorque:
@@ -111,6 +111,7 @@ def fitted_torque(
     fitted = model_on_grid(problem, solution, index, problem.data[index].chain)
     held = model_on_grid(problem, solution, index, swapped(problem.data[index], means.held_torque, means.held_pressure))
     parameters = _own_parameters(fit, index)
+    gains = expected_gains(problem, solution, index) if len(problem.data) == 1 else ()
     config = recording.config
     mounting = Mounting(rotation=config.rotation)
     smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
@@ -131,9 +132,10 @@ def fitted_torque(
         torque_delay=_delay(parameters, cycles.torque_delay),
         angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger),
         odd_even_rms=float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2))),
-        next_measurement=next_measurement(parameters),
+        next_measurement=next_measurement(parameters, gains),
         findings=(
-            *prior_findings(parameters), *table_findings(recording.cam_table), *_fit_findings(fit, index, fitted)
+            *prior_findings(parameters), *profile_findings(fit.profiles), *table_findings(recording.cam_table),
+            *_fit_findings(fit, index, fitted),
         ),
         details=_details(fit, index, fitted),
     )  # fmt: skip
@@ -145,15 +147,22 @@ def _details(fit: Fit, index: int, fitted: Modelled) -> dict[str, object]:
         "variants": {variant.name: variant.solution.chi_square for variant in fit.variants},
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
-        "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior,
+        "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior, "budget": _budget(fit, index),
+        "profiles": fit.profiles, "bootstrap": fit.bootstrap,
     }  # fmt: skip
+
+
+def _budget(fit: Fit, index: int) -> tuple[BudgetRow, ...]:
+    slots = (*fit.problem.nonlinear, *fit.problem.linear)
+    rows = uncertainty_budget(fit.problem, fit.solution, fit.covariance, fit.spreads, fit.gain_shift)
+    return tuple(row for row, slot in zip(rows, slots, strict=True) if slot.recording in (-1, index))
 
 
 def _own_parameters(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
     """Return shared parameters and those of one recording, the latter under their plain names."""
     others = {slot.name for slot in (*fit.problem.nonlinear, *fit.problem.linear) if slot.recording not in (-1, index)}
     rows = estimates(fit.problem, fit.solution, fit.covariance, fit.spreads)
-    return tuple(row for row in rows if row.name not in others)
+    return with_profiles([row for row in rows if row.name not in others], fit.profiles)
 
 
 def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:

@@ -63,19 +63,24 @@ def covariance(problem: Problem, solution: Solution) -> Covariance:
     slots = (*problem.nonlinear, *problem.linear)
     count = len(slots)
     steps = np.r_[[slot.row.step for slot in problem.nonlinear], linear_steps(problem)]
-    free = ~np.r_[at_bounds(problem, solution), np.zeros(steps.size - count, dtype=bool)]
+    free = free_parameters(problem, solution)
     n_bins = sum(item.torque.size for item in problem.data)
     independent = n_bins / CORRELATION
     inflation = max(1.0, solution.data_chi_square / max(independent - count, 1.0))
     prior = solution.hessian - solution.data_hessian
     # the data say less than their weights claim; what the sheets say stays as it is
-    inverse = _inverse(solution.data_hessian / inflation + prior, free)
+    inverse = inverse_over(solution.data_hessian / inflation + prior, free)
     matrix = inverse[:count, :count] * np.outer(steps[:count], steps[:count])
-    alone = _inverse(solution.data_hessian + WEAK_PRIOR * prior, free)[:count, :count]
+    alone = inverse_over(solution.data_hessian + WEAK_PRIOR * prior, free)[:count, :count]
     return Covariance(parameter_names(problem), matrix, _correlation(matrix), _correlation(alone), float(inflation))
 
 
-def _inverse(matrix: Array, free: NDArray[np.bool_]) -> Array:
+def free_parameters(problem: Problem, solution: Solution) -> NDArray[np.bool_]:
+    """Return which parameters and lift coefficients are off their bounds, (k + n_lift,); lift counts as free."""
+    return ~np.r_[at_bounds(problem, solution), np.zeros(problem.n_lift, dtype=bool)]
+
+
+def inverse_over(matrix: Array, free: NDArray[np.bool_]) -> Array:
     """Return the inverse over the free rows, zero elsewhere; null directions get a very large variance."""
     result = np.zeros_like(matrix)
     block = matrix[np.ix_(free, free)]

@@ -63,6 +63,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "ladder": [asdict(rung) for rung in fitted.ladder],
             "effects": fitted.effects,
             "parameters": parameters_document(fitted.parameters),
+            "uncertainty": uncertainty_document(fitted),
             "metrics": {name: asdict(metrics) for name, metrics in fitted.metrics.items()},
             "losses": {"unit": "J per revolution", **fitted.losses},
             "gap_by_cause": _gap(result),
@@ -83,6 +84,20 @@ def inputs_document(recording: Recording) -> list[dict[str, str]]:
 def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, Any]:
     """Return parameters by name; ``prior`` is [mean, standard deviation] or None."""
     return {row.name: {key: value for key, value in asdict(row).items() if key != "name"} for row in parameters}
+
+
+def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
+    """Return profiles, bootstrap and budget of a fit by parameter, in the units of the parameters."""
+    drawn = fitted.details.get("bootstrap")
+    profiles = {
+        item.name: {"kind": item.kind, "low": item.low, "high": item.high, "values": item.values, "rise": item.rise}
+        for item in fitted.details.get("profiles", ())
+    }
+    return {
+        "profiles": profiles,
+        "bootstrap": {} if drawn is None else dict(zip(drawn.names, drawn.std, strict=True)),
+        "budget": {row.name.split("__")[0]: dict(row.contributions) for row in fitted.details.get("budget", ())},
+    }
 
 
 def _recording(result: RunResult) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from pipeline.report import fit_figures, gap_figures, part_figures, torque_figures
+from pipeline.report import fit_figures, gap_figures, part_figures, torque_figures, uncertainty_figures
 from pipeline.report.bundle import RunResult
 from pipeline.report.style import STYLE, svg_text
 
@@ -80,6 +80,17 @@ FIGURES: dict[str, FigureSpec] = {
     "correlations": FigureSpec(
         "Correlations", "Dark off the diagonal: these recordings cannot tell the two apart.",
         fit_figures.correlations, "fit",
+    ),
+    "profiles": FigureSpec(
+        "Profiles", "How the sum of squares rises when one parameter is moved and all others follow; 95 % where it "
+        "passes the dotted line. Dashed: what the covariance would say. A profile that never passes on one side "
+        "gives a limit, not an interval. Grey: the "
+        "stated interval, spread of plausible models included.", uncertainty_figures.profiles, "uncertainty", True,
+    ),
+    "budget": FigureSpec(
+        "Where the uncertainty comes from", "Variance of each parameter by source: what the recording leaves open, "
+        "certificates and sheets, literature, and the spread of plausible models.", uncertainty_figures.budget,
+        "uncertainty", True,
     ),
 }  # fmt: skip
 """File name -> figure."""

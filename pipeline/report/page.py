@@ -19,6 +19,7 @@ from pipeline.report.texts import (
     alignment_text,
     budget_rows,
     cards,
+    check_rows,
     gap_rows,
     gap_text,
     inside_text,
@@ -68,7 +69,7 @@ def run_page(
         "run.html", title=f"{doc['recording']['name']} - measured against model", doc=doc, drawings=as_markup(drawings),
         verdict=verdict(doc), cards=cards(doc), losses=loss_rows(doc["losses"]), ladder=ladder,
         gaps=gap_rows(doc["gap_by_cause"]), gap_text=gap_text(doc["gap_by_cause"]), inside=inside_text(doc),
-        alignment=alignment_text(doc), config_text=config_text, metric_names=METRIC_NAMES,
+        alignment=alignment_text(doc), checks=check_rows(doc), config_text=config_text, metric_names=METRIC_NAMES,
         budget=budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"]),
     )  # fmt: skip
 

@@ -101,6 +101,24 @@ def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[d
     return rows
 
 
+def check_rows(doc: Document) -> list[dict[str, Any]]:
+    """Return the profiled parameters with their profile, bootstrap and largest sources of uncertainty."""
+    told = doc["uncertainty"]
+    rows = []
+    for name, found in told["profiles"].items():
+        parameter, parts = doc["parameters"][name], told["budget"][name]
+        width = parameter["stderr_statistical"]
+        total = sum(value**2 for value in parts.values()) or 1.0
+        largest = sorted(parts.items(), key=lambda item: -item[1])[:3]
+        shares = ", ".join(f"{source} {100.0 * value**2 / total:.0f} %" for source, value in largest if value > 0.0)
+        rows.append({
+            "name": name, "kind": found["kind"], "statistical": width, "resampled": told["bootstrap"].get(name),
+            "interval": f"{near(found['low'], width)} … {near(found['high'], width)} {parameter['unit']}",
+            "sources": shares,
+        })  # fmt: skip
+    return rows
+
+
 def loss_rows(losses: Mapping[str, Any]) -> list[dict[str, str]]:
     """Return the work by cause with its share of the input; what is conserved reads 0."""
     total = losses["input"]
