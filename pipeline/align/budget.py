@@ -7,8 +7,10 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from pipeline.align.clocks import Clock
+from pipeline.align.flanks import APART_DEG
+from pipeline.align.revolution import angle_correction
 from pipeline.config import TriggerSpec
-from pipeline.records import AngleError, Channel
+from pipeline.records import AngleError, Array, Channel, Finding
 
 HALF_WIDTH_OF_TYPICAL = 0.5
 """A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of its spread."""
@@ -26,6 +28,7 @@ def angle_error_budget(
     speed: float,
     speed_change: float,
     edge_noise: float,
+    torque: Array | None = None,
 ) -> tuple[AngleError, ...]:
     """Return the rows of the budget.
 
@@ -37,6 +40,7 @@ def angle_error_budget(
     speed : mean speed of the used cycles [rad/s]
     speed_change : rms relative change of the period from one revolution to the next
     edge_noise : standard error of one edge time [s]
+    torque : (n_theta,) mean cycle, for what it does to the angle; None without a torque channel
     """
     per_second = float(np.degrees(speed))
     delay_text = "declared total delay of the {}, times the speed"
@@ -74,11 +78,11 @@ def angle_error_budget(
             RESAMPLING_DEG,
             "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz",
         ),
-        *_between_pulses(spec, speed_change),
+        *_between_pulses(spec, speed_change, ripple_text(spec, torque, speed)),
     )
 
 
-def _between_pulses(spec: TriggerSpec, speed_change: float) -> tuple[AngleError, ...]:
+def _between_pulses(spec: TriggerSpec, speed_change: float, unseen: str) -> tuple[AngleError, ...]:
     """Speed between pulses: what changes from revolution to revolution is bounded, what repeats is not seen.
 
     A speed that changes linearly by the relative amount c over a pulse interval of angle a is off by at most c a / 8 in
@@ -97,12 +101,39 @@ def _between_pulses(spec: TriggerSpec, speed_change: float) -> tuple[AngleError,
             AngleError(
                 "speed ripple within a revolution",
                 UNKNOWN,
-                "one pulse per revolution cannot see it: a ripple of 1 % of order n is 0.57 / n degrees; rebuilt from "
-                "the "
-                "torque and the drive's inertia by the driveline effect",
+                unseen,
             )
         ]
     rows.append(
         AngleError("shaft twist", UNKNOWN, "not corrected here: torque over stiffness, in the driveline effect")
     )
     return tuple(rows)
+
+
+def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
+    """Return how large an angle error the speed within the revolution can hide, from what is known of it.
+
+    The torque slows the drive: with the drive's inertia J the angle moves by a double integral of the torque over J
+    (`revolution.angle_correction`); J is not on the sheet, so its product with the angle is given.
+    """
+    text = (
+        "one pulse per revolution cannot see how the speed varies within it: a ripple of 1 % of order n moves the cam "
+        "angle by 0.57 / n degrees"
+    )
+    if torque is not None:
+        moved = np.degrees(np.max(np.abs(angle_correction(torque, speed, spec.nominal_angle, inertia=1.0))))
+        text += (
+            f"; the measured torque alone moves it by {moved:.2g} degrees at most over the inertia of the drive in "
+            f"kg m^2 (1 degree at {moved:.2g} kg m^2)"
+        )
+    return text + (
+        f"; parts of the lift table more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees apart would be "
+        "told; the driveline effect rebuilds it from the torque"
+    )
+
+
+def ripple_unseen(spec: TriggerSpec, torque: Array | None, speed: float, where: str) -> tuple[Finding, ...]:
+    """Return the note on what one pulse per revolution leaves open; a tooth wheel leaves nothing."""
+    if spec.pulses_per_rev > 1:
+        return ()
+    return (Finding("ripple_unseen", "info", ripple_text(spec, torque, speed), where),)

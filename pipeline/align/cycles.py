@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
-from pipeline.align.budget import angle_error_budget
+from pipeline.align.budget import angle_error_budget, ripple_unseen
 from pipeline.align.channels import AlignedChannel, align_channels, covered
+from pipeline.align.flanks import check_flanks
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
 from pipeline.align.quality import CycleTable, apply_cuts
@@ -45,7 +46,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     complete = covered(angle, cycles, channels, base.clocks)
     aligned = align_channels(channels, angle, cycles, complete, base.clocks, options)
     table = _table(angle, cycles, complete, aligned, options)
-    findings = check_quantities(table.rows, table.undamaged, recording)
+    checked = check_quantities(table.rows, table.undamaged, recording)
+    findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
     used, cut_flow = apply_cuts(table)
     if not used.any():
         worst = max(cut_flow, key=lambda row: row.cycles_single)
@@ -126,6 +128,8 @@ def _cam_cycles(
     speed = table.speed[chosen]
     delay = aligned["torque"].channel.calibration if "torque" in aligned else None
     n_theta = table.options.n_theta
+    mean_torque = rows["torque"].mean(axis=0) if "torque" in rows else None
+    spec, mean_speed = recording.config.trigger, float(np.mean(speed))
     return CamCycles(
         theta=np.linspace(0.0, TWO_PI, n_theta, endpoint=False),
         torque=rows.get("torque"),
@@ -139,15 +143,16 @@ def _cam_cycles(
         cut_flow=cut_flow,
         clocks=tuple(clock.fit for clock in base.clocks.values()),
         angle_errors=angle_error_budget(
-            recording.config.trigger,
+            spec,
             {quantity: item.channel for quantity, item in aligned.items()},
             base.clocks.values(),
-            float(np.mean(speed)),
+            mean_speed,
             float(np.sqrt(np.mean(table.speed_change[chosen] ** 2))),
             base.edge_noise,
+            mean_torque,
         ),
         trigger_jitter_s=base.edge_noise,
-        findings=findings,
+        findings=(*findings, *ripple_unseen(spec, mean_torque, mean_speed, recording.config.id)),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
         details=alignment_details(table.options, base, aligned),
     )

@@ -8,6 +8,7 @@ pressure stays above zero and keeps a residual there.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,16 @@ SAMPLED_CYCLES = 41
 COARSE_GRID = 720
 
 
-def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording) -> tuple[Finding, ...]:
-    """Turn an inverted torque in place and return the findings.
+@dataclass(frozen=True)
+class Checked:
+    """Quantity -> typical cycle on the coarse grid, torque positive when driving (empty without sound cycles)."""
+
+    typical: Mapping[str, Array]
+    findings: tuple[Finding, ...] = ()
+
+
+def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording) -> Checked:
+    """Turn an inverted torque in place and return the typical cycles and the findings.
 
     Parameters
     ----------
@@ -46,30 +55,42 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
         A channel does not follow the cam; the data of torque and pressure look like each other's.
     """
     if not sound.any():
-        return ()
+        return Checked({})
     stride = max(1, rows["pressure"].shape[1] // COARSE_GRID)
     typical = {}
     for quantity, values in rows.items():
         typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0])
     if "torque" not in typical:
-        return ()
+        return Checked(typical)
     torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
     straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
-    if straight > INVERTED_CORRELATION:
-        return ()
+    # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
+    work = float(np.mean(torque) - at_rest(torque, velocity))
+    if straight > INVERTED_CORRELATION or work > 0.0:
+        return Checked(typical)
     rows["torque"][...] *= -1.0
-    return (
-        Finding(
-            "torque_inverted",
-            "warning",
-            f"the torque reads {np.mean(torque):+.2f} N m on average and falls while the pressure resists the rising "
-            "lift "
-            f"(correlation {straight:+.2f}): its sign was turned, positive is driving the pump",
-            recording.of("torque")[0].name,
-        ),
+    return Checked({**typical, "torque": -torque}, (_turned(recording, float(np.mean(torque)), straight),))
+
+
+def _turned(recording: Recording, mean: float, straight: float) -> Finding:
+    declared = "positive" if recording.config.rotation > 0 else "negative"
+    return Finding(
+        "torque_inverted",
+        "warning",
+        f"the torque reads {mean:+.2f} N m on average and falls while the pressure resists the rising lift "
+        f"(correlation {straight:+.2f}): its sign was turned, positive is driving the pump; either the transducer is "
+        f'wired the other way, or rotation = "{declared}" is wrong, which also turns the side forces of a follower '
+        "with an offset",
+        recording.of("torque")[0].name,
     )
+
+
+def at_rest(torque: Array, velocity: Array) -> float:
+    """Return the median torque while the follower stands still, else over the whole revolution [N m]."""
+    rest = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
+    return float(np.median(torque[rest] if rest.any() else torque))
 
 
 def lift_velocity(table: CamTable, n_theta: int) -> Array:

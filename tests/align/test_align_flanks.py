@@ -1,0 +1,107 @@
+"""Where torque and pressure place the lift table: uneven running, wrong trigger angle, wrong direction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rig_bridge import cycles_of, recording_of
+from rigs.families import FAMILIES
+from rigs.rig import simulate
+
+from pipeline.align import align
+from pipeline.align.flanks import APART_DEG, check_flanks, flank_places
+from pipeline.ingest import read_recording
+from pipeline.records import CamTable, Recording, Refusal
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
+TURN = 2.0 * np.pi
+
+
+@cache
+def rig(family: str, rpm: float) -> tuple[Recording, dict[str, np.ndarray], float]:
+    """Return a simulated recording, its typical cycle and its speed."""
+    run = simulate(FAMILIES[family](np.random.default_rng(int(rpm))), rpm, 0.8, 6, seed=1)
+    cycles = cycles_of(run)
+    typical = {name: getattr(cycles, name).mean(axis=0)[::5] for name in ("torque", "pressure")}
+    return recording_of(run), typical, cycles.mean_speed
+
+
+def moved(typical: dict[str, np.ndarray], shift: np.ndarray | float) -> dict[str, np.ndarray]:
+    """Read the cycle ``shift`` [rad] further on."""
+    theta = np.arange(typical["torque"].size) * (TURN / typical["torque"].size)
+    return {name: np.interp(theta + shift, theta, values, period=TURN) for name, values in typical.items()}
+
+
+def mirrored(table: CamTable) -> CamTable:
+    """Return the table that a cam measured in the other direction gives."""
+    theta = np.mod(-table.theta, TURN)
+    order = np.argsort(theta)
+    return CamTable(theta[order], table.lift[order], table.resolution)
+
+
+@pytest.mark.parametrize("rpm", [400.0, 1100.0])
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_sound_rigs_raise_nothing(family: str, rpm: float) -> None:
+    recording, typical, speed = rig(family, rpm)
+    assert check_flanks(typical, recording, speed) == ()
+
+
+@pytest.mark.parametrize("folder", sorted(path.name for path in EXAMPLES.glob("A_*")))
+def test_examples_raise_nothing(folder: str) -> None:
+    codes = {finding.code for finding in align(read_recording(EXAMPLES / folder)).findings}
+    assert not codes & {"uneven_running", "trigger_angle_doubtful", "direction_unchecked", "torque_inverted"}
+
+
+@pytest.mark.parametrize("family", ["closed_volume", "spill", "negative_rotation"])
+@pytest.mark.parametrize("phase_deg", [60.0, 180.0])
+def test_twenty_percent_of_ripple_are_told(family: str, phase_deg: float) -> None:
+    recording, typical, speed = rig(family, 400.0)
+    theta = np.arange(720) * (TURN / 720)
+    shift = 0.1 * np.sin(2.0 * theta + np.radians(phase_deg))
+    shift -= np.interp(recording.config.trigger.nominal_angle, theta, shift)
+    (found,) = check_flanks(moved(typical, shift), recording, speed)
+    assert found.code == "uneven_running"
+    assert found.severity == "warning"
+    assert "degrees apart" in found.text
+
+
+@pytest.mark.parametrize("shift_deg", [-11.0, 11.0])
+def test_trigger_angle_far_off_is_told(shift_deg: float) -> None:
+    recording, typical, speed = rig("closed_volume", 400.0)
+    (found,) = check_flanks(moved(typical, np.radians(shift_deg)), recording, speed)
+    assert found.code == "trigger_angle_doubtful"
+    assert "nominal_angle_deg" in found.text
+
+
+@pytest.mark.parametrize("family", ["closed_volume", "spill", "other_geometry", "negative_rotation"])
+def test_table_read_against_the_direction_of_running_is_refused(family: str) -> None:
+    recording, typical, speed = rig(family, 400.0)
+    wrong = replace(recording, cam_table=mirrored(recording.cam_table))
+    with pytest.raises(Refusal, match=r"driving torque falls where the declared lift does not rise.*direction"):
+        check_flanks(typical, wrong, speed)
+
+
+def test_direction_that_cannot_be_told_is_said() -> None:
+    recording, typical, speed = rig("bare", 400.0)
+    table = recording.cam_table
+    # the zero of table and angle is put into the middle between the flanks, where the mirrored table lies over itself
+    zero = -0.5 * flank_places(*typical.values(), table, recording.config.pump, speed).mirrored.shift
+    lift = np.interp(table.theta + zero, table.theta, table.lift, period=TURN)
+    found = check_flanks(moved(typical, zero), replace(recording, cam_table=CamTable(table.theta, lift, 1e-6)), speed)
+    assert [(item.code, item.severity) for item in found] == [("direction_unchecked", "info")]
+
+
+def test_limits_leave_room_above_sound_rigs() -> None:
+    spread = {"spring": 0.0, "all": 0.0}
+    for family in FAMILIES:
+        recording, typical, speed = rig(family, 1100.0)
+        places = flank_places(*typical.values(), recording.cam_table, recording.config.pump, speed).places
+        spring = [shift for name, shift in places.items() if name != "delivery"]
+        for kind, shifts in (("spring", spring), ("all", list(places.values()))):
+            spread[kind] = max(spread[kind], float(np.degrees(np.ptp(shifts))) if shifts else 0.0)
+    for kind, widest in spread.items():
+        assert widest < APART_DEG[kind] / 1.15
