@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.config import PumpData
 from pipeline.effects import chamber, driveline, friction, sensor
 from pipeline.effects.lift import LiftCorrection
-from pipeline.records import Array, freeze_arrays
+from pipeline.records import Array, Refusal, freeze_arrays
 
 BIN = 5
 """Fine grid points per bin of the fit's grid: 3600 -> 720."""
@@ -131,13 +131,30 @@ def contact_load(data: ChainInput, lift: tuple[Any, Any, Any], rates: tuple[Any,
     """Return lambda_y [N]: spring, plunger and inertia, raised or lowered by the friction of the guide.
 
     ``lambda_y = (F_s0 + k y + A p + m (y'' w^2 + y' w')) / (1 - mu |tan phi| sign y')``
+
+    Raises
+    ------
+    Refusal : the follower jams, ``mu tan(phi) >= 1`` on the rising lift
     """
     pump = data.pump
     y, slope, curve = lift
     rate, second = rates
     axial = pump.spring_preload + pump.spring_stiffness * y + pump.plunger_area * pressure
     axial = axial + pump.follower_mass * (curve * rate**2 + slope * second)
-    return axial / _guide_factor(data, y, slope, mu)
+    factor = _guide_factor(data, y, slope, mu)
+    if np.min(np.real(factor)) <= 0.0:
+        raise _jammed(data, np.real(factor), float(np.real(mu)))
+    return axial / factor
+
+
+def _jammed(data: ChainInput, factor: Array, mu: float) -> Refusal:
+    place = int(np.argmin(factor))
+    return Refusal(
+        f"guide_friction = {mu:.3g}: the follower jams in its guide at {np.degrees(data.theta[place]):.1f} degrees of "
+        f"cam angle, where guide friction times the tangent of the pressure angle is {1.0 - factor[place]:.3g}, "
+        f"expected less than 1; this cam bears less than {mu / (1.0 - factor[place]):.3g}: lower guide_friction, or "
+        "check offset, base circle and lift table"
+    )
 
 
 def _guide_factor(data: ChainInput, y: Any, slope: Any, mu: Any) -> Any:

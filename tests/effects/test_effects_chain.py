@@ -9,8 +9,16 @@ import pytest
 
 from pipeline.config import PumpData
 from pipeline.effects import ROWS, chain
-from pipeline.effects.chain import LINEAR_NAMES, NONLINEAR_NAMES, ChainInput, chain_derivative, evaluate_chain
+from pipeline.effects.chain import (
+    LINEAR_NAMES,
+    NONLINEAR_NAMES,
+    ChainInput,
+    chain_derivative,
+    contact_load,
+    evaluate_chain,
+)
 from pipeline.effects.lift import lift_correction
+from pipeline.records import Refusal
 from pipeline.units import BAR, DEGREE
 
 N = 3600
@@ -101,3 +109,15 @@ def test_closed_chamber_keeps_its_mass():
 
 def test_bins_divide_the_grid():
     assert N % chain.BIN == 0
+
+
+def test_guide_friction_at_which_the_follower_jams_is_refused() -> None:
+    data = chain_input()
+    lift = tuple(data.law.derivatives(THETA, 2))
+    tangent = (lift[1] - data.offset) / (np.sqrt(0.028**2 - data.offset**2) + lift[0])
+    least = 1.0 / float(np.max(tangent))
+    rates = (60.0 + 0.0 * THETA, 0.0 * THETA)
+    # the factor is smoothed around standstill: two percent on either side of the closed form are clear of it
+    assert np.all(contact_load(data, lift, rates, data.line_pressure, 0.98 * least) > 0.0)
+    with pytest.raises(Refusal, match=r"the follower jams in its guide at .* expected less than 1"):
+        contact_load(data, lift, rates, data.line_pressure, 1.02 * least)
