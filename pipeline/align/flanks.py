@@ -244,7 +244,7 @@ def _moved(found: Flanks, recording: Recording, where: str) -> tuple[Finding, ..
         )
         return (Finding("uneven_running", "warning", text, where),)
     limit = np.deg2rad(ALIKE_DEG) + spec.installation_tolerance
-    if found.places and abs(np.median(list(found.places.values()))) > limit:
+    if len(found.places) > 1 and abs(np.median(list(found.places.values()))) > limit:
         text = (
             f"torque and pressure place the lift table away from the trigger's nominal angle ({listed} degrees; the "
             f"mounting is declared within {np.degrees(spec.installation_tolerance):.2g}, the physics of sound pumps "
