@@ -7,7 +7,7 @@ timebase               the three above for a whole recording
 angle, resample        pulses -> cam angle -> uniform grid
 channels, damage       one pass over each channel
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
-quality                which cycles are used, and why not
+quality, jitter        which cycles are used, and why not
 budget, summary        angle error budget; plain numbers for a file
 revolution             angle inside the revolution from torque and inertia (used by the driveline effect)
 cycles                 `align`: all of it, in order

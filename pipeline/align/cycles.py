@@ -16,6 +16,7 @@ from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
 from pipeline.align.budget import angle_error_budget, ripple_unseen
 from pipeline.align.channels import AlignedChannel, align_channels, covered
 from pipeline.align.flanks import check_flanks
+from pipeline.align.jitter import refuse_jitter
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
 from pipeline.align.quality import CycleTable, apply_cuts
@@ -49,6 +50,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     checked = check_quantities(table.rows, table.undamaged, recording)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
     used, cut_flow = apply_cuts(table)
+    refuse_jitter(table, recording.config.id)
     if not used.any():
         worst = max(cut_flow, key=lambda row: row.cycles_single)
         raise Refusal(

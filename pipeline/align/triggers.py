@@ -252,11 +252,7 @@ def _edges(channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: Ed
     taken, other = (falling, rising) if edge == "falling" else (rising, falling)
     height, noise = _median(taken.height), _median(taken.noise)
     if taken.before.size < 2 or not height > MIN_HEIGHT_TO_NOISE * noise:
-        raise Refusal(
-            f"{where}: found {taken.before.size} trigger pulses of {height:.3g} V over noise of {noise:.2g} V, "
-            "expected at "
-            "least two; check that the channel is the trigger and that the sensor saw the tooth"
-        )
+        raise _no_pulses(channel, where, taken.before.size, height)
     crossing = crossings(taken)
     time = sample_times(channel, crossing.position)
     width = _pulse_width(crossing.position, other.before) / channel.sample_rate
@@ -278,6 +274,24 @@ def _edges(channel: Channel, spec: TriggerSpec, rising: EdgeSamples, falling: Ed
         )
     edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
     return Edges(time, width, height, edge_noise, high, edge, n_nan, tuple(findings))
+
+
+def _no_pulses(channel: Channel, where: str, count: int, height: float) -> Refusal:
+    """Return the refusal of a channel without pulses; it says what the channel holds instead."""
+    volts = channel.read_volts(0, min(channel.n_samples, 1 << 20))
+    volts = volts[np.abs(volts) < NO_VOLTAGE]
+    if volts.size < 2:
+        return Refusal(
+            f"{where}: found 0 trigger pulses in {channel.n_samples} samples ({volts.size} of them voltages), expected "
+            "at least two revolutions; the file is empty or cut off: record or export it again"
+        )
+    found = f"of {height:.3g} V" if count else "at all"
+    return Refusal(
+        f"{where}: found {count} trigger pulses {found} in {channel.duration:.3g} s of a signal from "
+        f"{np.min(volts):.3g} to {np.max(volts):.3g} V with a noise of {_noise(volts):.2g} V, expected at least two "
+        f"pulses that stand {NOISE_HEIGHTS:.0f} times above the noise; check that the channel is the trigger, that "
+        "the sensor saw the tooth and that the recording is longer than two revolutions"
+    )
 
 
 def _high_fraction(rising: NDArray[np.int64], falling: NDArray[np.int64]) -> float:

@@ -130,7 +130,7 @@ def running_map(quick: bool) -> StabilityMap:
 
 
 def _jamming(friction: float) -> Outcome:
-    """Return 1 where the contact force of the chain turns negative: the follower jams as mu tan(phi) reaches 1.
+    """Return 1 where the contact force of the chain turns negative although it jams (mu tan(phi) reaches 1) unrefused.
 
     0.35 is the largest coefficient that a fit may reach; more can only be held by hand.
     """

@@ -40,16 +40,6 @@ def cell(
     return Cell(condition, method, *judge(error, told, *limits, shown), default=default)
 
 
-KNOWN_SILENT: dict[tuple[str, str], str] = {
-    (
-        "speed ripple 20 %",
-        "align",
-    ): "one pulse per revolution cannot see it; the fit's driveline rebuilds it from torque",
-    ("runs backwards", "align"): "the sheet declares the wrong direction; only a fit that fails to match tells",
-}
-"""Silent failures of defaults that are known and not mended yet: condition and method -> why."""
-
-
 def silent_defaults(cells: Sequence[Cell]) -> tuple[Cell, ...]:
     """Return the cells in which a default fails without a word; there must be none."""
     return tuple(item for item in cells if item.default and item.verdict == "fails silently")

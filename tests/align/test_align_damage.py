@@ -361,3 +361,29 @@ def test_ninety_five_percent_of_sound_cycles_are_used() -> None:
 def test_wrong_options_are_refused(options: dict, message: str) -> None:
     with pytest.raises(Refusal, match=message):
         AlignOptions(**options)
+
+
+def jittered(late: float) -> Recording:
+    times = PULSES + late * np.random.default_rng(4).standard_normal(PULSES.size)
+    return make(RIG, pulses=times)
+
+
+def test_jitter_of_the_edges_is_named() -> None:
+    with pytest.raises(Refusal, match=r"trigger edges jitter by 1(\.\d)? ms, .*a long one follows a short one"):
+        align(jittered(1.0e-3))
+
+
+def test_small_jitter_is_kept() -> None:
+    assert lost(align(jittered(5.0e-5))) == {}
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_empty_trigger_says_so(count: int) -> None:
+    with pytest.raises(Refusal, match=rf"0 trigger pulses in {count} samples .* the file is empty or cut off"):
+        align(edited("trigger", lambda v: v[:count]))
+
+
+def test_trigger_of_noise_says_what_it_holds() -> None:
+    noise = np.random.default_rng(2).standard_normal
+    with pytest.raises(Refusal, match=r"0 trigger pulses at all in 4 s of a signal from -\d.* with a noise of 1"):
+        align(edited("trigger", lambda v: noise(v.size)))

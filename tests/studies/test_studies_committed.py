@@ -11,7 +11,7 @@ from pipeline.studies.driveline import BEYOND_FRONT
 from pipeline.studies.speed_accuracy import CHARTS
 from pipeline.studies.stability import MAPS
 from pipeline.studies.table import FRONT_FACTOR, front_factor, read_charts, read_maps
-from pipeline.studies.verdicts import KNOWN_SILENT, silent_defaults
+from pipeline.studies.verdicts import silent_defaults
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "studies"
 CHART_LIST = read_charts(FOLDER / "speed_accuracy.json")
@@ -37,9 +37,8 @@ def test_chosen_effects_predict_as_well_as_any_rung():
         assert chosen.error <= 1.05 * min(point.error for point in line)
 
 
-def test_silent_defaults_are_those_that_are_known():
-    found = {(item.condition, item.method) for part in MAP_LIST for item in silent_defaults(part.cells)}
-    assert found == set(KNOWN_SILENT)
+def test_no_default_fails_silently():
+    assert [(item.condition, item.method) for part in MAP_LIST for item in silent_defaults(part.cells)] == []
 
 
 def test_every_map_has_been_written_and_judges_a_default():
