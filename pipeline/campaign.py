@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.fit import CampaignFit, FitOptions, Prepared, fit_joint
-from pipeline.records import Array, Finding, Recording, Refusal
+from pipeline.records import Array, CamCycles, Finding, Recording, Refusal
 from pipeline.report import (
     CampaignEntry,
     CampaignResult,
@@ -74,7 +76,17 @@ def run_one(name: str, path: Path, folder: Path, options: RunOptions) -> tuple[C
     summary = {key: recording[key] for key in ("speed_rpm", "cycles_found", "cycles_used")}
     summary |= {key: doc[key] for key in SUMMARY_KEYS}
     entry = CampaignEntry(name, recording["name"], "ok", "", summary, thumbnail(result))
-    return entry, replace(prepared, recording=without_samples(prepared.recording))
+    compact = replace(prepared, recording=without_samples(prepared.recording), cycles=mean_cycle(prepared.cycles))
+    return entry, compact
+
+
+def mean_cycle(cycles: CamCycles) -> CamCycles:
+    """Return the cycles with their mean alone: a joint fit of hundreds of recordings needs no single cycle."""
+    torque = None if cycles.torque is None else np.mean(cycles.torque, axis=0)[None]
+    return replace(
+        cycles, torque=torque, pressure=np.mean(cycles.pressure, axis=0)[None], speed=np.array([cycles.mean_speed]),
+        index=cycles.index[:1], held_out=np.zeros(1, dtype=bool),
+    )  # fmt: skip
 
 
 def without_samples(recording: Recording) -> Recording:

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.fit.many import minimise
 from pipeline.fit.problem import Problem
-from pipeline.fit.solve import Solution, linear_steps, solve
+from pipeline.fit.solve import Solution, linear_steps
 from pipeline.fit.uncertainty import (
     VARIANT_ITERATIONS,
     VARIANT_TOLERANCE,
@@ -72,7 +73,7 @@ def pressure_gain_shift(problem: Problem, solution: Solution, relative_std: floa
         for item in problem.data
     )
     moved = replace(problem, data=data)
-    found = solve(moved, solution.x, VARIANT_ITERATIONS, VARIANT_TOLERANCE)
+    found = minimise(moved, solution.x, VARIANT_ITERATIONS, VARIANT_TOLERANCE)
     return np.abs(parameter_values(moved, found) - parameter_values(problem, solution))
 
 

@@ -27,13 +27,20 @@ PULLED = 2.0
 """A prior that is left by more than this many standard deviations is a finding."""
 
 
-def estimates(problem: Problem, solution: Solution, cov: Covariance, spreads: Array) -> tuple[ParameterEstimate, ...]:
-    """Return every free parameter with statistical and total uncertainty, in the unit of its row."""
+def estimates(
+    problem: Problem, solution: Solution, cov: Covariance, spreads: Array, recording: int | None = None
+) -> tuple[ParameterEstimate, ...]:
+    """Return every free parameter with statistical and total uncertainty, in the unit of its row.
+
+    ``recording`` leaves out what is another recording's own.
+    """
     values = parameter_values(problem, solution)
     bound = at_bounds(problem, solution)
     statistical = np.sqrt(np.maximum(np.diag(cov.matrix), 0.0))
     result = []
     for index, slot in enumerate((*problem.nonlinear, *problem.linear)):
+        if recording is not None and slot.recording not in (-1, recording):
+            continue
         total = float(np.hypot(statistical[index], spreads[index]))
         result.append(
             _estimate(slot, float(values[index]), float(statistical[index]), total, bool(bound[index]), cov, index)

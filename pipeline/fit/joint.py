@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from pipeline.fit.budget import pressure_gain_shift
 from pipeline.fit.estimates import estimates, prior_findings
 from pipeline.fit.events import predicted_end
 from pipeline.fit.ladder import climb
+from pipeline.fit.many import MANY, left_out_misfit, left_out_steps, minimise, without_one
 from pipeline.fit.metrics import metrics
 from pipeline.fit.predict import HeldOutError, left_out
 from pipeline.fit.prepare import swapped, with_rows
@@ -103,8 +104,8 @@ def joint_start(data: Sequence[FitData]) -> list[FitData]:
 def solve_joint(data: Sequence[FitData], effects: Sequence[str]) -> tuple[Problem, Solution]:
     """Return the joint minimum from the common start, and from each recording's own start where that is better."""
     problem = build_problem(joint_start(data), effects)
-    best = solve(problem)
-    for item in data:
+    best = minimise(problem)
+    for item in data if len(data) < MANY else ():
         start = problem.start()
         for j, slot in enumerate(problem.nonlinear):
             if slot.recording < 0:
@@ -188,12 +189,13 @@ def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -
     data = [replace(item, chain=original.data.chain) for item, original in zip(data, used, strict=True)]
     rungs: tuple[LadderRung, ...] = ()
     if options.use_ladder and len(used) > 2:
+        error = left_out_error if len(used) < MANY else left_out_misfit
         effects, solution, rungs = climb(
-            data, lambda names, minimum, items: left_out_error(build_problem(items, names), minimum), offered,
+            data, lambda names, minimum, items: error(build_problem(items, names), minimum), offered,
             "left-out recordings",
         )  # fmt: skip
         problem = build_problem(data, effects)
-        solution = solve(problem, solution.x)
+        solution = minimise(problem, solution.x)
     fit = _with_uncertainty(used, problem, solution, rungs)
     return _campaign(used, fit, aside)
 
@@ -232,11 +234,9 @@ def _campaign(used: Sequence[Prepared], fit: Fit, aside: tuple[str, ...]) -> Cam
         fitted_torque(fit, k, item.recording, item.cycles, item.rigid, item.means) for k, item in enumerate(used)
     )
     held: list[HeldOut] = []
-    if len(used) > 1:
-        for index, item in enumerate(used):
-            others = without(problem, solution, index)
-            prepared = replace(item, data=replace(problem.data[index], chain=item.data.chain))
-            held.extend(_held_out(prepared, others, mode) for mode in MODES)
+    for index, (item, others) in enumerate(zip(used, _others(problem, solution), strict=False)):
+        prepared = replace(item, data=replace(problem.data[index], chain=item.data.chain))
+        held.extend(_held_out(prepared, others, mode) for mode in MODES)
     rows = estimates(problem, solution, fit.covariance, fit.spreads)
     shared = tuple(row for row in rows if row.role == "shared")
     findings = (*prior_findings(rows), *_drift_findings(drifts), *_aside_findings(aside))
@@ -244,6 +244,17 @@ def _campaign(used: Sequence[Prepared], fit: Fit, aside: tuple[str, ...]) -> Cam
     return CampaignFit(
         names, problem.effects, shared, fitted, tuple(held), fit.ladder, drifts, aside, findings, solution.chi_square
     )
+
+
+def _others(problem: Problem, solution: Solution) -> Iterator[tuple[Problem, Solution]]:
+    """Yield the fit of all recordings but one, for each in turn; by summaries where there are many."""
+    count = len(problem.data)
+    if count >= MANY:
+        for index, (_, step) in enumerate(left_out_steps(problem, solution)):
+            yield without_one(problem, solution, index, step)
+    elif count > 1:
+        for index in range(count):
+            yield without(problem, solution, index)
 
 
 def _aside_findings(aside: tuple[str, ...]) -> tuple[Finding, ...]:

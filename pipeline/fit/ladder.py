@@ -18,10 +18,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.fit.many import minimise
 from pipeline.fit.predict import HeldOutError
 from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
-from pipeline.fit.solve import Solution, solve
+from pipeline.fit.solve import Solution
 from pipeline.records import Array, LadderRung
 
 SCORE_NAME = "BIC on independent residuals"
@@ -186,7 +187,7 @@ def _rung(data: Sequence[FitData], effects: tuple[str, ...], held_out_error: Hel
     if full is not None:
         known = dict(zip([s.name for s in build_problem(data, full.effects).nonlinear], full.solution.x, strict=True))
         start = np.array([known.get(slot.name, slot.row.start) for slot in problem.nonlinear])
-    solution = solve(problem, start, RUNG_ITERATIONS, RUNG_TOLERANCE)
+    solution = minimise(problem, start, RUNG_ITERATIONS, RUNG_TOLERANCE)
     return Rung(effects, solution, effective_parameters(solution), np.nan, held_out_error(effects, solution, data))
 
 

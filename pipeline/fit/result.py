@@ -147,22 +147,22 @@ def _details(fit: Fit, index: int, fitted: Modelled) -> dict[str, object]:
         "variants": {variant.name: variant.solution.chi_square for variant in fit.variants},
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
-        "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior, "budget": _budget(fit, index),
+        "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior, "budget": _budget(fit),
         "profiles": fit.profiles, "bootstrap": fit.bootstrap,
     }  # fmt: skip
 
 
-def _budget(fit: Fit, index: int) -> tuple[BudgetRow, ...]:
-    slots = (*fit.problem.nonlinear, *fit.problem.linear)
-    rows = uncertainty_budget(fit.problem, fit.solution, fit.covariance, fit.spreads, fit.gain_shift)
-    return tuple(row for row, slot in zip(rows, slots, strict=True) if slot.recording in (-1, index))
+def _budget(fit: Fit) -> tuple[BudgetRow, ...]:
+    """Return the budget of a single recording's fit; that of a joint fit is asked for by itself, once."""
+    if len(fit.problem.data) > 1:
+        return ()
+    return uncertainty_budget(fit.problem, fit.solution, fit.covariance, fit.spreads, fit.gain_shift)
 
 
 def _own_parameters(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
-    """Return shared parameters and those of one recording, the latter under their plain names."""
-    others = {slot.name for slot in (*fit.problem.nonlinear, *fit.problem.linear) if slot.recording not in (-1, index)}
-    rows = estimates(fit.problem, fit.solution, fit.covariance, fit.spreads)
-    return with_profiles([row for row in rows if row.name not in others], fit.profiles)
+    """Return shared parameters and those of one recording."""
+    rows = estimates(fit.problem, fit.solution, fit.covariance, fit.spreads, index)
+    return with_profiles(rows, fit.profiles)
 
 
 def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:

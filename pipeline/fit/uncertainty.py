@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.fit.delivery import DISTRUSTED, drop_torque, with_valve_error
+from pipeline.fit.many import minimise
 from pipeline.fit.prepare import CORRELATION
 from pipeline.fit.problem import FitData, Problem, build_problem
-from pipeline.fit.solve import Solution, linear_steps, solve
+from pipeline.fit.solve import Solution, linear_steps
 from pipeline.records import Array, freeze_arrays
 
 WEAK_PRIOR = 1.0e-4
@@ -153,7 +154,7 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
     for name, data, held in specs:
         changed = build_problem(data, problem.effects, held)
         start = np.array([known[slot.name] for slot in changed.nonlinear])
-        result.append(Variant(name, changed, solve(changed, start, VARIANT_ITERATIONS, VARIANT_TOLERANCE)))
+        result.append(Variant(name, changed, minimise(changed, start, VARIANT_ITERATIONS, VARIANT_TOLERANCE)))
     return tuple(result)
 
 
