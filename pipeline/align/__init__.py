@@ -9,6 +9,7 @@ channels, damage       one pass over each channel
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
 quality, jitter        which cycles are used, and why not
 budget, summary        angle error budget; plain numbers for a file
+hum                    mains frequency on the torque
 revolution             angle inside the revolution from torque and inertia (used by the driveline effect)
 cycles                 `align`: all of it, in order
 """

@@ -8,6 +8,7 @@ revolution later; its number is that of the pulse inside it.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from pipeline.align.angle import TWO_PI, CamAngle, cam_angle
 from pipeline.align.budget import angle_error_budget, ripple_unseen
 from pipeline.align.channels import AlignedChannel, align_channels, covered
 from pipeline.align.flanks import check_flanks
+from pipeline.align.hum import hum_findings
 from pipeline.align.jitter import refuse_jitter
 from pipeline.align.options import AlignOptions
 from pipeline.align.polarity import check_quantities
@@ -58,7 +60,17 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
             "most fail "
             f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
         )
-    return _cam_cycles(recording, table, used, cut_flow, aligned, base, (*base.findings, *findings))
+    found = _cam_cycles(recording, table, used, cut_flow, aligned, base, (*base.findings, *findings))
+    return replace(found, findings=(*found.findings, *_hum(recording, found)))
+
+
+def _hum(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
+    """Return what is told of mains hum on the torque."""
+    if found.torque is None:
+        return ()
+    table = recording.cam_table
+    lift = np.interp(found.theta, table.theta, table.lift, period=TWO_PI)
+    return hum_findings(found.theta, found.torque, found.speed, found.index, lift)
 
 
 def _physical_channels(recording: Recording) -> dict[str, Channel]:
