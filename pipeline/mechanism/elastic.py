@@ -7,7 +7,8 @@ angle, speed and acceleration, and the shaft pieces carry ``T_i = k_i (delta_(i-
 
 Everything is periodic in time, so the linear part (mean inertia of each lobe, springs, dampers) is solved harmonic by
 harmonic, a tridiagonal system swept once from the free end to the drive end: cost grows with the number of lobes. The
-rest of the torque is its load; it depends weakly on the twist and is found by fixed-point iteration.
+rest of the torque is its load; it depends weakly on the twist and is found by fixed-point iteration, and where that
+does not settle (a soft shaft, or a resonance below the highest harmonic) by Newton's method on the same equation.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import NoConvergence, newton_krylov
 
 from pipeline.mechanism.cam import TURN
 from pipeline.mechanism.closed_form import closed_form_tables
@@ -28,6 +30,10 @@ Complex = NDArray[np.complex128]
 ITERATIONS = 300
 TOLERANCE = 1.0e-12
 """Change of the twist over its peak at which the iteration ends: rounding of the transforms is about 1e-13."""
+
+GROWTH = 2.0
+"""A step this much longer than the shortest so far does not lead to the solution."""
+NEWTON_TOLERANCE, NEWTON_STEPS = 1.0e-11, 60
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class ElasticShaft:
     section_torque : (n_pumps, n_theta) in each piece of shaft, drive end first [N m]
     twist : (n_pumps, n_theta) angle of each lobe ahead of the drive end, less than 0 where it lags [rad]
     speed, acceleration : (n_pumps, n_theta) of each lobe [rad/s, rad/s^2]
-    iterations : fixed-point steps taken
+    iterations : evaluations of the loads
     """
 
     torque: Array
@@ -68,31 +74,91 @@ def solve_elastic(
 
     Raises
     ------
-    Refusal : the iteration does not settle: the shaft is too soft for its load, or near a resonance without damping
+    Refusal : no periodic motion was found: the shaft is too soft for its load, or resonates without damping
     """
     load = np.atleast_2d(np.asarray(pressure, dtype=np.float64))
-    count, size = load.shape
-    theta = np.arange(size) * (TURN / size)
-    frequency = speed * np.fft.rfftfreq(size, 1.0 / size)
-    inertia = np.array(
-        [np.mean(closed_form_tables(u.pump, u.law, theta, u.mounting).outputs["torque"][3]) for u in units]
-    )
-    curves = [_periodic(theta, row) for row in load]
-    twist = np.zeros((count, size))
+    shaft = _Shaft(units, load, speed, np.asarray(stiffness, dtype=np.float64), np.asarray(damping, dtype=np.float64))
+    twist, steps = _fixed_point(shaft)
+    if twist is None:
+        twist, more = _newton(shaft)
+        steps += more
+    if np.min(_derivative(twist, shaft.frequency, 1)) <= -speed:
+        raise _unsettled(shaft)
+    return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping, steps)
+
+
+class _Shaft:
+    """The fixed-point map of the twist: loads at the present twist, then the linear shaft's answer to them."""
+
+    def __init__(self, units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array) -> None:
+        self.units, self.speed, self.stiffness, self.damping = units, speed, stiffness, damping
+        self.shape = load.shape
+        self.theta = np.asarray(np.arange(load.shape[1]) * (TURN / load.shape[1]), dtype=np.float64)
+        self.frequency = speed * np.fft.rfftfreq(load.shape[1], 1.0 / load.shape[1])
+        self.curves = [_periodic(self.theta, row) for row in load]
+        self.inertia = np.array(
+            [np.mean(closed_form_tables(u.pump, u.law, self.theta, u.mounting).outputs["torque"][3]) for u in units]
+        )
+
+    def answer(self, twist: Array) -> Array:
+        """Return the twist that the loads at a twist cause, (n_pumps, n_theta)."""
+        rate, change = (_derivative(twist, self.frequency, order) for order in (1, 2))
+        torque = _lobe_torque(self.units, self.curves, self.theta, twist, self.speed + rate, change)
+        rest = np.fft.rfft(torque - self.inertia[:, None] * change)
+        solved = _solve_harmonics(rest, self.frequency, self.inertia, self.stiffness, self.damping)
+        return np.fft.irfft(solved, self.shape[1])
+
+
+def _fixed_point(shaft: _Shaft) -> tuple[Array | None, int]:
+    """Return the twist and the steps taken; None where the steps stop shrinking.
+
+    They do where the shaft is soft, and where it resonates: there the varying part of the inertia, times the
+    amplification, is more than the mean part that the linear answer knows.
+    """
+    twist, least = np.zeros(shaft.shape), np.inf
     for iteration in range(1, ITERATIONS + 1):
-        rate, change = (_derivative(twist, frequency, order) for order in (1, 2))
-        torque = _lobe_torque(units, curves, theta, twist, speed + rate, change)
-        rest = np.fft.rfft(torque - inertia[:, None] * change)
-        solved = _solve_harmonics(rest, frequency, inertia, stiffness, damping)
-        step = np.fft.irfft(solved, size) - twist
-        twist = twist + step
-        if not np.all(np.isfinite(twist)) or np.max(np.abs(twist)) > 1.0:
-            break
-        if np.max(np.abs(step)) <= TOLERANCE * np.max(np.abs(twist)):
-            return _result(twist, frequency, speed, stiffness, damping, iteration)
-    raise Refusal(
-        f"elastic shaft: the twist does not settle at {speed:.6g} rad/s with {np.min(stiffness):.4g} N m/rad; "
-        "expected a stiffer shaft or more damping; check stiffness_N_m_per_rad and damping_N_m_s_per_rad"
+        change = shaft.answer(twist) - twist
+        twist, size = twist + change, float(np.max(np.abs(change)))
+        if size <= TOLERANCE * np.max(np.abs(twist)):
+            return twist, iteration
+        if not size < GROWTH * least or np.max(np.abs(twist)) > 1.0:
+            return None, iteration
+        least = min(least, size)
+    return None, ITERATIONS
+
+
+def _newton(shaft: _Shaft) -> tuple[Array, int]:
+    """Return the twist by Newton's method with Krylov steps on the fixed-point equation (Knoll & Keyes 2004).
+
+    The linear answer has already taken the stiff part out of the equation, so few directions are left to be found.
+    """
+    start = shaft.answer(np.zeros(shaft.shape))
+    scale = max(float(np.max(np.abs(start))), 1e-300)
+    calls = [0]
+
+    def gap(twist: Array) -> Array:
+        calls[0] += 1
+        return twist - shaft.answer(scale * twist) / scale
+
+    try:
+        with np.errstate(all="ignore"):
+            found = newton_krylov(
+                gap, start / scale, f_tol=NEWTON_TOLERANCE, maxiter=NEWTON_STEPS, method="lgmres", inner_maxiter=40
+            )
+    except (NoConvergence, ValueError) as failure:
+        raise _unsettled(shaft) from failure
+    return scale * np.asarray(found), calls[0]
+
+
+def _unsettled(shaft: _Shaft) -> Refusal:
+    inertia = float(np.sum(shaft.inertia))
+    stiffness = float(np.min(shaft.stiffness))
+    order = np.sqrt(stiffness / inertia) / shaft.speed
+    return Refusal(
+        f"elastic shaft: no periodic motion was found at {shaft.speed:.6g} rad/s with {stiffness:.4g} N m/rad and "
+        f"{float(np.min(shaft.damping)):.3g} N m s/rad (natural frequency at order {order:.3g} of the cam), expected a "
+        "cam that keeps turning forward: a soft shaft lets it stop or turn back, a lightly damped one swings too far; "
+        "check stiffness_N_m_per_rad and damping_N_m_s_per_rad, or leave them out for a rigid shaft"
     )
 
 

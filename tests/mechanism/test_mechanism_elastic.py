@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mechanism_cases import analytic_law, paper_pump
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from pipeline.mechanism import PumpUnit, closed_form_tables, solve_shaft
 from pipeline.mechanism.elastic import solve_elastic
@@ -96,8 +97,28 @@ def test_section_torque_drops_by_the_torque_of_the_lobe():
 
 
 def test_too_soft_a_shaft_is_refused():
-    with pytest.raises(Refusal, match="the twist does not settle at"):
+    with pytest.raises(Refusal, match=r"no periodic motion was found at .* order 11\.1 of the cam.*or turn back"):
         solve_elastic(units(1), loads(1), SPEED, np.array([20.0]), np.array([0.0]))
+
+
+def test_cam_that_turns_back_is_refused():
+    # an orbit of the equations exists, on which the cam runs backwards; the chamber knows no such motion
+    with pytest.raises(Refusal, match="expected a cam that keeps turning forward"):
+        solve_elastic(units(1), loads(1), SPEED, np.array([200.0]), np.array([1e-6]))
+
+
+@pytest.mark.parametrize("stiffness", [3e1, 5e4, 1e5, 2e5])
+def test_orbit_is_found_where_the_fixed_point_runs_away(stiffness):
+    # resonance below the highest harmonic (900), or a shaft so soft that the cam nearly stops
+    solved = solve_elastic(units(1), loads(1), SPEED, np.array([stiffness]), np.array([0.5]))
+    angle = THETA + solved.twist[0]
+    periodic = CubicSpline(np.append(THETA, 2.0 * np.pi), np.append(LOAD, LOAD[0]), bc_type="periodic")
+    pressure = periodic(np.mod(angle, 2.0 * np.pi))
+    expected = closed_form_tables(units(1)[0].pump, LAW, angle).evaluate(
+        "torque", pressure, solved.speed[0], solved.acceleration[0]
+    )
+    # Newton ends at 1e-11 of the twist; two time derivatives at harmonic 900 make 1e-5 of it, times J w^2 = 0.2 N m
+    assert np.max(np.abs(solved.section_torque[0] - expected)) < 1e-4 * np.max(np.abs(expected))
 
 
 def test_every_lobe_is_in_balance_to_the_tolerance_of_the_iteration():
