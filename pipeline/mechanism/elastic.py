@@ -9,6 +9,8 @@ Everything is periodic in time, so the linear part (mean inertia of each lobe, s
 harmonic, a tridiagonal system swept once from the free end to the drive end: cost grows with the number of lobes. The
 rest of the torque is its load; it depends weakly on the twist and is found by fixed-point iteration, and where that
 does not settle (a soft shaft, or a resonance below the highest harmonic) by Newton's method on the same equation.
+A single lobe is solved by collocation in its cam angle (`collocation`), which is cheaper; where that fails, the
+harmonics follow.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from scipy.optimize import NoConvergence, newton_krylov
 
 from pipeline.mechanism.cam import TURN
 from pipeline.mechanism.closed_form import closed_form_tables
+from pipeline.mechanism.collocation import solve_orbit
 from pipeline.mechanism.mounting import PumpUnit
 from pipeline.records import Array, Refusal, freeze_arrays
 
@@ -31,6 +34,8 @@ ITERATIONS = 300
 TOLERANCE = 1.0e-12
 """Change of the twist over its peak at which the iteration ends: rounding of the transforms is about 1e-13."""
 
+ELEMENTS, STAGES = 360, 6
+"""Of the collocation for a single lobe: on the front of the driveline chart (reports/studies)."""
 GROWTH = 2.0
 """A step this much longer than the shortest so far does not lead to the solution."""
 NEWTON_TOLERANCE, NEWTON_STEPS = 1.0e-11, 60
@@ -77,6 +82,14 @@ def solve_elastic(
     Refusal : no periodic motion was found: the shaft is too soft for its load, or resonates without damping
     """
     load = np.atleast_2d(np.asarray(pressure, dtype=np.float64))
+    alone = _alone(units[0], load[0], speed, stiffness, damping) if len(units) == 1 else None
+    return solve_by_harmonics(units, load, speed, stiffness, damping) if alone is None else alone
+
+
+def solve_by_harmonics(
+    units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array
+) -> ElasticShaft:
+    """Return the same by harmonics, for any number of lobes; ``load`` (n_pumps, n_theta), see `solve_elastic`."""
     shaft = _Shaft(units, load, speed, np.asarray(stiffness, dtype=np.float64), np.asarray(damping, dtype=np.float64))
     twist, steps = _fixed_point(shaft)
     if twist is None:
@@ -85,6 +98,34 @@ def solve_elastic(
     if np.min(_derivative(twist, shaft.frequency, 1)) <= -speed:
         raise _unsettled(shaft)
     return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping, steps)
+
+
+def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft | None:
+    """Return the motion of a single lobe by collocation in its cam angle, None where the cam does not turn forward."""
+    theta = np.asarray(np.arange(load.size) * (TURN / load.size), dtype=np.float64)
+    curve = _periodic(theta, load)
+
+    def rows(angle: Array) -> Array:
+        table = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting).outputs["torque"]
+        return np.stack([table[0] + table[1] * curve(np.mod(angle, TURN)), table[2], table[3]])
+
+    orbit = solve_orbit(rows, _elements(unit), STAGES, (float(stiffness[0]), float(damping[0]), speed))
+    if not orbit.closed:
+        return None
+    # from the stages to the uniform grid of the drive, which the cam leads
+    drive = orbit.theta - orbit.lead
+    values = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
+    curves = CubicSpline(np.append(drive, drive[0] + TURN), np.vstack([values, values[:1]]), bc_type="periodic")
+    torque, lead, rate, acceleration = curves(theta).T
+    return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None], 1)
+
+
+def _elements(unit: PumpUnit) -> Array:
+    """Return the borders of the elements: the knots of the lift law where there are about as many, else even ones."""
+    knots = unit.law.knots
+    if ELEMENTS // 2 <= knots.size - 1 <= 2 * ELEMENTS:
+        return np.asarray(knots + unit.phase, dtype=np.float64)
+    return np.linspace(0.0, TURN, ELEMENTS + 1)
 
 
 class _Shaft:

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from pipeline.effects.chain import filtered
 from pipeline.effects.driveline import shaft_transfer
 from pipeline.mechanism import PumpUnit
-from pipeline.mechanism.elastic import solve_elastic
+from pipeline.mechanism.elastic import solve_by_harmonics, solve_elastic
 from pipeline.records import Array
 from pipeline.studies.case import knotted_law, study_pressure, study_pump, uniform
 from pipeline.studies.integrators import TABLE, TURN, Shaft, collocation, load_rows, march_periodic, rhs
@@ -22,10 +22,8 @@ from pipeline.studies.table import Chart, Point, shortest_times
 REFERENCE_ELEMENTS, REFERENCE_STAGES = 3600, 6
 CYCLES = 4
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
-DEFAULTS = (("linear harmonic", "720/rev"), ("non-linear harmonic", "3600/rev"))
+DEFAULTS = (("linear harmonic", "720/rev"), ("predict (elastic shaft)", "3600/rev"))
 """What the fit's chain uses (3600 points in bins of 5), and what a prediction uses."""
-BEYOND_FRONT = {("driveline", "non-linear harmonic"): "also solves shafts of many pumps; tables at each of its steps"}
-"""Defaults that cost more than the factor allows: chart and method -> why they are kept."""
 Curve = tuple[Array, Array]
 Solved = tuple[Array, Array, bool]
 
@@ -57,12 +55,21 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
 
 
 def elastic(shaft: Shaft, size: int) -> Curve:
-    """Return the non-linear harmonic balance of the mechanism, over cam angle."""
+    """Return what a prediction uses, over cam angle: collocation, read on a uniform grid of the drive's angle."""
     theta = uniform(size)
     unit = PumpUnit(study_pump(), knotted_law())
     found = solve_elastic(
         [unit], study_pressure(theta), shaft.speed, np.array([shaft.stiffness]), np.array([shaft.damping])
     )
+    return theta + found.twist[0], found.torque
+
+
+def balanced(shaft: Shaft, size: int) -> Curve:
+    """Return the non-linear harmonic balance, which also solves several lobes, over cam angle."""
+    theta = uniform(size)
+    unit = PumpUnit(study_pump(), knotted_law())
+    values = np.array([shaft.stiffness]), np.array([shaft.damping])
+    found = solve_by_harmonics([unit], study_pressure(theta)[None], shaft.speed, *values)
     return theta + found.twist[0], found.torque
 
 
@@ -80,32 +87,38 @@ def adaptive(
     return uniform(steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bool(found.success)
 
 
-def candidates(table: Array, shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], Any]]:
+def _from_pump(solve: Callable[..., Any], *arguments: Any) -> Any:
+    """Return a solution by an integrator from pump and lift law on, its load table included."""
+    return solve(load_rows(uniform(TABLE)), *arguments)
+
+
+def candidates(shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], Any]]:
     """Return (method, setting) -> function that returns cam angle and torque first."""
     found: dict[tuple[str, str], Callable[[], Any]] = {}
     for size in (180, 360, 720, 1800, 3600):
         found["linear harmonic", f"{size}/rev"] = partial(harmonic, load_rows(uniform(size)), shaft)
     for size in (360, 720, 1800, 3600):
-        found["non-linear harmonic", f"{size}/rev"] = partial(elastic, shaft, size)
+        found["non-linear harmonic", f"{size}/rev"] = partial(balanced, shaft, size)
+    found["predict (elastic shaft)", "3600/rev"] = partial(elastic, shaft, 3600)
     for elements, place in ((360, "on"), (377, "off")):
         for stages in (1, 2, 3, 4, 6):
             name = f"collocation, {elements} elements {place} the knots"
             found[name, f"{stages} stages"] = partial(collocation, shaft, elements, stages)
     for scheme in ("RK4", "generalized-alpha 0.8"):
         for size in (720, 1800, 3600, 7200, 18000)[: 4 if quick else 5]:
-            found[scheme, f"{size}/rev"] = partial(march_periodic, table, shaft, scheme, size)
+            found[scheme, f"{size}/rev"] = partial(_from_pump, march_periodic, shaft, scheme, size)
     for method in ("DOP853", "Radau") if quick else ("RK45", "DOP853", "Radau", "BDF", "LSODA"):
         for tolerance in TOLERANCES[:2] if quick else TOLERANCES:
-            found[f"scipy {method}", f"rtol {tolerance:g}"] = partial(adaptive, table, shaft, method, tolerance)
+            found[f"scipy {method}", f"rtol {tolerance:g}"] = partial(_from_pump, adaptive, shaft, method, tolerance)
     return found
 
 
 def driveline_chart(quick: bool) -> Chart:
     """Return torque error against time per periodic solution."""
-    shaft, table, check = Shaft(), load_rows(uniform(TABLE)), uniform(5003)
+    shaft, check = Shaft(), uniform(5003)
     reference = at_angles(*collocation(shaft, REFERENCE_ELEMENTS, REFERENCE_STAGES), check=check)
     peak = float(np.max(np.abs(reference)))
-    runs = candidates(table, shaft, quick)
+    runs = candidates(shaft, quick)
     errors = [float(np.max(np.abs(at_angles(*run(), check=check) - reference))) / peak for run in runs.values()]
     costs = shortest_times(list(runs.values()), 1 if quick else 4)
     points = tuple(
@@ -117,7 +130,7 @@ def driveline_chart(quick: bool) -> Chart:
     note = (
         f"k = {shaft.stiffness:g} N m/rad, c = {shaft.damping:g} N m s/rad, 500 rpm; reference: collocation with "
         f"{REFERENCE_ELEMENTS} elements of {REFERENCE_STAGES} stages; integrators run five turns from rest, "
-        "scipy four; load tables of the linear form and of the integrators come prepared"
+        "scipy four; times from pump and lift law on, but for the linear form, whose load the fit's chain has at hand"
     )
     return Chart(
         "driveline", "Periodic driveline", "torque error / peak", "time of one periodic solution [s]", points, note

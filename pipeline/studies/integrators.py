@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.mechanism import closed_form_tables
+from pipeline.mechanism.collocation import solve_orbit
 from pipeline.records import Array
 from pipeline.studies.case import SPEED, knotted_law, study_pressure, study_pump
 
@@ -138,100 +139,15 @@ def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int, turns: i
     return np.arange(steps) * (TURN / steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
 
 
-def gauss(stages: int) -> tuple[Array, Array, Array]:
-    """Return nodes (s,), weights (s,) and matrix (s, s) of Gauss collocation on [0, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(stages)
-    nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
-    powers = np.vander(nodes, stages, increasing=True)
-    integrals = powers * nodes[:, None] / np.arange(1, stages + 1)
-    return nodes, weights, integrals @ np.linalg.inv(powers)
-
-
-@njit(cache=True)
-def _sweep(rows, widths, weights, matrix, shaft, lead, rate, stage_torque, transition, transition_end):  # type: ignore[no-untyped-def]
-    """Solve the elements one after the other from (lead, rate); fills the torque at stages and d(end)/d(start)."""
-    stiffness, damping, speed = shaft
-    n_elements, s = widths.size, weights.size
-    u = np.array([lead, rate])
-    transition[:] = np.eye(2)
-    z = np.zeros((s, 2))
-    f = np.zeros((s, 2))
-    jac = np.zeros((s, 2, 2))
-    big = np.zeros((2 * s, 2 * s))
-    right = np.zeros((2 * s, 1))
-    for e in range(n_elements):
-        h = widths[e]
-        for j in range(s):
-            z[j, 0], z[j, 1] = u[0], u[1]
-        for _ in range(30):
-            for j in range(s):
-                omega = speed + z[j, 1]
-                if omega < 1e-3 * speed:
-                    return False
-                rest, square, inertia = rows[0, e * s + j], rows[1, e * s + j], rows[2, e * s + j]
-                push = -stiffness * z[j, 0] - damping * z[j, 1] - rest
-                f[j, 0] = 1.0 - speed / omega
-                f[j, 1] = (push / omega - square * omega) / inertia
-                jac[j, 0, 0], jac[j, 0, 1] = 0.0, speed / (omega * omega)
-                jac[j, 1, 0] = -stiffness / omega / inertia
-                jac[j, 1, 1] = (-damping / omega - push / (omega * omega) - square) / inertia
-            size = 0.0
-            for i in range(s):
-                for a in range(2):
-                    value = z[i, a] - u[a]
-                    for j in range(s):
-                        value -= h * matrix[i, j] * f[j, a]
-                        for b in range(2):
-                            big[2 * i + a, 2 * j + b] = -h * matrix[i, j] * jac[j, a, b]
-                    big[2 * i + a, 2 * i + a] += 1.0
-                    right[2 * i + a, 0] = value
-                    size = max(size, abs(value) * (stiffness if a == 0 else damping + 1e-3))
-            step = np.linalg.solve(big, right)
-            for i in range(s):
-                for a in range(2):
-                    z[i, a] -= step[2 * i + a, 0]
-            if size < 1e-11:
-                break
-        both = np.zeros((2 * s, 2))
-        for i in range(s):
-            both[2 * i, 0], both[2 * i + 1, 1] = 1.0, 1.0
-        tangent = np.linalg.solve(big, both)
-        local = np.eye(2)
-        for j in range(s):
-            stage_torque[e * s + j] = -stiffness * z[j, 0] - damping * z[j, 1]
-            u = u + h * weights[j] * f[j]
-            local = local + h * weights[j] * (jac[j] @ np.ascontiguousarray(tangent[2 * j : 2 * j + 2]))
-        transition[:] = local @ transition
-    transition_end[0], transition_end[1] = u[0], u[1]
-    return True
-
-
 def collocation(shaft: Shaft, elements: int, stages: int, offset: float = 0.0) -> tuple[Array, Array, bool]:
     """Return stage angles, shaft torque there and success of the periodic solution by Gauss collocation in cam angle.
 
     Elements on the pieces of the law when their number is a multiple of 360 and ``offset`` is 0; Newton on the state
     at the border of the revolution closes the period.
     """
-    nodes, weights, matrix = gauss(stages)
     borders = np.linspace(0.0, TURN, elements + 1) + offset
-    theta = (borders[:-1, None] + nodes * np.diff(borders)[:, None]).ravel()
-    rows = load_rows(theta)
-    return _closed_orbit(rows, np.diff(borders), (weights, matrix), shaft, theta)
-
-
-def _closed_orbit(
-    rows: Array, widths: Array, rule: tuple[Array, Array], shaft: Shaft, theta: Array
-) -> tuple[Array, Array, bool]:
-    vector, start = (shaft.stiffness, shaft.damping, shaft.speed), np.zeros(2)
-    torque, transition, end = np.empty(theta.size), np.empty((2, 2)), np.empty(2)
-    for _ in range(20):
-        if not _sweep(rows, widths, *rule, vector, start[0], start[1], torque, transition, end):
-            return theta, torque, False
-        gap = end - start
-        start = start + np.linalg.solve(np.eye(2) - transition, gap)
-        if abs(gap[0]) * shaft.stiffness + abs(gap[1]) * shaft.damping < 1e-10:
-            return theta, torque, True
-    return theta, torque, False
+    orbit = solve_orbit(load_rows, borders, stages, (shaft.stiffness, shaft.damping, shaft.speed))
+    return orbit.theta, orbit.torque, orbit.closed
 
 
 def rhs(table: Array, shaft: Shaft) -> Callable[[float, Array], list[float]]:

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from pipeline.mechanism import PumpUnit, closed_form_tables, solve_shaft
-from pipeline.mechanism.elastic import solve_elastic
+from pipeline.mechanism.elastic import solve_by_harmonics, solve_elastic
 from pipeline.records import Refusal
 
 LAW = analytic_law()
@@ -107,10 +107,11 @@ def test_cam_that_turns_back_is_refused():
         solve_elastic(units(1), loads(1), SPEED, np.array([200.0]), np.array([1e-6]))
 
 
+@pytest.mark.parametrize("solve", [solve_elastic, solve_by_harmonics])
 @pytest.mark.parametrize("stiffness", [3e1, 5e4, 1e5, 2e5])
-def test_orbit_is_found_where_the_fixed_point_runs_away(stiffness):
+def test_orbit_is_found_where_the_fixed_point_runs_away(stiffness, solve):
     # resonance below the highest harmonic (900), or a shaft so soft that the cam nearly stops
-    solved = solve_elastic(units(1), loads(1), SPEED, np.array([stiffness]), np.array([0.5]))
+    solved = solve(units(1), loads(1), SPEED, np.array([stiffness]), np.array([0.5]))
     angle = THETA + solved.twist[0]
     periodic = CubicSpline(np.append(THETA, 2.0 * np.pi), np.append(LOAD, LOAD[0]), bc_type="periodic")
     pressure = periodic(np.mod(angle, 2.0 * np.pi))
@@ -132,3 +133,13 @@ def test_every_lobe_is_in_balance_to_the_tolerance_of_the_iteration():
         difference = np.max(np.abs(solved.section_torque[k] - outboard - expected))
         # the iteration ends at 1e-12 of the twist; two time derivatives at harmonic 900 make 1e-6 of that
         assert difference < 1e-5 * np.max(np.abs(expected))
+
+
+@pytest.mark.parametrize("stiffness", [3e3, 2e4])
+def test_collocation_and_harmonics_give_the_same_motion(stiffness):
+    arguments = (units(1), loads(1), SPEED, np.array([stiffness]), np.array([0.5]))
+    one, other = solve_elastic(*arguments), solve_by_harmonics(*arguments)
+    # harmonics up to 900 against the 6-stage rule: the knots of the law and the cubic curves between stages
+    for name, share in (("torque", 1e-5), ("twist", 1e-5), ("speed", 1e-5), ("acceleration", 1e-3)):
+        ours, theirs = getattr(one, name), getattr(other, name)
+        assert np.max(np.abs(ours - theirs)) < share * np.max(np.abs(theirs)), name

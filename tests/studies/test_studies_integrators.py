@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.mechanism.collocation import gauss
 from pipeline.studies.case import uniform
-from pipeline.studies.driveline import at_angles, elastic
-from pipeline.studies.integrators import TABLE, Shaft, collocation, gauss, load_rows, march_periodic
+from pipeline.studies.driveline import at_angles, balanced, elastic
+from pipeline.studies.integrators import TABLE, Shaft, collocation, load_rows, march_periodic
 
 CHECK = uniform(1009)
 
@@ -33,8 +34,9 @@ def test_fixed_steps_converge_at_their_order(reference, scheme, order):
     assert np.log2(errors[0] / errors[1]) > order - 0.5
 
 
-def test_package_solution_is_the_same_orbit(reference):
-    found = at_angles(*elastic(Shaft(), 1800), check=CHECK)
+@pytest.mark.parametrize("solve", [elastic, balanced])
+def test_package_solutions_are_the_same_orbit(reference, solve):
+    found = at_angles(*solve(Shaft(), 1800), check=CHECK)
     # quasi-spectral in drive angle against collocation in cam angle: 1e-6 of the peak, set by the knots of the law
     np.testing.assert_allclose(found, reference, atol=1e-6 * np.max(reference))
 
