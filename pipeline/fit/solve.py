@@ -19,6 +19,8 @@ from pipeline.records import Array, freeze_arrays
 
 RELATIVE_TOLERANCE = 1.0e-9
 LARGEST_DAMPING = 1.0e12
+REMAINING_SHARE = 1.0e-6
+"""A minimum is one where the undamped step promises less than this share of chi-square."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Solution:
     residuals : per recording (m,) measured - model [N m]
     outputs : per recording, the chain at the minimum
     iterations, evaluations : what it cost
-    converged : False when the iterations ran out
+    converged : whether the projected gradient, scaled by the Gauss-Newton matrix, vanishes there
     """
 
     x: Array
@@ -251,6 +253,20 @@ def _step(problem: Problem, trial: Trial, gram: Array, gradient: Array, damping:
     return bounded_quadratic(matrix, gradient, room_low, room_high) * steps
 
 
+def remaining_gain(problem: Problem, trial: Trial, gram: Array, gradient: Array) -> float:
+    """Return an upper limit of what the undamped Gauss-Newton step within the bounds promises chi-square.
+
+    It is the projected gradient in the metric of the Gauss-Newton matrix: free of units, zero at a minimum, and large
+    where a search has stopped for want of progress.
+    """
+    if not problem.nonlinear:
+        return 0.0
+    steps = np.array([slot.row.step for slot in problem.nonlinear])
+    step = _step(problem, trial, gram, gradient, 0.0) / steps
+    # the promised fall 2 g.s - s.R.s lies between g.s and 2 g.s, for R is positive and s the best step
+    return 2.0 * float(gradient @ step)
+
+
 def solve(
     problem: Problem, start: Array | None = None, max_iterations: int = 80, tolerance: float = RELATIVE_TOLERANCE
 ) -> Solution:
@@ -265,14 +281,14 @@ def solve(
     Returns
     -------
     Solution
-        ``converged`` tells whether the relative change of chi-square fell below the tolerance.
+        ``converged`` tells whether the end is a minimum (`remaining_gain`), whatever ended the search.
     """
     x = problem.start() if start is None else np.array(start, dtype=float)
     lower = np.array([slot.row.lower for slot in problem.nonlinear])
     upper = np.array([slot.row.upper for slot in problem.nonlinear])
     trial = try_at(problem, np.clip(x, lower, upper))
-    damping, evaluations, converged, iteration = 1.0e-2, 1, not problem.nonlinear, 0
-    while not converged and iteration < max_iterations:
+    damping, evaluations, ended, iteration = 1.0e-2, 1, not problem.nonlinear, 0
+    while not ended and iteration < max_iterations:
         iteration += 1
         _, gram, gradient = _normal_equations(problem, trial)
         while True:
@@ -281,14 +297,15 @@ def solve(
             evaluations += 1
             gain = trial.chi_square - candidate.chi_square
             if gain >= 0.0:
-                converged = gain <= tolerance * trial.chi_square and damping < 1.0
+                ended = gain <= tolerance * trial.chi_square and damping < 1.0
                 trial, damping = candidate, max(damping * 0.15, 1.0e-9)
                 break
             damping *= 6.0
             if damping > LARGEST_DAMPING:
-                converged = True
+                ended = True
                 break
-    data_gram, gram, _ = _normal_equations(problem, trial)
+    data_gram, gram, gradient = _normal_equations(problem, trial)
+    converged = remaining_gain(problem, trial, gram, gradient) <= REMAINING_SHARE * trial.chi_square
     return Solution(
         trial.x, trial.c, trial.chi_square, trial.data_chi_square, gram, data_gram, trial.residuals, trial.outputs,
         iteration, evaluations, converged,
