@@ -25,6 +25,7 @@ from rigs.cycles import as_cycles  # noqa: E402
 from rigs.families import FAMILIES  # noqa: E402
 from rigs.rig import lift_of, simulate  # noqa: E402
 
+from pipeline.effects.chamber import LEAK_PRESSURE  # noqa: E402
 from pipeline.fit import FitOptions, fit_prepared  # noqa: E402
 from pipeline.fit.problem import FIT_EFFECTS  # noqa: E402
 from pipeline.fit.result import fitted_torque  # noqa: E402
@@ -47,7 +48,7 @@ def truths(truth) -> dict[str, float]:  # type: ignore[no-untyped-def]
         "dead_volume": 1e9 * chamber.dead_volume,
         "bulk_modulus": fluid.modulus / 1e9,
         "port_closing_lift": 1e3 * closing,
-        "leakage": 1e14 * chamber.leak,
+        "leakage": 1e14 * chamber.leak * (1.0 + chamber.leak_growth * LEAK_PRESSURE) ** 3,
         "delay_error": 1e6 * truth.torque_sensor.delay_error * truth.torque_sensor.delay,
         "torque_zero": truth.torque_sensor.zero_residual,
     }

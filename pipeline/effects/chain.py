@@ -100,7 +100,7 @@ class ChainOutput:
     linear : (m, n_linear + n_basis) columns of the linear parameters, then of the lift correction
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
-    pressure_tangents : (n, 15 + 9) in kernel order, then `SHIFT_NAMES`; None where the line pressure is used
+    pressure_tangents : (n, 16 + 9) in kernel order, then `SHIFT_NAMES`; None where the line pressure is used
     load : (n,) contact force along the follower lambda_y [N]
     flows : (n, 4) port, spill, valve, leak [m^3/s]
     """

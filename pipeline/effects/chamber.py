@@ -8,11 +8,12 @@ chamber is one closed volume with four ways out, and the same balance of mass ho
     Q_port  = k_port max(0, y_port - y) sqrt(p - p_feed)          open until the plunger covers the port
     Q_spill = k_spill max(0, y - y_spill) sqrt(p - p_feed)  the helix uncovers a port above this lift
     Q_valve = a k_valve z(d / w) sqrt(p - p_line),  d = p - p_line - p_open   a: outlet open until end of delivery
-    Q_leak  = g (p - p_feed)
+    Q_leak  = g (p - p_feed) ((1 + h p) / (1 + h p_r))**3         g: leakage per pressure at p_r = 500 bar
 
 Pressure never falls below vapour pressure. Delivery ends either by spill or because the outlet closes (a goes to
 zero) while the lift still rises; the closed volume is then compressed, held through the dwell, and drives the cam on
 the return. Sources: Rezeau and others for the valve law (area in proportion to the valve lift up to its stop);
+the clearance of a plunger widens with the pressure in it, and leaks with its third power;
 bulk modulus of diesel fuel: Payri et al., Fuel 90 (2011), slope about 10 over 15-180 MPa.
 
 The balance is integrated by an implicit Euler rule for the mass, which is exact for a closed volume whatever the
@@ -36,6 +37,9 @@ VAPOUR_PRESSURE = -0.9 * BAR
 """Gauge pressure at which the liquid stops following the plunger [Pa]."""
 SMOOTHING_PRESSURE = 2.0 * BAR
 """Below this difference the square root goes over into a straight line (laminar) [Pa]."""
+KBAR = 1.0e3 * BAR
+LEAK_PRESSURE = 500.0 * BAR
+"""Pressure at which the leakage is stated [Pa]."""
 MM3_PER_SECOND_BAR = 1.0e-9 / BAR
 
 ROWS = (
@@ -54,7 +58,9 @@ ROWS = (
     display("valve_range", "w", "bar", BAR, (20.0, 0.3, 300.0, 5.0), (20.0, 20.0),
             "further pressure difference that lifts the valve to its stop", "spring rate of delivery valves"),
     display("leakage", "g", "mm^3/s/bar", MM3_PER_SECOND_BAR, (0.5, 0.0, 200.0, 0.3), (0.5, 2.0),
-            "laminar leakage past the plunger", "clearances of 2-6 um: 0.05-0.8, worn ones more"),
+            "leakage past the plunger, per pressure at 500 bar", "clearances of 2-6 um: 0.05-0.8, worn ones more"),
+    display("leak_growth", "h", "1/kbar", 1.0 / KBAR, (0.3, 0.0, 2.0, 0.1), (0.3, 0.4),
+            "widening of the plunger's clearance with pressure", "2-3 um at rest, about 1 um more at 1000 bar"),
     display("port_closing_lift", "y_port", "mm", 1.0e-3, (1.4, 0.02, 12.0, 0.02), None,
             "lift at which the plunger closes the inlet port", "end of pre-stroke; nominally at the trigger angle"),
     display("port_width", "b_port", "mm", DISCHARGE * 1.0e-3, (4.0, 0.1, 60.0, 1.0), (6.0, 6.0),
@@ -75,7 +81,7 @@ ROWS = (
 KERNEL_ORDER = (
     "dead_volume", "bulk_modulus", "bulk_modulus_slope", "feed_pressure", "valve_opening", "valve_area", "valve_range",
     "leakage", "port_closing_lift", "port_width", "end_of_delivery", "end_width", "spill_lift", "spill_width",
-    "pressure_zero",
+    "pressure_zero", "leak_growth",
 )  # fmt: skip
 """Order of the parameters in the kernel's vector."""
 
@@ -111,12 +117,20 @@ def _ramp(theta, end, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _leak(x, feed, leak, widening, at_reference):  # type: ignore[no-untyped-def]
+    """Leakage through a clearance that widens with the pressure: flow and derivative."""
+    ratio = max(1.0 + widening * x, 0.0) / at_reference
+    flow = leak * (x - feed) * ratio**3
+    return flow, leak * ratio**3 + 3.0 * leak * (x - feed) * ratio**2 * widening / at_reference
+
+
+@njit(cache=True, error_model="numpy")
 def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope, line_pressure, shifts):  # type: ignore[no-untyped-def]
     """Integrate the mass balance over one revolution from the open port, with exact tangents.
 
     Parameters
     ----------
-    parameters : (15,) in `KERNEL_ORDER` [SI]
+    parameters : (16,) in `KERNEL_ORDER` [SI]
     area, top_lift, time_step : plunger area [m^2], full lift [m], [s]
     theta, lift, slope, line_pressure : (n,) cam angle [rad], y [m], y' [m/rad], line pressure [Pa]
     shifts : (n, n_shift) derivative of the cam angle with respect to the parameters that shift it
@@ -124,13 +138,14 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
     Returns
     -------
     pressure : (n,) chamber pressure [Pa]
-    tangents : (n, 15 + n_shift) derivative of the pressure with respect to parameters and shifts
+    tangents : (n, 16 + n_shift) derivative of the pressure with respect to parameters and shifts
     flows : (n, 4) port, spill, valve, leak [m^3/s]
     """
-    v0, beta, b, feed, p_open, k_valve, w, leak, y_port, k_port, end, width, spill, k_spill, p_zero = parameters
+    v0, beta, b, feed, p_open, k_valve, w, leak, y_port, k_port, end, width, spill, k_spill = parameters[:14]
+    p_zero, widening = parameters[14:]
     n = theta.size
     n_shift = shifts.shape[1]
-    n_all = 15 + n_shift
+    n_all = 16 + n_shift
     pressure = np.empty(n)
     tangents = np.zeros((n, n_all))
     flows = np.zeros((n, 4))
@@ -143,9 +158,10 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
     mass_tangent[2] = volume * density * (-np.log(density) / b + feed / (b * (beta + b * feed)))
     mass_tangent[3] = volume * density / (beta + b * feed)
     for j in range(n_shift):
-        mass_tangent[15 + j] = -area * slope[0] * shifts[0, j] * density
+        mass_tangent[16 + j] = -area * slope[0] * shifts[0, j] * density
     partial = np.zeros(n_all)
     x = feed
+    at_reference = 1.0 + widening * LEAK_PRESSURE
     for i in range(n):
         volume = v0 + area * (top_lift - lift[i])
         port_gap = y_port - lift[i]
@@ -162,8 +178,9 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
             line_root, line_root_d = _root(x - line, 2.0e5)
             z, z_d = _opening((x - line - p_open) / w)
             valve = outlet * k_valve * z * line_root
-            out = (port_area + spill_area) * feed_root + valve + leak * (x - feed)
-            out_d = (port_area + spill_area) * feed_root_d + leak
+            loss, loss_d = _leak(x, feed, leak, widening, at_reference)
+            out = (port_area + spill_area) * feed_root + valve + loss
+            out_d = (port_area + spill_area) * feed_root_d + loss_d
             out_d += outlet * k_valve * (z_d / w * line_root + z * line_root_d)
             slope_f = volume * density / (beta + b * x) + time_step * out_d
             change = -(volume * density - mass + time_step * out) / slope_f
@@ -187,7 +204,8 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
         flows[i, 0] = port_area * feed_root
         flows[i, 1] = spill_area * feed_root
         flows[i, 2] = outlet * k_valve * z * line_root
-        flows[i, 3] = leak * (x - feed)
+        loss, loss_d = _leak(x, feed, leak, widening, at_reference)
+        flows[i, 3] = loss
         density_beta = density * (-x / (beta * modulus))
         density_b = density * (-np.log(density) / b + x / (b * modulus))
         pressure[i] = x
@@ -198,21 +216,23 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
             mass_tangent[1] = volume * density_beta
             mass_tangent[2] = volume * density_b
             for j in range(n_shift):
-                mass_tangent[15 + j] = -area * slope[i] * shifts[i, j] * density
+                mass_tangent[16 + j] = -area * slope[i] * shifts[i, j] * density
             continue
         valve_area = outlet * k_valve
-        out_d = (port_area + spill_area) * feed_root_d + leak
+        out_d = (port_area + spill_area) * feed_root_d + loss_d
         out_d += valve_area * (z_d / w * line_root + z * line_root_d)
         slope_f = volume * density / modulus + time_step * out_d
         partial[:] = 0.0
         partial[0] = density
         partial[1] = volume * density_beta
         partial[2] = volume * density_b
-        partial[3] = -time_step * ((port_area + spill_area) * feed_root_d + leak)
+        ratio = max(1.0 + widening * x, 0.0) / at_reference
+        partial[3] = -time_step * ((port_area + spill_area) * feed_root_d + leak * ratio**3)
         partial[4] = -time_step * valve_area * z_d / w * line_root
         partial[5] = time_step * outlet * z * line_root
         partial[6] = -time_step * valve_area * z_d * (x - line - p_open) / (w * w) * line_root
-        partial[7] = time_step * (x - feed)
+        partial[7] = time_step * (x - feed) * ratio**3
+        partial[15] = time_step * leak * (x - feed) * 3.0 * ratio**2 * (x - LEAK_PRESSURE) / at_reference**2
         if port_gap > 0.0:
             partial[8] = time_step * k_port * feed_root
             partial[9] = time_step * port_gap * feed_root
@@ -232,7 +252,7 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
             if spill_gap > 0.0:
                 by_lift += time_step * k_spill * feed_root
             by_theta = time_step * k_valve * z * line_root * outlet_theta
-            partial[15 + j] = (by_lift * slope[i] + by_theta) * shifts[i, j]
+            partial[16 + j] = (by_lift * slope[i] + by_theta) * shifts[i, j]
         for k in range(n_all):
             tangents[i, k] = -(partial[k] - mass_tangent[k]) / slope_f
         mass = volume * density
@@ -242,5 +262,5 @@ def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope,
         mass_tangent[1] += volume * density_beta
         mass_tangent[2] += volume * density_b
         for j in range(n_shift):
-            mass_tangent[15 + j] -= area * slope[i] * shifts[i, j] * density
+            mass_tangent[16 + j] -= area * slope[i] * shifts[i, j] * density
     return pressure, tangents, flows

@@ -112,8 +112,8 @@ IDENTITY.update(
 EFFECT_PARAMETERS: dict[str, tuple[str, ...]] = {
     "chamber": (
         "dead_volume", "bulk_modulus", "bulk_modulus_slope", "feed_pressure", "valve_opening", "valve_area",
-        "valve_range", "leakage", "port_closing_lift", "port_width", "end_of_delivery", "end_width", "spill_lift",
-        "spill_width", "pressure_zero"),
+        "valve_range", "leakage", "leak_growth", "port_closing_lift", "port_width", "end_of_delivery", "end_width",
+        "spill_lift", "spill_width", "pressure_zero"),
     "trigger": ("trigger_offset",),
     "driveline": ("shaft_compliance", "shaft_damping", "cam_side_inertia", "drive_admittance"),
     "sensor": ("gain_error", "delay_error", "cutoff", "filter_damping"),
