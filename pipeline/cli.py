@@ -11,6 +11,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -92,6 +93,9 @@ def _predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", type=float, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to be written")
+    parser.add_argument(
+        "--tolerance", type=float, metavar="SHARE", help="wanted error of the angle grid (default: 3600)"
+    )
 
 
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -123,25 +127,25 @@ def _options(arguments: argparse.Namespace) -> Any:
             raise Refusal(f"--effects: found {', '.join(unknown)}, expected some of {', '.join(FIT_EFFECTS)}")
     align = AlignOptions() if arguments.n_theta is None else AlignOptions(n_theta=arguments.n_theta)
     if arguments.tolerance is not None:
-        align = AlignOptions(n_theta=_grid_for(arguments))
+        n_theta, note = _grid_for(arguments)
+        align = AlignOptions(n_theta=n_theta, notes=(note,))
     steps, seed = getattr(arguments, "posterior", 0), getattr(arguments, "seed", 0)
     if steps < 0:
         raise Refusal(f"--posterior: found {steps} steps, expected 0 (none) or more, 1500 is usual")
     return RunOptions(align, FitOptions(effects, not arguments.no_ladder, steps, seed))
 
 
-def _grid_for(arguments: argparse.Namespace) -> int:
-    """Return the coarsest grid that the speed-accuracy chart allows for a wanted error."""
+def _grid_for(arguments: argparse.Namespace) -> tuple[int, Any]:
+    """Return the coarsest grid that the speed-accuracy chart allows for a wanted error, and what that implies."""
     from pipeline.fit.prepare import LEAST_GRID
     from pipeline.records import Refusal
-    from pipeline.studies import choose_grid
+    from pipeline.studies import grid_note
 
     if arguments.n_theta is not None:
         raise Refusal("--tolerance, --n-theta: found both, expected one of them; the tolerance chooses the grid")
-    n_theta, method, implied = choose_grid(arguments.tolerance)
-    n_theta = max(n_theta, LEAST_GRID)
-    _progress(arguments)(f"grid of {n_theta} points, {method}: error {implied:.1e} of the peak torque")
-    return n_theta
+    n_theta, note = grid_note(arguments.tolerance, LEAST_GRID)
+    _progress(arguments)(note.text)
+    return n_theta, note
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -196,16 +200,22 @@ def _align(arguments: argparse.Namespace) -> int:
 
 def _predict(arguments: argparse.Namespace) -> int:
     from pipeline.ingest.pump_file import read_pressure_curve, read_pump
-    from pipeline.mechanism.predict import predict, sweep_rows
+    from pipeline.mechanism.predict import SAMPLES, predict, sweep_rows
     from pipeline.report import check_output, write_prediction
+    from pipeline.studies import grid_note
     from pipeline.units import RPM
 
     if arguments.out is not None:
         check_output(arguments.out)
     config, findings = read_pump(arguments.pump)
     pressure = None if arguments.pressure is None else read_pressure_curve(arguments.pressure)
-    prediction = predict(config, [speed * RPM for speed in arguments.speed], pressure)
-    print("\n".join(_finding_lines([vars(row) for row in (*findings, *prediction.findings)])))
+    n_theta, notes = SAMPLES, findings
+    if arguments.tolerance is not None:
+        n_theta, note = grid_note(arguments.tolerance)
+        notes = (*findings, note)
+    prediction = predict(config, [speed * RPM for speed in arguments.speed], pressure, n_theta=n_theta)
+    prediction = replace(prediction, findings=(*notes, *prediction.findings))
+    print("\n".join(_finding_lines([vars(row) for row in prediction.findings])))
     print(f"{'rpm':>8}{'torque max':>12}{'min':>9}{'mean':>9} N m{'contact':>10} N{'Hertz':>8} GPa")
     for row in sweep_rows(prediction):
         print(

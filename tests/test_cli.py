@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -143,6 +144,23 @@ def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines if line[:8].strip()[:1].isdigit()] == ["300.0", "500.0"]
     assert {path.name for path in (tmp_path / "o").iterdir()} == {"predict.html", "predict.json"}
+
+
+def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pump = EXAMPLES.parent / "calibration" / "paper_pump.toml"
+    assert cli.main(["predict", str(pump), "--speed", "500", "--tolerance", "1e-3", "--out", str(tmp_path / "o")]) == 0
+    text = "360 points per revolution leave at most 2.1e-05"
+    assert text in capsys.readouterr().out
+    assert text in (tmp_path / "o" / "predict.html").read_text(encoding="utf-8")
+    doc = json.loads((tmp_path / "o" / "predict.json").read_text(encoding="utf-8"))
+    assert "grid_error" in {row["code"] for row in doc["findings"]}
+    assert len(doc["curves"]["theta_deg"]) == 360
+
+
+def test_tolerance_of_a_run_is_a_finding() -> None:
+    parsed = cli.build_parser().parse_args(["run", "r", "--out", "o", "--quiet", "--tolerance", "1e-4"])
+    (note,) = cli._options(parsed).align.notes
+    assert note.code == "grid_error"
 
 
 def test_help_does_not_import_the_rooms() -> None:

@@ -166,7 +166,7 @@ def _cam_cycles(
             mean_torque,
         ),
         trigger_jitter_s=base.edge_noise,
-        findings=(*findings, *ripple_unseen(spec, mean_torque, mean_speed, recording.config.id)),
+        findings=(*table.options.notes, *findings, *ripple_unseen(spec, mean_torque, mean_speed, recording.config.id)),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
         details=alignment_details(table.options, base, aligned),
     )

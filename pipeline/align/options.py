@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.records import Refusal
+from pipeline.records import Finding, Refusal
 
 INTERPOLATIONS = ("auto", "cubic", "linear", "average")
 SPEED_LAWS = ("constant", "smooth")
@@ -27,6 +27,7 @@ class AlignOptions:
     repaired_angle_deg : a repaired pulse is used when its expected error is below this
     scratch_dir : folder for aligned arrays on disk; None keeps them in memory
     block_samples : samples read at a time (a block and its results fit into the processor's cache)
+    notes : what whoever chose these options has to say about them; they stand among the findings
     """
 
     n_theta: int = 3600
@@ -38,6 +39,7 @@ class AlignOptions:
     repaired_angle_deg: float = 0.15
     scratch_dir: Path | None = None
     block_samples: int = 1 << 18
+    notes: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         if self.n_theta < 36:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.align.quality import spread_choice
 from pipeline.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from pipeline.units import BAR
 
 INVERTED_CORRELATION = -0.3
 SWAPPED_CORRELATION = 0.5
@@ -111,15 +112,19 @@ def _typical(rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channe
     swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(some - middle)))
     calibration = channel.calibration
     least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
-    if swing <= max(LEAST_SWING * scatter, least):
-        raise Refusal(
-            f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} does not follow the cam: the mean "
-            "cycle swings "
-            f"by {swing:.3g}, single cycles scatter by {scatter:.3g} (SI), expected at least {LEAST_SWING:.0f} times "
-            "that; "
-            "check the sensor, its cable and the channel's name"
-        )
-    return middle
+    if swing > max(LEAST_SWING * scatter, least):
+        return middle
+    unit, size = {"torque": ("N m", 1.0), "pressure": ("bar", BAR)}[channel.quantity]
+    reason = (
+        f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {LEAST_SWING:.0f} times that"
+        if LEAST_SWING * scatter > least
+        else f"expected at least {least / size:.3g} {unit}, a ten-thousandth of the sensor's range"
+    )
+    raise Refusal(
+        f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} does not follow the cam: the mean "
+        f"cycle swings by {swing / size:.3g} {unit}, {reason}; check the sensor, its cable, the supply and the "
+        "channel's name"
+    )
 
 
 def _correlation(a: Array, b: Array) -> float:

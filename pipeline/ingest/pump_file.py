@@ -49,6 +49,7 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
         angle, pressure = angle[:-1], pressure[:-1]
     if angle.size < 2 or not np.all(np.diff(angle) > 0.0) or angle[-1] - angle[0] >= 360.0:
         raise Refusal(
-            f"{path}: cam_angle_deg has to increase strictly within one revolution; sort or complete the curve"
+            f"{path}: cam_angle_deg has to increase strictly within one revolution and have two angles or more, found "
+            f"{angle.size}; sort or complete the curve"
         )
     return PressureCurve(angle * DEGREE, pressure * BAR)

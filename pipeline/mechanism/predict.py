@@ -24,8 +24,10 @@ from pipeline.records import Array, Finding, Refusal, RigidTorque, freeze_arrays
 from pipeline.units import BAR, DEGREE, RPM
 
 SAMPLES = 3600
-STRIDE = 5
-"""Every fifth sample (0.5 degrees) goes into the document."""
+WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
+"""Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
+KEPT = 720
+"""So many samples of a curve go into the document, at least where there are as many."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ def predict(
     pressure: PressureCurve | None = None,
     *,
     lift_method: str = "smoothing",
+    n_theta: int = SAMPLES,
 ) -> Prediction:
     """Return torque, forces and Hertz stress of a pump at several speeds.
 
@@ -108,6 +111,7 @@ def predict(
     config : `pipeline.ingest.pump_file.read_pump`
     speeds : cam speeds, positive [rad/s]
     pressure : on the plunger over cam angle, the same at every speed; None for a dry pump (spring and inertia only)
+    n_theta : points of the angle grid
 
     Raises
     ------
@@ -117,7 +121,7 @@ def predict(
     if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
         raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
     law, mounting = cam_of(config, lift_method), mounting_of(config)
-    theta = np.linspace(0.0, TURN, SAMPLES, endpoint=False, dtype=np.float64)
+    theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
     units = [PumpUnit(config.pump, law, phase, mounting) for phase in config.phases]
     curve = PressureCurve(np.array([0.0, np.pi]), np.zeros(2)) if pressure is None else pressure
     load = np.stack([pressure_at(curve, theta - phase) for phase in config.phases])
@@ -139,6 +143,7 @@ def predict(
         roller=roller,
         findings=(
             *_table_findings(config),
+            *_curve_findings(pressure),
             *_findings(tables.kinematics, law, roller, pumps, speed, pressure is None),
         ),
     )
@@ -162,6 +167,25 @@ def _table_findings(config: PumpConfig) -> tuple[Finding, ...]:
     return (Finding("lift_outlier", "warning", text, f"{where} deg"),)
 
 
+def _curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
+    """Return a warning where a pressure curve jumps between distant points: what lies between is not known."""
+    if curve is None or np.ptp(curve.pressure) == 0.0:
+        return ()
+    gap = np.diff(np.append(curve.theta, curve.theta[0] + TURN))
+    step = np.abs(np.diff(np.append(curve.pressure, curve.pressure[0]))) / np.ptp(curve.pressure)
+    blind = (gap > WIDEST_GAP) & (step > LARGEST_STEP)
+    if not blind.any():
+        return ()
+    worst = int(np.argmax(np.where(blind, step, 0.0)))
+    where = f"{curve.theta[worst] / DEGREE:g} deg"
+    text = (
+        f"the pressure curve has {curve.theta.size} points and changes by {100.0 * step[worst]:.0f} % of its swing "
+        f"within {gap[worst] / DEGREE:.0f} degrees without a point between: a monotone cubic is put there; give more "
+        "points"
+    )
+    return (Finding("pressure_curve_coarse", "warning", text, where),)
+
+
 def _findings(
     path: Kinematics, law: CamLaw, roller: Roller, pumps: tuple[RigidTorque, ...], speeds: Array, dry: bool
 ) -> tuple[Finding, ...]:
@@ -179,6 +203,14 @@ def _findings(
     for code, severity, text, mask in flanks:
         if np.any(mask):
             found.append(Finding(code, severity, text, f"{np.rad2deg(path.theta[mask][0]):.1f} deg"))
+    steepest = int(np.argmax(np.abs(path.tan_pressure_angle)))
+    steep = abs(float(path.tan_pressure_angle[steepest]))
+    if steep > 1.0:
+        text = (
+            f"the pressure angle reaches {np.degrees(np.arctan(steep)):.1f} degrees: the side force on the guide is "
+            f"{steep:.2g} times the force along it, and a guide friction of {1.0 / steep:.2g} jams the follower"
+        )
+        found.append(Finding("steep_flank", "warning", text, f"{np.rad2deg(path.theta[steepest]):.1f} deg"))
     if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
         found.append(Finding("acceleration_jump", "warning", "the acceleration of the lift jumps: shocks at speed"))
     for pump, speed in zip(pumps, speeds, strict=True):
@@ -241,7 +273,7 @@ def prediction_document(prediction: Prediction) -> dict[str, Any]:
 
 
 def _curves(prediction: Prediction) -> dict[str, Any]:
-    """Return the curves over angle, every `STRIDE`-th sample; per speed where they depend on it."""
+    """Return the curves over angle, thinned to `KEPT` samples; per speed where they depend on it."""
     path, pumps = prediction.kinematics, prediction.pumps
     names = ("contact_normal", "contact_tangential", "bearing_x", "bearing_y", "guide")
     return {
@@ -266,7 +298,7 @@ def _least_radius(path: Kinematics) -> float | None:
 
 def _list(values: Array) -> list[float | None]:
     """Return a thinned list with null for what could not be determined (an undercut cam has no Hertz stress)."""
-    return [float(value) if np.isfinite(value) else None for value in values[::STRIDE]]
+    return [float(value) if np.isfinite(value) else None for value in values[:: max(1, values.size // KEPT)]]
 
 
 def _jump(loss: ContactLoss) -> dict[str, float] | None:

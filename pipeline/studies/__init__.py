@@ -7,8 +7,8 @@ stability_driveline, stability_pump, stability_align, stability_fit             
 choices             the grid for a wanted error
 """
 
-from pipeline.studies.choices import choose_grid
+from pipeline.studies.choices import choose_grid, grid_note
 from pipeline.studies.speed_accuracy import run_speed_accuracy
 from pipeline.studies.stability import run_stability
 
-__all__ = ["choose_grid", "run_speed_accuracy", "run_stability"]
+__all__ = ["choose_grid", "grid_note", "run_speed_accuracy", "run_stability"]

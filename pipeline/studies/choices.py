@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.records import Refusal
+from pipeline.records import Finding, Refusal
 
 GRID_ERRORS: dict[tuple[int, str], float] = {
     (180, "linear"): 9.98e-3,
@@ -42,3 +42,20 @@ def choose_grid(tolerance: float) -> tuple[int, str, float]:
             return n_theta, method, error
     least = min(GRID_ERRORS.values())
     raise Refusal(f"tolerance: {tolerance:g} is finer than the finest grid studied reaches, {least:g}; ask for more")
+
+
+def grid_note(tolerance: float, least: int = 0) -> tuple[int, Finding]:
+    """Return the points per revolution for a wanted error, at least ``least``, and what the choice implies.
+
+    Raises
+    ------
+    Refusal
+        See `choose_grid`.
+    """
+    n_theta, method, implied = choose_grid(tolerance)
+    raised = f", raised to the {least} that the fit needs," if least > n_theta else ""
+    text = (
+        f"angle grid for a wanted error of {tolerance:.1e} of the peak torque: {n_theta} points per revolution{raised} "
+        f"leave at most {implied:.1e} between the points ({method} curve, by the speed-accuracy study)"
+    )
+    return max(n_theta, least), Finding("grid_error", "info", text, "--tolerance")

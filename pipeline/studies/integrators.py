@@ -150,6 +150,38 @@ def collocation(shaft: Shaft, elements: int, stages: int, offset: float = 0.0) -
     return orbit.theta, orbit.torque, orbit.closed
 
 
+def alpha_coefficients(rho: float) -> tuple[float, float, float, float]:
+    """Return alpha_m, alpha_f, beta, gamma of generalized-alpha (Chung & Hulbert 1993)."""
+    mass, force = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma = 0.5 + force - mass
+    return mass, force, 0.25 * (gamma + 0.5) ** 2, gamma
+
+
+def alpha_accelerations(lift: Array, h: float, turns: int, rho: float, start: tuple[float, float]) -> Array:
+    """Return the follower's acceleration over the last turn by generalized-alpha on the cut joint, index 3.
+
+    The joint is kept in position, ``y_(n+1) = Y(theta_(n+1))``, at every step; velocity, auxiliary and true
+    acceleration, and with it the multiplier, follow from the recursion (Arnold & Bruls 2007, Section 3).
+
+    Parameters
+    ----------
+    lift : (n,) Y over one turn of even steps, starting at 0 [m]
+    h : step [s]
+    start : velocity and acceleration at the first step [m/s, m/s^2]
+    """
+    mass, force, beta, gamma = alpha_coefficients(rho)
+    velocity, change = start
+    auxiliary, found = change, np.empty(lift.size)
+    for n in range(turns * lift.size):
+        found[n % lift.size] = change
+        step = lift[(n + 1) % lift.size] - lift[n % lift.size]
+        aux = ((step - h * velocity) / h**2 - (0.5 - beta) * auxiliary) / beta
+        change = ((1.0 - mass) * aux + mass * auxiliary - force * change) / (1.0 - force)
+        velocity += h * ((1.0 - gamma) * auxiliary + gamma * aux)
+        auxiliary = aux
+    return found
+
+
 def rhs(table: Array, shaft: Shaft) -> Callable[[float, Array], list[float]]:
     """Return the right-hand side in time for scipy's integrators, state (lead, rate)."""
     vector = (shaft.stiffness, shaft.damping, shaft.speed)

@@ -28,6 +28,21 @@ CHARTS: dict[str, Callable[[Path, bool], Charts]] = {
 """Part of the study -> its charts."""
 
 
+def need_examples(examples: Path) -> None:
+    """Refuse a folder without the recordings that the studies fit.
+
+    Raises
+    ------
+    Refusal
+        Naming the folder.
+    """
+    if not (examples / "A_0500rpm" / "recording.toml").exists():
+        raise Refusal(
+            f"study: no example recordings in {examples}, expected A_0500rpm and others; run it in the folder that "
+            "holds raw_examples"
+        )
+
+
 def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> list[Path]:
     """Measure every chart, write ``speed_accuracy.json`` and one PNG and SVG per chart, and return the paths.
 
@@ -42,11 +57,7 @@ def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES
     Refusal
         No example recordings.
     """
-    if not (examples / "A_0500rpm" / "recording.toml").exists():
-        raise Refusal(
-            f"study: no example recordings in {examples}, expected A_0500rpm and others; run it in the folder that "
-            "holds raw_examples"
-        )
+    need_examples(examples)
     out.mkdir(parents=True, exist_ok=True)
     charts = [chart for build in CHARTS.values() for chart in build(examples, quick)]
     content = document("speed-accuracy", charts, quick)

@@ -6,11 +6,20 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.mechanism import kinematics
+from pipeline.mechanism import closed_form_tables, kinematics
 from pipeline.records import Array
 from pipeline.studies.case import knotted_law, study_pump, uniform
 from pipeline.studies.driveline import adaptive, at_angles, elastic, harmonic
-from pipeline.studies.integrators import SCHEMES, TABLE, TURN, Shaft, collocation, load_rows, march_periodic
+from pipeline.studies.integrators import (
+    SCHEMES,
+    TABLE,
+    TURN,
+    Shaft,
+    alpha_accelerations,
+    collocation,
+    load_rows,
+    march_periodic,
+)
 from pipeline.studies.table import Cell, StabilityMap
 from pipeline.studies.verdicts import Outcome, cell
 
@@ -216,3 +225,48 @@ def drift_map(quick: bool) -> StabilityMap:
         cells.append(cell(name, "minimal coordinates", partial(_loop_gap, steps), GAPS, "gap / lift", True))
     note = "largest gap between roller and cam over the lift; in minimal coordinates lift is a function of cam angle"
     return StabilityMap("constraint_drift", "Cut joint held by force", tuple(cells), note)
+
+
+FAST = 6.0
+"""Times the study's speed, a dry pump: inertia is then more than half of the contact force."""
+
+
+def _force(acceleration: Array, lift: Array) -> Array:
+    pump = study_pump()
+    return pump.spring_preload + pump.spring_stiffness * lift + pump.follower_mass * acceleration
+
+
+def _multiplier(rho: float, steps: int, turns: int) -> Outcome:
+    """Return the error of the contact force over its peak, from the multiplier of the cut joint."""
+    speed = FAST * Shaft().speed
+    lift, slope, curve = knotted_law().derivatives(uniform(steps), 2)
+    start = float(slope[0] * speed), float(curve[0] * speed**2)
+    found = _force(alpha_accelerations(lift, TURN / speed / steps, turns, rho, start), lift)
+    exact = _force(curve * speed**2, lift)
+    return float(np.max(np.abs(found - exact)) / np.max(exact)), ""
+
+
+def _minimal(steps: int) -> Outcome:
+    """Return the same for the package's force, in minimal coordinates."""
+    speed, theta = FAST * Shaft().speed, uniform(steps)
+    lift, _, curve = knotted_law().derivatives(theta, 2)
+    found = closed_form_tables(study_pump(), knotted_law(), theta).evaluate("contact_y", np.zeros(steps), speed)
+    exact = _force(curve * speed**2, lift)
+    return float(np.max(np.abs(found - exact)) / np.max(exact)), ""
+
+
+def multiplier_map(quick: bool) -> StabilityMap:
+    """Return the contact force by generalized-alpha on the cut joint (index 3), beside minimal coordinates."""
+    cells = []
+    for steps in (90, 360) if quick else (90, 360, 720, 1440, 3600):
+        for turns in (1, 20):
+            name = f"{steps} steps/rev, {turns} turns"
+            for rho in (1.0, 0.9, 0.8, 0.5):
+                attempt = partial(_multiplier, rho, steps, turns)
+                cells.append(cell(name, f"generalized-alpha, rho {rho:g}", attempt, LIMITS, "force error"))
+            cells.append(cell(name, "minimal coordinates", partial(_minimal, steps), LIMITS, "force error", True))
+    note = (
+        "dry pump at 3000 rpm; error of the contact force over its peak; the position of the joint is exact, its force "
+        "is the multiplier, which rho = 1 lets oscillate for ever and rho < 1 damps to first order at every knot"
+    )
+    return StabilityMap("cut_joint_force", "Force of the cut joint, index 3", tuple(cells), note)

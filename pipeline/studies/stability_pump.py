@@ -102,6 +102,7 @@ def _run(config: PumpConfig, speed: float, exact: CamLaw) -> Outcome:
 def running_map(quick: bool) -> StabilityMap:
     """Return what a prediction makes of cams and speeds at the edge of the model."""
     steep, hollow = study_law(rise_deg=25.0), study_law(lift=12e-3)
+    wall = study_law(rise_deg=6.0), study_law(rise_deg=2.0)
     large = replace(study_pump(), roller_radius=0.03)
     far = replace(study_pump(), follower_offset=0.05)
     cases: dict[str, Callable[[], Outcome]] = {
@@ -114,6 +115,8 @@ def running_map(quick: bool) -> StabilityMap:
         "follower jumps (6000 rpm)": lambda: _run(pump_config(), 12.0 * SPEED, study_law()),
         "concave flank": lambda: _run(pump_config(hollow), SPEED, hollow),
         "steep flank, undercut (25 deg rise)": lambda: _run(pump_config(steep), SPEED, steep),
+        "pressure angle to 79 deg (6 deg rise)": lambda: _run(pump_config(wall[0]), SPEED, wall[0]),
+        "pressure angle to 86 deg (2 deg rise)": lambda: _run(pump_config(wall[1]), SPEED, wall[1]),
         "undercut (roller of 30 mm)": lambda: _run(pump_config(steep, pump=large), SPEED, steep),
         "offset beyond the roller's reach": lambda: _run(pump_config(pump=far), SPEED, study_law()),
     }

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from align_truth import Rig, make
 
-from pipeline.align import align, alignment_summary
+from pipeline.align import AlignOptions, align, alignment_summary
+from pipeline.records import Finding
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5, duration=1.5)
 
@@ -59,3 +60,13 @@ def test_cycles_are_read_only_and_complete_at_birth() -> None:
     assert not cycles.torque.flags.writeable
     assert np.isfinite(cycles.torque).all()
     assert np.isfinite(cycles.pressure).all()
+
+
+def test_notes_of_the_options_stand_among_the_findings() -> None:
+    note = Finding("grid_error", "info", "chosen")
+    assert note in align(make(RIG), AlignOptions(notes=(note,))).findings
+
+
+def test_note_on_ripple_gives_the_angle_that_the_torque_makes() -> None:
+    (note,) = (item for item in align(make(RIG)).findings if item.code == "ripple_unseen")
+    assert "degrees at most over the inertia of the drive in kg m^2" in note.text

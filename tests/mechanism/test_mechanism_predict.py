@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.config_pump import load_pump_config
+from pipeline.config_pump import PressureCurve, load_pump_config
 from pipeline.ingest.pump_file import read_pressure_curve, read_pump
 from pipeline.mechanism import solve_rigid
 from pipeline.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
@@ -198,3 +199,30 @@ def test_missing_files_are_refused(tmp_path):
 def test_speeds_have_to_be_positive(speeds):
     with pytest.raises(Refusal, match="expected at least one positive speed"):
         predict(load_pump_config(PAPER), speeds)
+
+
+def test_pressure_angle_beyond_45_degrees_is_told():
+    config = load_pump_config(PAPER)
+    found = {item.code: item.text for item in predict(config, [50.0]).findings}
+    assert "steep_flank" not in found
+    small = replace(config, pump=replace(config.pump, base_circle_radius=2e-3, roller_radius=1e-3))
+    found = {item.code: item.text for item in predict(small, [50.0]).findings}
+    assert "pressure angle reaches" in found["steep_flank"]
+    assert "jams the follower" in found["steep_flank"]
+
+
+@pytest.mark.parametrize(
+    ("theta_deg", "bar", "told"),
+    [
+        ([0.0, 180.0], [0.0, 300.0], True),
+        ([0.0, 180.0], [5.0, 5.0], False),
+        # base circle without points, flanks with them
+        ([0.0, 20.0, 30.0, 40.0, 50.0], [0.0, 5.0, 300.0, 200.0, 0.0], False),
+    ],
+)
+def test_pressure_curve_with_gaps_is_told(theta_deg, bar, told):
+    curve = PressureCurve(np.radians(theta_deg), 1e5 * np.array(bar))
+    found = {item.code: item.text for item in predict(load_pump_config(PAPER), [50.0], curve).findings}
+    assert ("pressure_curve_coarse" in found) == told
+    if told:
+        assert "2 points and changes by 100 % of its swing within 180 degrees" in found["pressure_curve_coarse"]

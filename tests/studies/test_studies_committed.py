@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.records import Refusal
-from pipeline.studies import choose_grid
+from pipeline.studies import choose_grid, grid_note, run_speed_accuracy, run_stability
 from pipeline.studies.choices import GRID_ERRORS
 from pipeline.studies.speed_accuracy import CHARTS
 from pipeline.studies.stability import MAPS
@@ -78,3 +78,19 @@ def test_choice_is_the_coarsest_grid_that_serves(tolerance, points):
 def test_impossible_tolerances_are_refused(tolerance, text):
     with pytest.raises(Refusal, match=text):
         choose_grid(tolerance)
+
+
+def test_note_on_the_grid_says_what_it_implies():
+    n_theta, note = grid_note(1e-3)
+    assert (n_theta, note.severity) == (360, "info")
+    assert "360 points per revolution leave at most 2.1e-05" in note.text
+    raised, note = grid_note(1e-2, least=360)
+    assert raised == 360
+    assert "180 points per revolution, raised to the 360 that the fit needs" in note.text
+
+
+@pytest.mark.parametrize("run", [run_stability, run_speed_accuracy])
+def test_study_without_examples_is_refused_and_leaves_nothing(run, tmp_path):
+    with pytest.raises(Refusal, match=r"no example recordings in .*expected A_0500rpm"):
+        run(tmp_path / "out", examples=tmp_path)
+    assert not (tmp_path / "out").exists()

@@ -6,7 +6,7 @@ import pytest
 from pipeline.mechanism.collocation import gauss
 from pipeline.studies.case import uniform
 from pipeline.studies.driveline import at_angles, balanced, elastic
-from pipeline.studies.integrators import TABLE, Shaft, collocation, load_rows, march_periodic
+from pipeline.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
 
 CHECK = uniform(1009)
 
@@ -45,3 +45,16 @@ def test_explicit_steps_run_away_beyond_their_limit():
     table = load_rows(uniform(TABLE))
     assert not march_periodic(table, Shaft(stiffness=1e6), "RK4", 1800)[2]
     assert march_periodic(table, Shaft(stiffness=1e6), "generalized-alpha 0.8", 1800)[2]
+
+
+def test_multiplier_of_the_cut_joint_converges_only_with_damping():
+    # a smooth lift: second order for the acceleration, and rho = 1 keeps what the start put in
+    def error(steps, rho, turns):
+        theta = uniform(steps)
+        found = alpha_accelerations(1.0 - np.cos(theta), 2.0 * np.pi / steps, turns, rho, (0.0, 1.0))
+        return np.max(np.abs(found - np.cos(theta)))
+
+    assert np.log2(error(180, 0.5, 5) / error(360, 0.5, 5)) > 1.8
+    wrong_start = [np.max(np.abs(alpha_accelerations(np.zeros(90), 0.1, turns, 1.0, (0.0, 1.0)))) for turns in (1, 10)]
+    assert wrong_start[1] >= 0.99 * wrong_start[0]
+    assert np.max(np.abs(alpha_accelerations(np.zeros(90), 0.1, 2, 0.8, (0.0, 1.0)))) < 1e-6
