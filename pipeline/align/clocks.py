@@ -24,6 +24,9 @@ LARGEST_SKEW = 300.0e-6
 CLEAR_EVIDENCE = 5.0
 """Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."""
 
+STAIRS_FROM, STAIR_FACTOR = 20, 1.5
+"""Changes from which on stairs are told from jumps (fewer than one in ten), and height of a jump over a stair."""
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -165,6 +168,9 @@ def clock_steps(time: Array, difference: Array) -> tuple[tuple[float, ...], tupl
     change = np.diff(difference)
     centred = change - np.median(change)
     limit = max(STEP_TIMES_SCATTER * 1.4826 * float(np.median(np.abs(centred))), LEAST_STEP)
+    if change.size >= STAIRS_FROM:
+        # Edges within one sample are known to one sample: drift then climbs in stairs of that height, most steps none.
+        limit = max(limit, STAIR_FACTOR * float(np.percentile(np.abs(centred), 90.0)))
     breaks, steps = [], [0.0]
     for i in np.flatnonzero(np.abs(centred) > limit):
         drift = np.median(change) * (np.arange(difference.size) - i)

@@ -106,6 +106,16 @@ def test_step_of_a_clock_is_found_and_a_wrong_edge_is_none() -> None:
     np.testing.assert_allclose(steps, [0.0, 5e-3], atol=1e-5)
 
 
+def test_stairs_of_edges_within_one_sample_are_no_jumps() -> None:
+    # 100 ppm at 8 revolutions per second and 20 kHz: a stair of one sample every fourth revolution
+    time = PERIOD * np.arange(60)
+    stairs = np.round(1e-4 * time / 5e-5) * 5e-5
+    assert clock_steps(time, stairs) == ((), (0.0,))
+    stairs[30:] += 5e-3
+    breaks, _ = clock_steps(time, stairs)
+    np.testing.assert_allclose(breaks, [time[29:31].mean()])
+
+
 def test_negative_rotation_reads_as_its_channel_is_turned() -> None:
     recording = make(Rig(duration=1.5))
     torque = recording.channels[0]
