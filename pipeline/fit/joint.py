@@ -26,7 +26,7 @@ from pipeline.fit.problem import (
 from pipeline.fit.result import Fit, fitted_torque, model_on_grid
 from pipeline.fit.single import FitOptions, Prepared, other_lift_laws, pressure_gain_std, with_law
 from pipeline.fit.solve import Solution, solve
-from pipeline.fit.starts import started_at, with_best_coupling
+from pipeline.fit.starts import past_valleys, started_at, with_best_coupling
 from pipeline.fit.uncertainty import covariance, parameter_names, parameter_values, spread, variants
 from pipeline.records import Array, Finding, FittedTorque, LadderRung, Metrics, ParameterEstimate
 
@@ -113,7 +113,7 @@ def solve_joint(data: Sequence[FitData], effects: Sequence[str]) -> tuple[Proble
         trial = solve(problem, start, max_iterations=10)
         if trial.chi_square < best.chi_square * (1.0 - 1e-6):
             best = solve(problem, trial.x)
-    return problem, best
+    return problem, past_valleys(problem, best, minimise)
 
 
 def without(problem: Problem, solution: Solution, index: int) -> tuple[Problem, Solution]:

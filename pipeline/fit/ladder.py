@@ -146,7 +146,9 @@ def climb(
     rows.append((current, f"upward: with {order[-1]} {_change(previous, current)}"))
     current, down = _descend(current, order, tried)
     rows += down
-    table = tuple(_row(rung, rung is current, reason, untested) for rung, reason in rows)
+    # a set may be tried again after another effect has gone: the last of its rows is the choice
+    last = max(k for k, (rung, _) in enumerate(rows) if rung is current)
+    table = tuple(_row(rung, k == last, reason, untested) for k, (rung, reason) in enumerate(rows))
     return current.effects, current.solution, table
 
 

@@ -133,7 +133,7 @@ def outcome_of(problem: Problem, values: Array, covariance: Array, point: FullPo
     n_priors = point.vector.size - n_bins
     return Outcome(
         values, covariance, point.vector, point.chi_square, n_bins / CORRELATION + n_priors, solution.evaluations,
-        "least_squares", "converged" if solution.converged else "iterations ran out", solution.converged,
+        "least_squares", "converged" if solution.converged else "ended before a minimum", solution.converged,
         problem.n_lift,
     )  # fmt: skip
 

@@ -292,7 +292,7 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
 def _fit_findings(fit: Fit, index: int, fitted: Modelled) -> tuple[Finding, ...]:
     result = []
     if not fit.solution.converged:
-        text = "the fit used up its iterations; chi-square still falls slowly along a flat direction"
+        text = "the fit has not ended in a minimum: chi-square still falls slowly along a flat direction"
         result.append(Finding("not_converged", "warning", text))
     if fit.covariance.inflation > 1.0:
         text = (
