@@ -3,6 +3,7 @@
 table, verdicts     points, charts, cells, maps; the Pareto front; reading and writing
 case, integrators   the pump of the studies, and the usual ways to integrate its driveline
 grid, dynamics, driveline, resampling, fitting, scenes              the charts
+replicates          a reference for stated uncertainties
 stability_driveline, stability_pump, stability_align, stability_fit                the maps
 choices             the grid for a wanted error
 """

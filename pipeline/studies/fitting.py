@@ -21,6 +21,13 @@ from pipeline.fit.uncertainty import covariance, parameter_values
 from pipeline.ingest import read_recording
 from pipeline.mechanism import Mounting, lift_law, solve_rigid
 from pipeline.records import Array
+from pipeline.studies.replicates import (
+    Stated,
+    replicate_deviation,
+    stated_by_covariance,
+    stated_by_profiles,
+    uncertainty_points,
+)
 from pipeline.studies.table import Chart, Point
 
 EFFECTS = ("chamber", "trigger", "driveline", "sensor", "friction")
@@ -28,6 +35,7 @@ REDUCED = ("trigger_offset", "dead_volume", "valve_area")
 """What the global search varies; all others stay at the minimum."""
 ITERATIONS = (1, 2, 4, 8, 16, 80)
 LEAST = 1.0e-8
+REPLICATES = 300
 Run = Iterator[tuple[str, str, Array, float]]
 
 
@@ -148,39 +156,37 @@ def fitting_charts(examples: Path, quick: bool) -> tuple[Chart, ...]:
         for family, setting, z, seconds in runs
     ]  # fmt: skip
     sampled = list(_sampling(problem, best, exact, std, quick))
-    points += [Point("sampling (emcee)", setting, mean, cost, candidate=False) for setting, mean, _, cost in sampled]
+    points += [Point("sampling (emcee)", setting, mean, cost, candidate=False) for _, setting, _, cost, mean in sampled]
     note = (
         f"recording A_0500rpm, {len(EFFECTS)} effects, {exact.size} parameters, same start; largest distance from the "
         "lowest minimum that any of them found, in standard uncertainties; starts from the scan of the package"
     )
-    stated = [Point("sampling (emcee)", setting, spread, cost, candidate=False) for setting, _, spread, cost in sampled]
-    start = time.perf_counter()
-    covariance(problem, best)
-    linear_cost = time.perf_counter() - start
-    median = _median_ratio(sampled)
-    stated.append(Point("covariance at the minimum", "", max(abs(median), LEAST), linear_cost, True))
-    text = (
-        "median over parameters of |deviation of the chains / deviation of the covariance - 1|; the covariance is "
-        "drawn at the value of the longest chains, which are too short to be a reference: agreement, not error"
-    )
     return (
         Chart("fitting", "Fitting", "largest error / standard uncertainty", "time [s]", tuple(points), note),
-        Chart(
-            "uncertainty", "Stated uncertainty", "difference of stated uncertainties", "time [s]", tuple(stated), text
-        ),
+        _uncertainty(problem, best, [row[:4] for row in sampled], np.isfinite(std), quick),
     )
 
 
-def _median_ratio(sampled: list[tuple[str, float, float, float]]) -> float:
-    """Return the relative difference of the linear uncertainty from the longest chains."""
-    return sampled[-1][2]
+def _uncertainty(problem: Problem, best: Solution, sampled: list[Stated], free: Array, quick: bool) -> Chart:
+    """Return the error of stated uncertainties against the scatter of replicates."""
+    count = REPLICATES // 10 if quick else REPLICATES
+    reference = replicate_deviation(problem, best, count)
+    stated = [stated_by_covariance(problem, best), stated_by_profiles(problem, best), *sampled]
+    points = uncertainty_points(reference, iter(stated), lambda family: family.startswith("covariance"), free)
+    text = (
+        f"median over parameters of |stated / scatter of the estimates over {count} replicates - 1|; every replicate "
+        f"draws the noise and the sheets anew; the reference itself is known to {100.0 / np.sqrt(2.0 * count):.0f} %"
+    )
+    return Chart(
+        "uncertainty", "Stated uncertainty", "error of the stated uncertainty", "time after the fit [s]", tuple(points),
+        text,
+    )  # fmt: skip
 
 
-Sampled = tuple[str, float, float, float]
-
-
-def _sampling(problem: Problem, best: Solution, exact: Array, std: Array, quick: bool) -> Iterator[Sampled]:
-    """Yield chain length, largest error of the mean, median relative difference of the deviation, and time."""
+def _sampling(
+    problem: Problem, best: Solution, exact: Array, std: Array, quick: bool
+) -> Iterator[tuple[str, str, Array, float, float]]:
+    """Yield family, chain length, deviation of the chains [SI], time, largest error of the mean over ``std``."""
     rows = [slot.row.per_unit for slot in (*problem.nonlinear, *problem.linear)]
     for steps in (10, 30) if quick else (30, 100, 300):
         start = time.perf_counter()
@@ -190,9 +196,4 @@ def _sampling(problem: Problem, best: Solution, exact: Array, std: Array, quick:
         seconds = time.perf_counter() - start
         samples = found.samples * np.array(rows)
         error = float(np.max(np.abs(samples.mean(axis=0) - exact) / std))
-        yield (
-            f"{steps} steps",
-            error,
-            float(np.median(np.abs(samples.std(axis=0) / std - 1.0)[np.isfinite(std)])),
-            seconds,
-        )
+        yield "sampling (emcee)", f"{steps} steps", samples.std(axis=0), seconds, error

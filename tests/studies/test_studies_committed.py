@@ -31,8 +31,11 @@ def test_chosen_effects_predict_as_well_as_any_rung():
     for name in recordings:
         line = [point for point in chart.points if point.family == name]
         chosen = next(point for point in line if point.default)
-        # the ladder gives up a held-out error within its own scatter for fewer effects: five percent is the most seen
-        assert chosen.error <= 1.05 * min(point.error for point in line)
+        best = min(line, key=lambda point: point.error)
+        # held-out cycles share every systematic error with the fitted ones, so more effects always look a little
+        # better; the score asks for evidence. Given up for up to seven parameters: ten percent, a hundredth of the gain
+        assert chosen.error <= 1.12 * best.error
+        assert chosen.cost <= best.cost
 
 
 def test_no_default_fails_silently():
