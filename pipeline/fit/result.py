@@ -15,6 +15,7 @@ from pipeline.effects.driveline import COMPLIANCE_NAMES
 from pipeline.fit.advice import next_measurement
 from pipeline.fit.bootstrap import Bootstrap
 from pipeline.fit.budget import BudgetRow, uncertainty_budget
+from pipeline.fit.combinations import combinations
 from pipeline.fit.estimates import estimates, prior_findings, profile_findings, with_profiles
 from pipeline.fit.metrics import metrics, stroke_masks
 from pipeline.fit.next_run import expected_gains
@@ -149,6 +150,7 @@ def _details(fit: Fit, index: int, fitted: Modelled) -> dict[str, object]:
         "chi_square": solution.chi_square, "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
         "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior, "budget": _budget(fit),
         "profiles": fit.profiles, "bootstrap": fit.bootstrap,
+        "combinations": combinations(fit.problem, fit.solution, fit.covariance) if len(fit.problem.data) == 1 else (),
     }  # fmt: skip
 
 

@@ -96,6 +96,7 @@ def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
     return {
         "profiles": profiles,
         "bootstrap": {} if drawn is None else dict(zip(drawn.names, drawn.std, strict=True)),
+        "combinations": [{**asdict(item), "text": item.text} for item in fitted.details.get("combinations", ())],
         "budget": {row.name.split("__")[0]: dict(row.contributions) for row in fitted.details.get("budget", ())},
     }
 
