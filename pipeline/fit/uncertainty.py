@@ -139,8 +139,9 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
 
     Notes
     -----
-    Other valve law (square root instead of lift-limited), no guide friction, sharp end of delivery, delivery or the
-    whole chain trusted less in the weights, other smoothing of the lift table.
+    Other valve law (square root instead of lift-limited), faster port, stiff clearance, no guide friction, sharp end of
+    delivery, a drive on a controller, delivery or the whole chain trusted less in the weights, other smoothing of the
+    lift table.
     """
     known = dict(zip(parameter_names(problem), parameter_values(problem, solution), strict=True))
     specs: list[tuple[str, Sequence[FitData], dict[str, float]]] = []
@@ -152,6 +153,7 @@ def variants(problem: Problem, solution: Solution, other_laws: Sequence[Sequence
         )
         if width > 0.0:
             specs.append(("inlet port closes over a third of the lift", problem.data, {"port_width": width}))
+        specs.append(("clearance of the plunger does not widen", problem.data, {"leak_growth": 0.0}))
         specs.append(("bulk modulus slope as in the literature", problem.data, {"bulk_modulus_slope": 10.0}))
         specs.append(("valve law trusted to a tenth of its pressure drop", _valve_distrusted(problem, solution), {}))
     if "driveline" in problem.effects and "controller" not in problem.effects:
