@@ -16,14 +16,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.fit.joint import solve_joint
-from pipeline.fit.prepare import with_rows
-from pipeline.fit.problem import FIT_EFFECTS, FitData, Problem
-from pipeline.fit.solve import Solution
-from pipeline.fit.starts import find_start, rising_angles
-from pipeline.fit.uncertainty import covariance, parameter_names, parameter_values
-from pipeline.run import RunOptions, align, prepare, read_recording, rigid_torque
+from camtorque.fit.joint import solve_joint
+from camtorque.fit.prepare import with_rows
+from camtorque.fit.problem import FIT_EFFECTS, FitData, Problem
+from camtorque.fit.solve import Solution
+from camtorque.fit.starts import find_start, rising_angles
+from camtorque.fit.uncertainty import covariance, parameter_names, parameter_values
+from camtorque.run import RunOptions, align, prepare, read_recording, rigid_torque
 
 SAME = 1.0e-6
 EFFECTS = tuple(name for name in FIT_EFFECTS if name not in ("coupling", "spring"))

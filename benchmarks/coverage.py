@@ -20,15 +20,14 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "fit")]
 
+from camtorque.fit import FitOptions, fit_prepared  # noqa: E402
+from camtorque.fit.problem import FIT_EFFECTS  # noqa: E402
+from camtorque.fit.result import fitted_torque  # noqa: E402
+from camtorque.laws.chamber import LEAK_PRESSURE  # noqa: E402
 from rig_prepared import prepared_run  # noqa: E402
 from rigs.cycles import as_cycles  # noqa: E402
 from rigs.families import FAMILIES  # noqa: E402
 from rigs.rig import lift_of, simulate  # noqa: E402
-
-from pipeline.effects.chamber import LEAK_PRESSURE  # noqa: E402
-from pipeline.fit import FitOptions, fit_prepared  # noqa: E402
-from pipeline.fit.problem import FIT_EFFECTS  # noqa: E402
-from pipeline.fit.result import fitted_torque  # noqa: E402
 
 DEFAULT_FAMILIES = ("closed_volume", "plain", "spill", "plain_spill", "foreign_leak", "foreign_valve_mass")
 CHAIN = tuple(name for name in FIT_EFFECTS if name not in ("controller", "coupling"))

@@ -24,10 +24,9 @@ from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "align"))
 from align_truth import PRESSURE_GAIN, TORQUE_GAIN, Rig, pressure_of, torque_of, trigger_volts
-
-from pipeline.align import AlignOptions, align
-from pipeline.ingest import read_recording
-from pipeline.ingest.hashes import input_file
+from camtorque.align import AlignOptions, align
+from camtorque.ingest import read_recording
+from camtorque.ingest.hashes import input_file
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 100_000.0

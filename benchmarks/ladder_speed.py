@@ -2,7 +2,7 @@
 
     python benchmarks/ladder_speed.py [--rungs upward|all] [--skip 0] [--limit 600] [--page docs/ladder_speed.md]
 
-Every rung is fitted twice from the same start: by `pipeline.fit.solve`, and by `lmfit.minimize` (leastsq, numerical
+Every rung is fitted twice from the same start: by `camtorque.fit.solve`, and by `lmfit.minimize` (leastsq, numerical
 derivatives) on the same compiled residual with the same bounds, priors and tolerance. The plain side gets the best
 linear parameters at the start as a gift, since a start on a bound has no slope behind lmfit's transformation. Times are
 processor times, so that other work on the machine does not count; a plain fit that runs into the limit is stopped, and
@@ -19,18 +19,17 @@ from pathlib import Path
 
 import lmfit
 import numpy as np
-
-from pipeline.align import align
-from pipeline.effects.chain import binned, evaluate_chain, filtered, transfer
-from pipeline.fit import prepare
-from pipeline.fit.full_space import full_limits
-from pipeline.fit.joint import joint_start
-from pipeline.fit.problem import FIT_EFFECTS, FitData, Problem, build_problem
-from pipeline.fit.solve import RELATIVE_TOLERANCE, chain_coefficients, solve, try_at
-from pipeline.ingest import read_recording
-from pipeline.mechanism import Mounting, solve_rigid
-from pipeline.mechanism.spectral import spectral_law
-from pipeline.records import Array
+from camtorque.align import align
+from camtorque.fit import prepare
+from camtorque.fit.full_space import full_limits
+from camtorque.fit.joint import joint_start
+from camtorque.fit.problem import FIT_EFFECTS, FitData, Problem, build_problem
+from camtorque.fit.solve import RELATIVE_TOLERANCE, chain_coefficients, solve, try_at
+from camtorque.ingest import read_recording
+from camtorque.laws.chain import binned, evaluate_chain, filtered, transfer
+from camtorque.mechanism import Mounting, solve_rigid
+from camtorque.mechanism.spectral import spectral_law
+from camtorque.records import Array
 
 ROOT = Path(__file__).resolve().parents[1]
 INSIDE = 0.01

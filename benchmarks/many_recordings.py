@@ -16,11 +16,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.fit.joint import joint_start
-from pipeline.fit.many import layout, reduced, shared_step, summarise
-from pipeline.fit.problem import FIT_EFFECTS, FitData, build_problem
-from pipeline.run import RunOptions, align, prepare, read_recording, rigid_torque
+from camtorque.fit.joint import joint_start
+from camtorque.fit.many import layout, reduced, shared_step, summarise
+from camtorque.fit.problem import FIT_EFFECTS, FitData, build_problem
+from camtorque.run import RunOptions, align, prepare, read_recording, rigid_torque
 
 COUNTS = (5, 20, 100, 500)
 LARGEST_WHOLE = 100

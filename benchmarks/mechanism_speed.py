@@ -23,12 +23,11 @@ import numpy as np
 from numba import njit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "mechanism"))
+from camtorque.mechanism import METHODS, Mounting, PumpUnit, closed_form_tables, solve_shaft
+from camtorque.mechanism.elastic import solve_elastic
+from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from engine_cases import ENGINES, Sample
 from mechanism_cases import analytic_law, paper_pump
-
-from pipeline.mechanism import METHODS, Mounting, PumpUnit, closed_form_tables, solve_shaft
-from pipeline.mechanism.elastic import solve_elastic
-from pipeline.mechanism.kernel import cycle_tables, evaluate_cycles
 
 MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 PUMP_COUNTS = (1, 2, 4, 8, 16, 32, 64)

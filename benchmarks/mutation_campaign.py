@@ -28,11 +28,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
+from camtorque.ingest import read_recording, summarise_recording
+from camtorque.records import Refusal
 from damaged.build import MAT, PLANS, UNCOMPRESSED, log_file, mat73
 from damaged.logs import Log, Plan, clean_log, write_folder
-
-from pipeline.ingest import read_recording, summarise_recording
-from pipeline.records import Refusal
 
 SECONDS = 20.0
 """A child that takes longer is a hang."""

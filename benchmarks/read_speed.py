@@ -20,9 +20,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
+from camtorque.ingest import read_recording
 from damaged.logs import Log, Plan, clean_log, write_folder
-
-from pipeline.ingest import read_recording
 
 RATE = 100_000.0
 

@@ -8,11 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from camtorque.config import PumpData, RecordingConfig, SensorRef, TriggerSpec
+from camtorque.records import CamCycles, CamTable, Channel, Estimate, Recording, SensorCalibration
 from rigs.cycles import as_cycles
 from rigs.rig import RigRun, lift_of
-
-from pipeline.config import PumpData, RecordingConfig, SensorRef, TriggerSpec
-from pipeline.records import CamCycles, CamTable, Channel, Estimate, Recording, SensorCalibration
 
 NOWHERE = Path("simulated")
 TORQUE_GAIN_STD, PRESSURE_GAIN_STD = 0.0006, 0.0008

@@ -9,9 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from pipeline import __version__, cli
-from pipeline.records import Refusal
+from camtorque import __version__, cli
+from camtorque.records import Refusal
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 
@@ -164,7 +163,7 @@ def test_tolerance_of_a_run_is_a_finding() -> None:
 
 
 def test_help_does_not_import_the_rooms() -> None:
-    code = "import sys; from pipeline import cli; cli.build_parser(); print('numpy' in sys.modules)"
+    code = "import sys; from camtorque import cli; cli.build_parser(); print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

@@ -7,19 +7,18 @@ import inspect
 from collections.abc import Iterator
 from pathlib import Path
 
+import camtorque
 import pytest
-
-import pipeline
-from pipeline import effects
-from pipeline.cli import COMMANDS, build_parser
-from pipeline.report import FIGURES
+from camtorque import laws
+from camtorque.cli import COMMANDS, build_parser
+from camtorque.report import FIGURES
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGE = Path(inspect.getfile(pipeline)).parent
+PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 LEFT = {"units", "records", "config", "config_pump", "config_toml", "toml_table", "__init__"}
-ORDER = ["left", "ingest", "align", "mechanism", "effects", "fit", "report", "run", "campaign", "studies", "cli"]
+ORDER = ["left", "ingest", "align", "mechanism", "laws", "fit", "report", "run", "campaign", "studies", "cli"]
 LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter"}
 """Heavy optional packages that may be imported inside a function."""
 
@@ -30,7 +29,7 @@ def room_of(module: str) -> str:
 
 
 def module_name(path: Path) -> str:
-    parts = ["pipeline", *path.relative_to(PACKAGE).with_suffix("").parts]
+    parts = ["camtorque", *path.relative_to(PACKAGE).with_suffix("").parts]
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
@@ -62,7 +61,7 @@ def test_a_room_never_imports_one_to_its_right(path: Path) -> None:
     own = room_of(module_name(path))
     assert own in ORDER, f"{own} has no place in the order of the rooms"
     for name, _ in imports(parsed(path)):
-        if name.startswith("pipeline."):
+        if name.startswith("camtorque."):
             assert ORDER.index(room_of(name)) <= ORDER.index(own), f"{own} imports {name}"
 
 
@@ -125,18 +124,18 @@ def test_every_public_thing_has_a_docstring(path: Path) -> None:
 
 
 def test_every_effect_has_its_file_and_every_parameter_its_row() -> None:
-    stems = {path.stem for path in (PACKAGE / "effects").glob("*.py")}
-    for name, rows in effects.EFFECTS.items():
+    stems = {path.stem for path in (PACKAGE / "laws").glob("*.py")}
+    for name, rows in laws.EFFECTS.items():
         assert rows, f"{name} has no parameters"
     shared = {"controller": "driveline", "coupling": "driveline"}
-    assert {shared.get(name, name) for name in effects.EFFECTS} <= stems
-    assert len(effects.ROWS) == sum(len(rows) for rows in effects.EFFECTS.values()), "a parameter name repeats"
+    assert {shared.get(name, name) for name in laws.EFFECTS} <= stems
+    assert len(laws.ROWS) == sum(len(rows) for rows in laws.EFFECTS.values()), "a parameter name repeats"
 
 
 def test_every_figure_function_is_in_the_registry() -> None:
     drawn = {spec.draw for spec in FIGURES.values()}
     for module in ("torque_figures", "part_figures", "fit_figures", "uncertainty_figures"):
-        source = __import__(f"pipeline.report.{module}", fromlist=["x"])
+        source = __import__(f"camtorque.report.{module}", fromlist=["x"])
         for name, function in inspect.getmembers(source, inspect.isfunction):
             takes_run = list(inspect.signature(function).parameters) == ["result"]
             own = function.__module__ == source.__name__ and not name.startswith("_")

@@ -8,13 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.mechanism import Mounting, quintic_law, solve_rigid
+from camtorque.records import CamTable
 from rig_bridge import cycles_of, pump_data, recording_of
 from rigs.families import bare, closed_volume
 from rigs.rig import lift_of, simulate
 from rigs.truth import RigTruth, change
-
-from pipeline.mechanism import Mounting, quintic_law, solve_rigid
-from pipeline.records import CamTable
 
 
 def exact_law(run):

@@ -5,13 +5,12 @@
 
 import numpy as np
 import pytest
+from camtorque.align.cycles import align
+from camtorque.ingest import read_recording
 from rigs.cycles import as_cycles
 from rigs.families import closed_volume, negative_rotation
 from rigs.rig import simulate
 from rigs.write import write_recording
-
-from pipeline.align.cycles import align
-from pipeline.ingest import read_recording
 
 CASES = [
     ("csv", "single", "semicolon"),

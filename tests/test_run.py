@@ -9,12 +9,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-
-from pipeline import cli
-from pipeline.campaign import SamplesLeftBehind, find_recordings
-from pipeline.fit.metrics import metrics
-from pipeline.records import Refusal
-from pipeline.report import FIGURES
+from camtorque import cli
+from camtorque.campaign import SamplesLeftBehind, find_recordings
+from camtorque.fit.metrics import metrics
+from camtorque.records import Refusal
+from camtorque.report import FIGURES
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 

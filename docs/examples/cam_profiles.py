@@ -9,14 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.config import PumpData
-from pipeline.config_pump import load_pump_config
-from pipeline.mechanism import CamLaw, closed_form_tables, quintic_law, solve_rigid
-from pipeline.mechanism.cam import TURN
-from pipeline.mechanism.sections import FLANKS, dwell, flank, section_law, tangent_sections
-from pipeline.records import Array, CamTable
-from pipeline.units import BAR, DEGREE, RPM
+from camtorque.config import PumpData
+from camtorque.config_pump import load_pump_config
+from camtorque.mechanism import CamLaw, closed_form_tables, quintic_law, solve_rigid
+from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.sections import FLANKS, dwell, flank, section_law, tangent_sections
+from camtorque.records import Array, CamTable
+from camtorque.units import BAR, DEGREE, RPM
 
 ROOT = Path(__file__).resolve().parents[2]
 THETA = np.arange(7200) * (TURN / 7200)

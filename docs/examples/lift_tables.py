@@ -8,13 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.config_pump import load_pump_config
-from pipeline.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, lift_law
-from pipeline.mechanism.cam import TURN
-from pipeline.mechanism.sections import dwell, flank, section_law
-from pipeline.records import CamTable
-from pipeline.units import BAR, DEGREE, RPM
+from camtorque.config_pump import load_pump_config
+from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, lift_law
+from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.sections import dwell, flank, section_law
+from camtorque.records import CamTable
+from camtorque.units import BAR, DEGREE, RPM
 
 ROOT = Path(__file__).resolve().parents[2]
 THETA = np.arange(3600) * (TURN / 3600)

@@ -12,11 +12,10 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-
-from pipeline.config_pump import load_pump_config
-from pipeline.ingest.pump_file import read_pressure_curve
-from pipeline.mechanism.predict import Prediction, predict, sweep_rows
-from pipeline.units import BAR, DEGREE, RPM
+from camtorque.config_pump import load_pump_config
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.mechanism.predict import Prediction, predict, sweep_rows
+from camtorque.units import BAR, DEGREE, RPM
 
 ROOT = Path(__file__).resolve().parents[2]
 STYLE = {"figsize": (7.0, 3.2), "constrained_layout": True}

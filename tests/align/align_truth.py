@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.config import LoggerSpec, PumpData, RecordingConfig, TriggerSpec
-from pipeline.records import CamTable, Channel, Recording, SensorCalibration
+from camtorque.config import LoggerSpec, PumpData, RecordingConfig, TriggerSpec
+from camtorque.records import CamTable, Channel, Recording, SensorCalibration
 
 TWO_PI = 2.0 * np.pi
 TORQUE_GAIN, PRESSURE_GAIN = 40.0, 200.0e5

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from align_truth import Rig, Samples, make
-
-from pipeline.align import AlignOptions, align, alignment_summary
-from pipeline.records import Refusal
+from camtorque.align import AlignOptions, align, alignment_summary
+from camtorque.records import Refusal
 
 SHORT = Rig(duration=1.2, torque_noise=0.3, pressure_noise=1e5)
 RECORDINGS = (

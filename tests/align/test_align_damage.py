@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from align_truth import Rig, Samples, Shaft, angle_error_deg, calibration, make, pressure_of, torque_of
-
-from pipeline.align import AlignOptions, align
-from pipeline.align.quality import CUTS
-from pipeline.records import CamCycles, Recording, Refusal
+from camtorque.align import AlignOptions, align
+from camtorque.align.quality import CUTS
+from camtorque.records import CamCycles, Recording, Refusal
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
 PULSES = RIG.pulse_times()

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.align import align
+from camtorque.align.flanks import APART_DEG, check_flanks, flank_places
+from camtorque.ingest import read_recording
+from camtorque.records import CamTable, Recording, Refusal
 from rig_bridge import cycles_of, recording_of
 from rigs.families import FAMILIES
 from rigs.rig import simulate
-
-from pipeline.align import align
-from pipeline.align.flanks import APART_DEG, check_flanks, flank_places
-from pipeline.ingest import read_recording
-from pipeline.records import CamTable, Recording, Refusal
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
 TURN = 2.0 * np.pi

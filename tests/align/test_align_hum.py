@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from pipeline.align.hum import MAINS_HZ, hum_findings
+from camtorque.align.hum import MAINS_HZ, hum_findings
 
 N = 3600
 THETA = np.arange(N) * 2.0 * np.pi / N

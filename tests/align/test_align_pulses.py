@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from align_truth import TWO_PI, Rig, Samples, angle_error_deg, make, pressure_of, torque_of
+from camtorque.align import align
+from camtorque.align.clocks import best_lag, clock_steps, fit_clock, robust_line
+from camtorque.align.pulses import clean_pulses
+from camtorque.align.resample import align_block, hermite_slopes, interval_polynomials
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.align import align
-from pipeline.align.clocks import best_lag, clock_steps, fit_clock, robust_line
-from pipeline.align.pulses import clean_pulses
-from pipeline.align.resample import align_block, hermite_slopes, interval_polynomials
 
 PERIOD = 0.12
 WIDTH = 2.0e-3

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from align_truth import TWO_PI, Rig, make, torque_of
+from camtorque.align import align
+from camtorque.align.revolution import angle_correction, speed_ripple
 from scipy.interpolate import CubicSpline
-
-from pipeline.align import align
-from pipeline.align.revolution import angle_correction, speed_ripple
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from align_truth import Rig, make
-
-from pipeline.align import AlignOptions, align, alignment_summary
-from pipeline.records import Finding
+from camtorque.align import AlignOptions, align, alignment_summary
+from camtorque.records import Finding
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5, duration=1.5)
 

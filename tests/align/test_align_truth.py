@@ -16,12 +16,11 @@ from align_truth import (
     torque_of,
     trigger_channel,
 )
+from camtorque.align import AlignOptions, align
+from camtorque.align.budget import RESAMPLING_DEG
+from camtorque.align.triggers import find_edges
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.align import AlignOptions, align
-from pipeline.align.budget import RESAMPLING_DEG
-from pipeline.align.triggers import find_edges
 
 ANGLE_DEG = 0.05
 """The requirement on the trigger angle."""

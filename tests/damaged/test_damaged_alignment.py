@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from camtorque.align import align
+from camtorque.ingest import read_recording
+from camtorque.records import Refusal
 from damaged.build import BUILDERS
 from damaged.cases import VERDICTS
-
-from pipeline.align import align
-from pipeline.ingest import read_recording
-from pipeline.records import Refusal
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import pytest
+from camtorque.ingest import check_recording
+from camtorque.records import Refusal
 from damaged.build import BUILDERS
 from damaged.cases import OF_THE_SHEETS, VERDICTS
-
-from pipeline.ingest import check_recording
-from pipeline.records import Refusal
 
 
 def test_every_case_has_a_verdict_and_there_are_enough():

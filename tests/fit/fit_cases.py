@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.config import PumpData
-from pipeline.effects import ROWS
-from pipeline.effects.chain import LINEAR_NAMES, NONLINEAR_NAMES, ChainInput, evaluate_chain
-from pipeline.effects.lift import lift_correction
-from pipeline.fit.prepare import CORRELATION
-from pipeline.fit.problem import IDENTITY, FitData
-from pipeline.units import BAR, DEGREE
+from camtorque.config import PumpData
+from camtorque.fit.prepare import CORRELATION
+from camtorque.fit.problem import IDENTITY, FitData
+from camtorque.laws import ROWS
+from camtorque.laws.chain import LINEAR_NAMES, NONLINEAR_NAMES, ChainInput, evaluate_chain
+from camtorque.laws.lift import lift_correction
+from camtorque.units import BAR, DEGREE
 
 N = 3600
 THETA = np.arange(N) * 2.0 * np.pi / N

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from camtorque.fit import Prepared, prepare
+from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from rig_bridge import cycles_of, recording_of
 from rigs.rig import RigRun
-
-from pipeline.fit import Prepared, prepare
-from pipeline.mechanism import Mounting, lift_law, solve_rigid
 
 
 def prepared_run(run: RigRun) -> Prepared:

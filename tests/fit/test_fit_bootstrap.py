@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.bootstrap import block_indices, bootstrap, resampled
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
+from camtorque.records import CamCycles, Estimate
 from fit_cases import NOISE, THETA, N, fit_data
-
-from pipeline.fit.bootstrap import block_indices, bootstrap, resampled
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
-from pipeline.records import CamCycles, Estimate
 
 CYCLES = 24
 

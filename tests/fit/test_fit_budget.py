@@ -6,19 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.advice import GROUPS, next_measurement
+from camtorque.fit.budget import MODEL, PRESSURE_GAIN, SOURCE_OF_PRIOR, pressure_gain_shift
+from camtorque.fit.estimates import COVERAGE, profile_findings, with_profiles
+from camtorque.fit.next_run import RUNS, expected_gains
+from camtorque.fit.profiles import KINDS, PROFILED, Profile
+from camtorque.fit.result import fitted_torque
+from camtorque.fit.single import BOOTSTRAP_DRAWS, FitOptions, fit_prepared
+from camtorque.laws import ROWS
+from camtorque.records import ParameterEstimate
 from rig_prepared import prepared_run
 from rigs.families import FAMILIES
 from rigs.rig import simulate
-
-from pipeline.effects import ROWS
-from pipeline.fit.advice import GROUPS, next_measurement
-from pipeline.fit.budget import MODEL, PRESSURE_GAIN, SOURCE_OF_PRIOR, pressure_gain_shift
-from pipeline.fit.estimates import COVERAGE, profile_findings, with_profiles
-from pipeline.fit.next_run import RUNS, expected_gains
-from pipeline.fit.profiles import KINDS, PROFILED, Profile
-from pipeline.fit.result import fitted_torque
-from pipeline.fit.single import BOOTSTRAP_DRAWS, FitOptions, fit_prepared
-from pipeline.records import ParameterEstimate
 
 EFFECTS = ("chamber", "trigger", "driveline", "sensor", "friction", "damping")
 

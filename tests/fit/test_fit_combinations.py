@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.fit.combinations import TELLING, Combination, combinations
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
+from camtorque.fit.uncertainty import covariance, parameter_names
 from fit_cases import TRUE_LINEAR, TRUE_ZERO, fit_data
-
-from pipeline.fit.combinations import TELLING, Combination, combinations
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
-from pipeline.fit.uncertainty import covariance, parameter_names
 
 
 @pytest.fixture(scope="module")

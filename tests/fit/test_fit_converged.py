@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
 from fit_cases import fit_data
-
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
 
 
 @pytest.fixture(scope="module")

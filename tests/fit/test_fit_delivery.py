@@ -6,17 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit import fit_joint
+from camtorque.fit.delivery import DISTRUSTED, drop_torque, with_valve_error
+from camtorque.fit.prepare import CORRELATION
+from camtorque.fit.problem import FIT_EFFECTS, SEVERAL_SPEEDS, build_problem, offered_effects
+from camtorque.fit.single import FitOptions
+from camtorque.fit.solve import try_at
+from camtorque.laws.chain import BIN
 from rig_prepared import prepared_run
 from rigs.families import FAMILIES, change
 from rigs.rig import simulate
-
-from pipeline.effects.chain import BIN
-from pipeline.fit import fit_joint
-from pipeline.fit.delivery import DISTRUSTED, drop_torque, with_valve_error
-from pipeline.fit.prepare import CORRELATION
-from pipeline.fit.problem import FIT_EFFECTS, SEVERAL_SPEEDS, build_problem, offered_effects
-from pipeline.fit.single import FitOptions
-from pipeline.fit.solve import try_at
 
 SPEEDS = (380.0, 640.0, 1060.0)
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from camtorque.fit.result import table_findings
+from camtorque.records import CamTable
 from rig_bridge import cam_table
 from rigs.rig import simulate
 from rigs.truth import RigTruth
-
-from pipeline.fit.result import table_findings
-from pipeline.records import CamTable
 
 
 def table(noise: float) -> CamTable:

@@ -8,12 +8,11 @@ from dataclasses import replace
 import lmfit
 import numpy as np
 import pytest
+from camtorque.fit import lmfit_interface
+from camtorque.fit.full_space import evaluate_full, full_jacobian, full_limits, full_values
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
 from fit_cases import TRUE_LINEAR, TRUE_NONLINEAR, TRUE_ZERO, fit_data
-
-from pipeline.fit import lmfit_interface
-from pipeline.fit.full_space import evaluate_full, full_jacobian, full_limits, full_values
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
 
 EFFECTS = ("trigger", "friction", "damping")
 TRUTH = {**TRUE_LINEAR, **TRUE_NONLINEAR, "torque_zero": TRUE_ZERO}

@@ -6,13 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig_prepared import prepared_run
-from rigs.families import FAMILIES
-from rigs.rig import simulate
-
-from pipeline.fit import many
-from pipeline.fit.joint import joint_start, left_out_error, without
-from pipeline.fit.many import (
+from camtorque.fit import many
+from camtorque.fit.joint import joint_start, left_out_error, without
+from camtorque.fit.many import (
     MANY,
     layout,
     left_out_misfit,
@@ -23,9 +19,12 @@ from pipeline.fit.many import (
     summarise,
     without_one,
 )
-from pipeline.fit.predict import left_out, shared_values
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
+from camtorque.fit.predict import left_out, shared_values
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
+from rig_prepared import prepared_run
+from rigs.families import FAMILIES
+from rigs.rig import simulate
 
 SPEEDS = (420.0, 540.0, 660.0, 790.0, 900.0, 1010.0)
 EFFECTS = ("chamber", "trigger", "driveline", "friction", "lift")

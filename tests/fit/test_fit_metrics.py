@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from pipeline.fit.metrics import metrics, stroke_masks
+from camtorque.fit.metrics import metrics, stroke_masks
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
 LIFT = 4e-3 * (1.0 - np.cos(THETA))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import lmfit
 import numpy as np
 import pytest
+from camtorque.fit import general
 from nist_sets import FOLDER, MODELS, read_reference, residual_of
-
-from pipeline.fit import general
 
 DIGITS = 8.0
 ROUNDING_ONLY = {"Lanczos1": 2.5}

@@ -6,13 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+from camtorque.fit.posterior import marginal, sample_posterior
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
+from camtorque.fit.uncertainty import covariance
+from camtorque.records import Refusal
 from fit_cases import fit_data
-
-from pipeline.fit.posterior import marginal, sample_posterior
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
-from pipeline.fit.uncertainty import covariance
-from pipeline.records import Refusal
 
 
 @pytest.fixture(scope="module")

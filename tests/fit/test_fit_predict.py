@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.predict import held_out_error, left_out, model_torque, shared_values, torque_zero
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
 from fit_cases import NOISE, TRUE_ZERO, fit_data
-
-from pipeline.fit.predict import held_out_error, left_out, model_torque, shared_values, torque_zero
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
 
 EFFECTS = ("trigger", "friction", "damping")
 

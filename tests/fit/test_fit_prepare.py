@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.prepare import CORRELATION, DISCREPANCY, bin_weights, halves
+from camtorque.records import CamCycles, Refusal
 from rig_bridge import cycles_of
 from rigs.families import FAMILIES
 from rigs.rig import simulate
-
-from pipeline.fit.prepare import CORRELATION, DISCREPANCY, bin_weights, halves
-from pipeline.records import CamCycles, Refusal
 
 
 def cycles(n_theta: int = 3600, n_cycles: int = 6) -> CamCycles:

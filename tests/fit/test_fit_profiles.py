@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.pinned import pinned, softened
+from camtorque.fit.problem import build_problem
+from camtorque.fit.profiles import THRESHOLD, describe, profile
+from camtorque.fit.solve import solve
+from camtorque.fit.uncertainty import covariance
+from camtorque.units import DEGREE
 from fit_cases import TRUE_LINEAR, TRUE_NONLINEAR, fit_data
-
-from pipeline.fit.pinned import pinned, softened
-from pipeline.fit.problem import build_problem
-from pipeline.fit.profiles import THRESHOLD, describe, profile
-from pipeline.fit.solve import solve
-from pipeline.fit.uncertainty import covariance
-from pipeline.units import DEGREE
 
 
 @pytest.fixture(scope="module")

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from fit_cases import fit_data
-
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
-from pipeline.fit.uncertainty import covariance, parameter_names
-from pipeline.studies.replicates import (
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
+from camtorque.fit.uncertainty import covariance, parameter_names
+from camtorque.studies.replicates import (
     replicate_deviation,
     stated_by_covariance,
     stated_by_profiles,
     uncertainty_points,
 )
+from fit_cases import fit_data
 
 COUNT = 120
 

@@ -6,10 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from pipeline.fit.ladder import correlation_length, independent_count, score_of
-from pipeline.fit.prepare import CORRELATION
-from pipeline.fit.solve import Solution
+from camtorque.fit.ladder import correlation_length, independent_count, score_of
+from camtorque.fit.prepare import CORRELATION
+from camtorque.fit.solve import Solution
 
 BINS = 720
 ANGLE = np.arange(BINS) * 360.0 / BINS

@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.joint import solve_joint
+from camtorque.fit.prepare import with_rows
+from camtorque.fit.problem import build_problem
+from camtorque.fit.solve import solve
+from camtorque.fit.starts import SCAN_EFFECTS, SWEPT, VALLEYS, find_start, past_valleys
 from rig_prepared import prepared_run
 from rigs.families import FAMILIES
 from rigs.rig import simulate
-
-from pipeline.fit.joint import solve_joint
-from pipeline.fit.prepare import with_rows
-from pipeline.fit.problem import build_problem
-from pipeline.fit.solve import solve
-from pipeline.fit.starts import SCAN_EFFECTS, SWEPT, VALLEYS, find_start, past_valleys
 
 EFFECTS = ("chamber", "trigger", "driveline", "sensor", "friction", "damping", "controller")
 

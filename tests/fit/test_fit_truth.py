@@ -6,15 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from camtorque.fit import FitOptions, Prepared, fit_prepared
+from camtorque.fit.problem import FIT_EFFECTS
+from camtorque.fit.result import Fit, fitted_torque
+from camtorque.records import FittedTorque
 from rig_prepared import prepared_run
 from rigs.cycles import as_cycles
 from rigs.families import FAMILIES
 from rigs.rig import RigRun, simulate
-
-from pipeline.fit import FitOptions, Prepared, fit_prepared
-from pipeline.fit.problem import FIT_EFFECTS
-from pipeline.fit.result import Fit, fitted_torque
-from pipeline.records import FittedTorque
 
 CHAIN = tuple(name for name in FIT_EFFECTS if name not in ("controller", "coupling"))
 """Without the ladder: what one speed can tell; a controller needs several."""

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.config_toml import load_recording_config
+from camtorque.ingest.cam_table import read_cam_table
+from camtorque.records import Refusal
 from damaged.logs import CALIBRATION
-
-from pipeline.config_toml import load_recording_config
-from pipeline.ingest.cam_table import read_cam_table
-from pipeline.records import Refusal
 
 ROOT = CALIBRATION.parent
 

@@ -4,14 +4,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from camtorque.config_toml import FORMAT_ALIASES, TABLES, load_recording_config
+from camtorque.ingest import READERS
+from camtorque.ingest.sensors import SHEET_KEYS
+from camtorque.ingest.signature import NAMES
+from camtorque.records import Refusal
+from camtorque.units import DEGREE, RPM
 from damaged.logs import CALIBRATION, TOML
-
-from pipeline.config_toml import FORMAT_ALIASES, TABLES, load_recording_config
-from pipeline.ingest import READERS
-from pipeline.ingest.sensors import SHEET_KEYS
-from pipeline.ingest.signature import NAMES
-from pipeline.records import Refusal
-from pipeline.units import DEGREE, RPM
 
 TAIL = """
 [[loggers]]

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.ingest import check_recording, read_recording, summarise_recording
+from camtorque.records import Recording, Refusal
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
-
-from pipeline.ingest import check_recording, read_recording, summarise_recording
-from pipeline.records import Recording, Refusal
 
 EXAMPLES = CALIBRATION.parent / "raw_examples"
 # quantity, logger, start [s], rate [Hz], samples

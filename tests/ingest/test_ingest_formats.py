@@ -7,6 +7,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from camtorque.ingest import csv_log, mf4, read_recording
+from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.csv_log import Damage, parse_block
+from camtorque.records import Recording, Refusal
 from damaged.build import MAT, PLANS, log_file
 from damaged.logs import (
     DIALECTS,
@@ -21,11 +25,6 @@ from damaged.logs import (
 )
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-
-from pipeline.ingest import csv_log, mf4, read_recording
-from pipeline.ingest.csv_layout import CsvLayout
-from pipeline.ingest.csv_log import Damage, parse_block
-from pipeline.records import Recording, Refusal
 
 LOG = clean_log(revolutions=6.0, start=0.0321)
 TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0}

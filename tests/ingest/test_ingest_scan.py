@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.ingest import read_recording, scan, summarise_recording
+from camtorque.ingest.scan import isolated_samples, pulse_times, scan_channel
 from damaged.logs import Plan, clean_log, write_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.ingest import read_recording, scan, summarise_recording
-from pipeline.ingest.scan import isolated_samples, pulse_times, scan_channel
 
 LOG = clean_log()
 

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.config import SensorRef
+from camtorque.ingest import read_recording
+from camtorque.ingest.sensors import certificate_age, read_sensor
+from camtorque.records import Refusal
+from camtorque.units import ATMOSPHERE
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
-
-from pipeline.config import SensorRef
-from pipeline.ingest import read_recording
-from pipeline.ingest.sensors import certificate_age, read_sensor
-from pipeline.records import Refusal
-from pipeline.units import ATMOSPHERE
 
 TORQUE, PRESSURE = "torque_T22-40117.toml", "pressure_K4067-40117.toml"
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.timebase import time_base
+from camtorque.records import Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pipeline.ingest.raw import ArraySource
-from pipeline.ingest.timebase import time_base
-from pipeline.records import Refusal
 
 RATES = st.sampled_from([1000.0, 5000.0, 12_800.0, 20_000.0, 30_000.0, 51_200.0, 100_000.0])
 

@@ -1,11 +1,10 @@
 """Units at the border: exact factors, refusals, and the nomenclature."""
 
 import pytest
+from camtorque.records import Refusal
+from camtorque.units import BORDER_UNITS, NOMENCLATURE, SPELLINGS, is_known_unit, tidy_unit, unit_factor
 from hypothesis import given
 from hypothesis import strategies as st
-
-from pipeline.records import Refusal
-from pipeline.units import BORDER_UNITS, NOMENCLATURE, SPELLINGS, is_known_unit, tidy_unit, unit_factor
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from pipeline.config import PumpData
-from pipeline.mechanism import Mounting
-from pipeline.mechanism.sections import dwell, flank, section_law
+from camtorque.config import PumpData
+from camtorque.mechanism import Mounting
+from camtorque.mechanism.sections import dwell, flank, section_law
 
 DEGREE = np.pi / 180.0
 STEP = 1e-30

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.mechanism import LIFT_METHODS, closed_form_tables, lift_law, smoothing_law
+from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.smoothing import table_error
+from camtorque.records import CamTable, Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanism_cases import DEGREE, analytic_law, paper_pump
 from scipy.interpolate import PPoly
-
-from pipeline.mechanism import LIFT_METHODS, closed_form_tables, lift_law, smoothing_law
-from pipeline.mechanism.cam import TURN, CamLaw
-from pipeline.mechanism.smoothing import table_error
-from pipeline.records import CamTable, Refusal
 
 FINE = np.arange(7200) * (TURN / 7200)
 KINDS = ("polynomial_4567", "cycloidal", "modified_sine")

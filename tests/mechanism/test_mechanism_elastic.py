@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.mechanism import PumpUnit, closed_form_tables, solve_shaft
+from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
+from camtorque.records import Refusal
 from mechanism_cases import analytic_law, paper_pump
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-
-from pipeline.mechanism import PumpUnit, closed_form_tables, solve_shaft
-from pipeline.mechanism.elastic import solve_by_harmonics, solve_elastic
-from pipeline.records import Refusal
 
 LAW = analytic_law()
 SIZE = 1800

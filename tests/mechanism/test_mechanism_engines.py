@@ -9,11 +9,10 @@ import importlib.util
 
 import numpy as np
 import pytest
+from camtorque.mechanism import Mounting, PumpUnit, solve_shaft
 from engine_cases import ENGINES, agreement
 from exudyn_case import integrate, pressure_over
 from mechanism_cases import Motion, analytic_law, motion, paper_pump
-
-from pipeline.mechanism import Mounting, PumpUnit, solve_shaft
 
 MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 EXACT = 1e-11

@@ -9,6 +9,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.mechanism import (
+    METHODS,
+    OUTPUTS,
+    Mounting,
+    PumpUnit,
+    acceleration_of,
+    assumed_roller,
+    closed_form_tables,
+    denoc,
+    forces_of,
+    kinematics,
+    solve_rigid,
+    solve_shaft,
+)
+from camtorque.mechanism.kinematics import flat_pressure_angle
+from camtorque.records import Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanism_cases import (
@@ -24,23 +40,6 @@ from mechanism_cases import (
     paper_pump,
     worst,
 )
-
-from pipeline.mechanism import (
-    METHODS,
-    OUTPUTS,
-    Mounting,
-    PumpUnit,
-    acceleration_of,
-    assumed_roller,
-    closed_form_tables,
-    denoc,
-    forces_of,
-    kinematics,
-    solve_rigid,
-    solve_shaft,
-)
-from pipeline.mechanism.kinematics import flat_pressure_angle
-from pipeline.records import Refusal
 
 EXACT = 1e-12
 LAW = analytic_law()

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.mechanism import closed_form_tables
+from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles
 from mechanism_cases import CASES, analytic_law, case
-
-from pipeline.mechanism import closed_form_tables
-from pipeline.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles
 
 LAW = analytic_law()
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from camtorque.mechanism.outliers import outlying_points
+from camtorque.records import CamTable
 from mechanism_cases import analytic_law
-
-from pipeline.mechanism.outliers import outlying_points
-from pipeline.records import CamTable
 
 KINDS = ("polynomial_4567", "polynomial_345", "cycloidal", "modified_sine", "simple_harmonic")
 

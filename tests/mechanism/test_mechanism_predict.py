@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from pipeline.config_pump import PressureCurve, load_pump_config
-from pipeline.ingest.pump_file import read_pressure_curve, read_pump
-from pipeline.mechanism import solve_rigid
-from pipeline.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
-from pipeline.records import Refusal
-from pipeline.units import RPM
+from camtorque.config_pump import PressureCurve, load_pump_config
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism import solve_rigid
+from camtorque.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
+from camtorque.records import Refusal
+from camtorque.units import RPM
 
 CALIBRATION = Path(__file__).resolve().parents[2] / "calibration"
 PAPER = CALIBRATION / "paper_pump.toml"

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
+from camtorque.records import Refusal
 from mechanism_cases import DEGREE, analytic_law
-
-from pipeline.mechanism.cam import TURN
-from pipeline.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
-from pipeline.records import Refusal
 
 # Peak velocity and acceleration of a unit flank (Norton 2009, Table 3-5; Neklutin's modified sine 1.760, 5.528)
 PEAKS = {

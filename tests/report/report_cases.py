@@ -6,9 +6,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-
-from pipeline.fit.metrics import metrics
-from pipeline.records import (
+from camtorque.fit.metrics import metrics
+from camtorque.records import (
     AngleError,
     CamCycles,
     CamTable,
@@ -24,7 +23,7 @@ from pipeline.records import (
     Recording,
     RigidTorque,
 )
-from pipeline.report import RunResult
+from camtorque.report import RunResult
 
 NASTY = '<script>alert("x")</script> & <b>'
 N_THETA, N_CYCLES = 720, 9

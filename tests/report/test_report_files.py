@@ -12,11 +12,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from report_cases import NASTY, run_result
-
-from pipeline.fit.metrics import metrics
-from pipeline.records import Refusal
-from pipeline.report import (
+from camtorque.fit.metrics import metrics
+from camtorque.records import Refusal
+from camtorque.report import (
     FIGURES,
     CampaignEntry,
     CampaignResult,
@@ -25,8 +23,9 @@ from pipeline.report import (
     write_campaign,
     write_run,
 )
-from pipeline.report.gaps import gap_curves, loaded_part
-from pipeline.report.style import new_figure, svg_text
+from camtorque.report.gaps import gap_curves, loaded_part
+from camtorque.report.style import new_figure, svg_text
+from report_cases import NASTY, run_result
 
 METRIC_KEYS = {
     "rms_nm", "rms_percent_of_peak", "forward_gap_percent", "forward_peak_error_nm", "return_min_measured_nm",

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from pipeline.config_pump import load_pump_config
-from pipeline.ingest.pump_file import read_pressure_curve
-from pipeline.mechanism.contact import ContactLoss
-from pipeline.mechanism.predict import predict
-from pipeline.report.predict_page import FIGURES, figure_of, prediction_page
-from pipeline.units import RPM
+from camtorque.config_pump import load_pump_config
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.mechanism.contact import ContactLoss
+from camtorque.mechanism.predict import predict
+from camtorque.report.predict_page import FIGURES, figure_of, prediction_page
+from camtorque.units import RPM
 
 CALIBRATION = Path(__file__).resolve().parents[2] / "calibration"
 

@@ -252,4 +252,4 @@ def test_the_rig_shares_no_code_with_the_package():
         tree = ast.parse(path.read_text(encoding="utf-8"))
         imports = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         imports += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]
-        assert not [name for name in imports if name.split(".")[0] == "pipeline"], path.name
+        assert not [name for name in imports if name.split(".")[0] == "camtorque"], path.name

@@ -3,14 +3,13 @@
 from pathlib import Path
 
 import pytest
-
-from pipeline.records import Refusal
-from pipeline.studies import choose_grid, grid_note, run_speed_accuracy, run_stability
-from pipeline.studies.choices import GRID_ERRORS
-from pipeline.studies.speed_accuracy import CHARTS
-from pipeline.studies.stability import MAPS
-from pipeline.studies.table import FRONT_FACTOR, front_factor, read_charts, read_maps
-from pipeline.studies.verdicts import silent_defaults
+from camtorque.records import Refusal
+from camtorque.studies import choose_grid, grid_note, run_speed_accuracy, run_stability
+from camtorque.studies.choices import GRID_ERRORS
+from camtorque.studies.speed_accuracy import CHARTS
+from camtorque.studies.stability import MAPS
+from camtorque.studies.table import FRONT_FACTOR, front_factor, read_charts, read_maps
+from camtorque.studies.verdicts import silent_defaults
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "studies"
 CHART_LIST = read_charts(FOLDER / "speed_accuracy.json")

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from pipeline.mechanism.collocation import gauss
-from pipeline.studies.case import uniform
-from pipeline.studies.driveline import at_angles, balanced, elastic
-from pipeline.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
+from camtorque.mechanism.collocation import gauss
+from camtorque.studies.case import uniform
+from camtorque.studies.driveline import at_angles, balanced, elastic
+from camtorque.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
 
 CHECK = uniform(1009)
 

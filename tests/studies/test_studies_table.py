@@ -2,8 +2,16 @@
 
 import numpy as np
 import pytest
-
-from pipeline.studies.table import Cell, Chart, Point, document, front_factor, pareto_front, read_charts, write_document
+from camtorque.studies.table import (
+    Cell,
+    Chart,
+    Point,
+    document,
+    front_factor,
+    pareto_front,
+    read_charts,
+    write_document,
+)
 
 
 def points():

@@ -1,0 +1,23 @@
+"""Recording -> CamCycles: trigger edges, clocks, cam angle, aligned cycles, cut-flow, angle error budget.
+
+triggers, edge_time    volts -> edge times, half height, sub-sample
+pulses, jumps          edge times -> pulses, repaired and numbered; clock jumps
+clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure
+timebase               the three above for a whole recording
+angle, resample        pulses -> cam angle -> uniform grid
+channels, damage       one pass over each channel
+polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
+quality, jitter        which cycles are used, and why not
+budget, summary        angle error budget; plain numbers for a file
+hum                    mains frequency on the torque
+revolution             angle inside the revolution from torque and inertia (used by the driveline effect)
+cycles                 `align`: all of it, in order
+"""
+
+from camtorque.align.cycles import align
+from camtorque.align.options import AlignOptions
+from camtorque.align.quality import CUTS
+from camtorque.align.revolution import angle_correction, speed_ripple
+from camtorque.align.summary import alignment_summary
+
+__all__ = ["CUTS", "AlignOptions", "align", "alignment_summary", "angle_correction", "speed_ripple"]

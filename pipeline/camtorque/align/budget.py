@@ -1,0 +1,139 @@
+"""Angle error budget before the fit: one row per source, as a standard deviation in degrees of cam angle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from camtorque.align.clocks import Clock
+from camtorque.align.flanks import APART_DEG
+from camtorque.align.revolution import angle_correction
+from camtorque.config import TriggerSpec
+from camtorque.records import AngleError, Array, Channel, Finding
+
+HALF_WIDTH_OF_TYPICAL = 0.5
+"""A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of its spread."""
+RECTANGULAR = 1.0 / np.sqrt(3.0)
+"""Standard deviation of a rectangular distribution over its half width."""
+RESAMPLING_DEG = 2.0e-4
+"""Held by a test."""
+UNKNOWN = float("nan")
+
+
+def angle_error_budget(
+    spec: TriggerSpec,
+    channels: Mapping[str, Channel],
+    clocks: Iterable[Clock],
+    speed: float,
+    speed_change: float,
+    edge_noise: float,
+    torque: Array | None = None,
+) -> tuple[AngleError, ...]:
+    """Return the rows of the budget.
+
+    Parameters
+    ----------
+    spec : trigger or tooth wheel
+    channels : torque (if any) and pressure
+    clocks : clocks of the loggers
+    speed : mean speed of the used cycles [rad/s]
+    speed_change : rms relative change of the period from one revolution to the next
+    edge_noise : standard error of one edge time [s]
+    torque : (n_theta,) mean cycle, for what it does to the angle; None without a torque channel
+    """
+    per_second = float(np.degrees(speed))
+    delay_text = "declared total delay of the {}, times the speed"
+    return (
+        AngleError(
+            "trigger edge time",
+            edge_noise * per_second,
+            f"{1e6 * edge_noise:.2f} us: noise of the plateaus over the slope of the edge",
+        ),
+        AngleError(
+            "trigger switching delay",
+            HALF_WIDTH_OF_TYPICAL * RECTANGULAR * spec.switching_delay * per_second,
+            "the sheet gives a typical value without limits; half of it is assumed as half width",
+        ),
+        AngleError(
+            "trigger installation",
+            float(np.degrees(spec.installation_tolerance)) * RECTANGULAR,
+            "mounting tolerance, the same for all runs of one mounting; fitted on the model side",
+        ),
+        *(
+            AngleError(
+                f"{quantity} delay",
+                (channel.calibration.delay_std if channel.calibration else 0.0) * per_second,
+                delay_text.format(quantity),
+            )
+            for quantity, channel in channels.items()
+        ),
+        *(
+            AngleError(f"clock of logger {clock.fit.logger}", clock.fit.stderr_s * per_second, clock.fit.method)
+            for clock in clocks
+            if clock.fit.stderr_s > 0.0
+        ),
+        AngleError(
+            "resampling",
+            RESAMPLING_DEG,
+            "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz",
+        ),
+        *_between_pulses(spec, speed_change, ripple_text(spec, torque, speed)),
+    )
+
+
+def _between_pulses(spec: TriggerSpec, speed_change: float, unseen: str) -> tuple[AngleError, ...]:
+    """Speed between pulses: what changes from revolution to revolution is bounded, what repeats is not seen.
+
+    A speed that changes linearly by the relative amount c over a pulse interval of angle a is off by at most c a / 8 in
+    its middle; at a tooth wheel the interval is a tooth.
+    """
+    interval_deg = 360.0 / spec.pulses_per_rev
+    rows = [
+        AngleError(
+            "speed change between pulses",
+            speed_change / spec.pulses_per_rev * interval_deg / 8.0,
+            "bound from the change of the period from one revolution to the next",
+        )
+    ]
+    if spec.pulses_per_rev == 1:
+        rows += [
+            AngleError(
+                "speed ripple within a revolution",
+                UNKNOWN,
+                unseen,
+            )
+        ]
+    rows.append(
+        AngleError("shaft twist", UNKNOWN, "not corrected here: torque over stiffness, in the driveline effect")
+    )
+    return tuple(rows)
+
+
+def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
+    """Return how large an angle error the speed within the revolution can hide, from what is known of it.
+
+    The torque slows the drive: with the drive's inertia J the angle moves by a double integral of the torque over J
+    (`revolution.angle_correction`); J is not on the sheet, so its product with the angle is given.
+    """
+    text = (
+        "one pulse per revolution cannot see how the speed varies within it: a ripple of 1 % of order n moves the cam "
+        "angle by 0.57 / n degrees"
+    )
+    if torque is not None:
+        moved = np.degrees(np.max(np.abs(angle_correction(torque, speed, spec.nominal_angle, inertia=1.0))))
+        text += (
+            f"; the measured torque alone moves it by {moved:.2g} degrees at most over the inertia of the drive in "
+            f"kg m^2 (1 degree at {moved:.2g} kg m^2)"
+        )
+    return text + (
+        f"; parts of the lift table more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees apart would be "
+        "told; the driveline effect rebuilds it from the torque"
+    )
+
+
+def ripple_unseen(spec: TriggerSpec, torque: Array | None, speed: float, where: str) -> tuple[Finding, ...]:
+    """Return the note on what one pulse per revolution leaves open; a tooth wheel leaves nothing."""
+    if spec.pulses_per_rev > 1:
+        return ()
+    return (Finding("ripple_unseen", "info", ripple_text(spec, torque, speed), where),)

@@ -1,0 +1,141 @@
+"""One channel -> rows on the angle grid, read once from front to back in blocks of whole cycles."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.angle import TWO_PI, CamAngle
+from camtorque.align.clocks import Clock
+from camtorque.align.logger_time import sample_positions
+from camtorque.align.options import AlignOptions
+from camtorque.align.quality import ChannelDamage
+from camtorque.align.resample import align_block, choose_rule, empty_rows
+from camtorque.records import Array, Channel
+
+MARGIN = 3
+"""Samples beyond the ends of a cycle that interpolation and bin borders may touch."""
+
+
+@dataclass(frozen=True)
+class AlignedChannel:
+    """One channel on the grid, before the cuts.
+
+    Attributes
+    ----------
+    rows : (n_candidates, n_theta) SI; nan for incomplete cycles
+    extremes : (n_candidates, 2) smallest and largest value of each row
+    samples_per_step : samples in one grid step
+    rule : see `camtorque.align.resample`
+    """
+
+    channel: Channel
+    rows: Array
+    extremes: Array
+    damage: ChannelDamage
+    samples_per_step: float
+    rule: int
+
+
+def positions(channel: Channel, clock: Clock, times: Array) -> Array:
+    """Return the sample positions at which a channel shows what happened at the given reference times."""
+    delay = channel.calibration.delay if channel.calibration else 0.0
+    return sample_positions(channel, clock.from_reference(times + delay))
+
+
+def covered(
+    angle: CamAngle, cycles: NDArray[np.int64], channels: Mapping[str, Channel], clocks: Mapping[str, Clock]
+) -> NDArray[np.bool_]:
+    """Tell which cycles every channel covers from theta = 0 to one revolution later."""
+    begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
+    complete = np.ones(cycles.size, dtype=bool)
+    for channel in channels.values():
+        clock = clocks[channel.logger]
+        complete &= positions(channel, clock, begin) >= 1.0
+        complete &= positions(channel, clock, end) <= channel.n_samples - 2.0
+    return complete
+
+
+def align_channels(
+    channels: Mapping[str, Channel],
+    angle: CamAngle,
+    cycles: NDArray[np.int64],
+    complete: NDArray[np.bool_],
+    clocks: Mapping[str, Clock],
+    options: AlignOptions,
+) -> dict[str, AlignedChannel]:
+    """Resample the channels side by side; files are read by one thread at a time."""
+    reading = threading.Lock()
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        jobs = {
+            quantity: pool.submit(
+                _align_channel, channel, angle, cycles, complete, clocks[channel.logger], options, reading
+            )
+            for quantity, channel in channels.items()
+        }
+        return {quantity: job.result() for quantity, job in jobs.items()}
+
+
+def _align_channel(
+    channel: Channel,
+    angle: CamAngle,
+    cycles: NDArray[np.int64],
+    complete: NDArray[np.bool_],
+    clock: Clock,
+    options: AlignOptions,
+    reading: threading.Lock,
+) -> AlignedChannel:
+    path = None if options.scratch_dir is None else str(options.scratch_dir / f"{channel.quantity}_aligned.npy")
+    rows = empty_rows(cycles.size, options.n_theta, path)
+    damage, extremes = np.zeros((cycles.size, 5), dtype=np.int64), np.full((cycles.size, 2), np.nan)
+    rows[~complete] = np.nan
+    begin, middle, end = (angle.time_at((cycles + part) * TWO_PI) for part in (0.0, 0.5, 1.0))
+    samples_per_step = float(np.median(end - begin)) * channel.sample_rate / options.n_theta
+    rule = choose_rule(options.interpolation, samples_per_step)
+    gain, zero, limits = _law(channel)
+    first = np.maximum(0, positions(channel, clock, begin).astype(np.int64) - MARGIN - int(samples_per_step))
+    stop = np.minimum(
+        channel.n_samples, positions(channel, clock, end).astype(np.int64) + MARGIN + int(samples_per_step)
+    )
+    rate = (1.0 + 1e-6 * clock.fit.skew_ppm) * channel.sample_rate
+    shift = positions(channel, clock, middle) - rate * middle
+    for group in _groups(first, stop, complete, options.block_samples):
+        with reading:
+            volts = np.ascontiguousarray(channel.source.read(first[group][0], stop[group][-1]), dtype=np.float64)
+        align_block(
+            volts, rate, shift[group] - first[group][0], cycles[group], angle.angle, angle.polynomials, rule,
+            gain, zero, limits, rows[group], damage[group], extremes[group],
+        )  # fmt: skip
+    return AlignedChannel(channel, rows, extremes, ChannelDamage(*damage.T), samples_per_step, rule)
+
+
+def _law(channel: Channel) -> tuple[float, float, tuple[float, float]]:
+    """Return gain, zero and output range on the raw samples of the file."""
+    calibration = channel.calibration
+    if calibration is None:
+        return channel.scale, 0.0, (-np.inf, np.inf)
+    low, high = calibration.output_min_volts / channel.scale, calibration.output_max_volts / channel.scale
+    # A sensor with an output from zero upward rests at zero: its lower end is no clipping.
+    low = low if low < 0.0 else -np.inf
+    return channel.sign * channel.scale * calibration.gain, calibration.zero_volts / channel.scale, (low, high)
+
+
+def _groups(
+    first: NDArray[np.int64], stop: NDArray[np.int64], complete: NDArray[np.bool_], block_samples: int
+) -> Iterator[slice]:
+    """Yield runs of complete cycles that fit into one block; a cycle longer than a block is one by itself."""
+    k = 0
+    while k < complete.size:
+        if not complete[k]:
+            k += 1
+            continue
+        last = k
+        while last + 1 < complete.size and complete[last + 1] and stop[last + 1] - first[k] <= block_samples:
+            last += 1
+        yield slice(k, last + 1)
+        k = last + 1

@@ -1,0 +1,249 @@
+"""Clocks of several loggers: t_logger = offset + (1 + skew) t, t on the clock of the torque's logger.
+
+`single` and `synchronised` loggers share one time base. Of `independent` loggers each has its own offset and drift;
+which pulse belongs to which is found from the pattern of pulse periods, never from the start times of the headers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.records import Array, ClockFit, Finding, Refusal
+
+LEAST_OVERLAP = 0.3
+"""Part of the shorter pulse train that has to overlap for a lag to be tried."""
+LEAST_PULSES = 4
+STEP_TIMES_SCATTER = 10.0
+LEAST_STEP = 20.0e-6
+"""Steps of a clock smaller than this are edge noise [s]."""
+LARGEST_SKEW = 300.0e-6
+"""Two crystals differ by 10 to 100 ppm; a common difference of the periods beyond this is no drift."""
+CLEAR_EVIDENCE = 5.0
+"""Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."""
+
+STAIRS_FROM, STAIR_FACTOR = 20, 1.5
+"""Changes from which on stairs are told from jumps (fewer than one in ten), and height of a jump over a stair."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A logger's clock against that of the reference.
+
+    Attributes
+    ----------
+    fit : offset, skew and standard error
+    stderr_skew : [-]
+    residual_std : of one pulse about the line [s]
+    lag, evidence : pulse ``i`` of the reference is pulse ``i + lag``; log-likelihood ratio to the next best lag
+    breaks, steps : reference times at which the clock jumps, and what is added to its time before, between, after [s]
+    """
+
+    fit: ClockFit
+    stderr_skew: float = 0.0
+    residual_std: float = 0.0
+    lag: int = 0
+    evidence: float = float("inf")
+    findings: tuple[Finding, ...] = ()
+    breaks: tuple[float, ...] = ()
+    steps: tuple[float, ...] = (0.0,)
+
+    def to_reference(self, time: Array) -> Array:
+        """Return times of the logger on the clock of the reference [s]."""
+        rate = 1.0 + 1e-6 * self.fit.skew_ppm
+        if not self.breaks:
+            return (time - self.fit.offset_s) / rate
+        borders = self.fit.offset_s + rate * np.array(self.breaks) + 0.5 * (np.array(self.steps[:-1]) + self.steps[1:])
+        return (time - self.fit.offset_s - np.array(self.steps)[np.searchsorted(borders, time)]) / rate
+
+    def from_reference(self, time: Array) -> Array:
+        """Return times of the reference on the clock of the logger [s]."""
+        straight = self.fit.offset_s + (1.0 + 1e-6 * self.fit.skew_ppm) * time
+        if not self.breaks:
+            return straight
+        return straight + np.array(self.steps)[np.searchsorted(self.breaks, time)]
+
+
+def against(clock: Clock, reference: Clock) -> Clock:
+    """Return a clock against another reference, both given against the same third one."""
+    rate = (1.0 + 1e-6 * clock.fit.skew_ppm) / (1.0 + 1e-6 * reference.fit.skew_ppm)
+    offset = clock.fit.offset_s - rate * reference.fit.offset_s
+    stderr = float(np.hypot(clock.fit.stderr_s, reference.fit.stderr_s))
+    fit = replace(clock.fit, offset_s=offset, skew_ppm=1e6 * (rate - 1.0), stderr_s=stderr)
+    breaks = tuple(float(moment) for moment in reference.from_reference(np.array(clock.breaks)))
+    return replace(clock, fit=fit, breaks=breaks)
+
+
+def same_clock(logger: str, method: str = "same clock") -> Clock:
+    """Return the clock of a logger that shares the reference's time base."""
+    return Clock(ClockFit(logger, 0.0, 0.0, 0.0, method))
+
+
+def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
+    """Return lag, evidence and next best lag: ``other[i + lag]`` is the pulse ``reference[i]``.
+
+    The periods of the right lag differ by edge noise only, those of a wrong one by the scatter of the speed too.
+    Evidence = n / 2 ln(mean square difference of the next best lag / that of the best), in nats.
+    """
+    period, other_period = np.diff(reference), np.diff(other)
+    shorter = min(period.size, other_period.size)
+    least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
+    most = LARGEST_SKEW * float(np.nanmedian(period))
+    trials = []
+    for lag in range(least - period.size, other_period.size - least + 1):
+        a = period[max(0, -lag) : other_period.size - lag]
+        b = other_period[max(0, lag) : max(0, lag) + a.size]
+        difference = a[: b.size] - b
+        difference = difference[np.isfinite(difference)]
+        if difference.size >= least:
+            difference = difference - np.clip(np.median(difference), -most, most)
+            trials.append((_robust_mean_square(difference), difference.size, lag))
+    if not trials:
+        return 0, 0.0, 0
+    trials.sort()
+    if len(trials) == 1:
+        return trials[0][2], 0.0, trials[0][2]
+    evidence = _evidence(trials[0], trials[1])
+    if evidence >= CLEAR_EVIDENCE:
+        return trials[0][2], evidence, trials[1][2]
+    # Where the pattern does not tell, the lag that lets most pulses overlap loses the fewest cycles.
+    alike = [trial for trial in trials if _evidence(trials[0], trial) < CLEAR_EVIDENCE]
+    chosen = max(alike, key=lambda trial: trial[1])
+    rival = trials[0] if chosen is not trials[0] else trials[1]
+    return chosen[2], evidence, rival[2]
+
+
+def _evidence(best: tuple[float, int, int], rival: tuple[float, int, int]) -> float:
+    """Log-likelihood ratio of two (mean square, overlap, lag), in nats."""
+    floor = 1e-9**2
+    return float(0.5 * min(best[1], rival[1]) * np.log((rival[0] + floor) / (best[0] + floor)))
+
+
+def _robust_mean_square(values: Array) -> float:
+    limit = 5.0 * 1.4826 * np.median(np.abs(values)) + 1e-12
+    return float(np.mean(np.minimum(np.abs(values), limit) ** 2))
+
+
+def fit_clock(logger: str, reference: Array, other: Array, where: str) -> Clock:
+    """Return the clock of a logger from the pulses that it and the reference both recorded.
+
+    Parameters
+    ----------
+    reference, other : pulse times on either clock, one per revolution, nan where a pulse is not proven [s]
+
+    Raises
+    ------
+    Refusal
+        Fewer than four common pulses.
+    """
+    lag, evidence, rival = best_lag(reference, other)
+    first, stop = max(0, -lag), min(reference.size, other.size - lag)
+    a, b = reference[first:stop], other[first + lag : stop + lag]
+    good = np.isfinite(a) & np.isfinite(b)
+    if good.sum() < LEAST_PULSES:
+        raise Refusal(
+            f"{where}: found {int(good.sum())} trigger pulses common to both loggers, expected at least "
+            f"{LEAST_PULSES}; record the "
+            "trigger on both loggers for longer"
+        )
+    a, difference = a[good], (b - a)[good]
+    breaks, steps = clock_steps(a, difference)
+    line = robust_line(a, difference - np.array(steps)[np.searchsorted(breaks, a)])
+    findings = [] if evidence >= CLEAR_EVIDENCE else [_ambiguous(logger, lag, rival, evidence, a.size, where)]
+    findings += [_jumped(logger, moment, steps[i + 1] - steps[i], where) for i, moment in enumerate(breaks)]
+    stderr = float(np.hypot(line.stderr_middle, line.stderr_slope * np.std(a)))
+    fit = ClockFit(logger, line.intercept, 1e6 * line.slope, stderr, "trigger pulses")
+    return Clock(fit, line.stderr_slope, line.residual_std, lag, evidence, tuple(findings), breaks, steps)
+
+
+def clock_steps(time: Array, difference: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Find lasting steps of the difference of two clocks.
+
+    Returns
+    -------
+    Times of the steps (middle of the interval), and the sum of the steps before, between and after them [s].
+    """
+    change = np.diff(difference)
+    centred = change - np.median(change)
+    limit = max(STEP_TIMES_SCATTER * 1.4826 * float(np.median(np.abs(centred))), LEAST_STEP)
+    if change.size >= STAIRS_FROM:
+        # Edges within one sample are known to one sample: drift then climbs in stairs of that height, most steps none.
+        limit = max(limit, STAIR_FACTOR * float(np.percentile(np.abs(centred), 90.0)))
+    breaks, steps = [], [0.0]
+    for i in np.flatnonzero(np.abs(centred) > limit):
+        drift = np.median(change) * (np.arange(difference.size) - i)
+        level = difference - drift
+        before, after = level[max(0, i - 3) : i + 1], level[i + 1 : i + 5]
+        lasting = float(np.median(after) - np.median(before))
+        # A single wrong edge makes two opposite changes and leaves no step behind.
+        if abs(lasting) > limit and abs(lasting - centred[i]) < 0.5 * abs(centred[i]):
+            breaks.append(float(0.5 * (time[i] + time[i + 1])))
+            steps.append(steps[-1] + lasting)
+    return tuple(breaks), tuple(steps)
+
+
+def _jumped(logger: str, moment: float, step: float, where: str) -> Finding:
+    return Finding(
+        "clock_jump",
+        "warning",
+        f"the clock of logger {logger} jumps by {1e3 * step:+.4g} ms against the reference; the cycle there is cut out "
+        "and the "
+        "stretches before and after have their own offset",
+        f"{where}, near {moment:.4g} s",
+    )
+
+
+def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int, where: str) -> Finding:
+    return Finding(
+        "clock_lag_ambiguous",
+        "warning",
+        f"logger {logger}: the pattern of {n_pulses} pulse periods does not say which pulse belongs to which: a lag of "
+        f"{lag} pulses "
+        f"is used, {rival} fits nearly as well (log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the "
+        "cam angle is right either "
+        "way, but torque and pressure of a cycle may belong to neighbouring revolutions",
+        where,
+    )
+
+
+@dataclass(frozen=True)
+class Line:
+    """Robust straight line with its standard errors."""
+
+    intercept: float
+    slope: float
+    stderr_middle: float
+    stderr_slope: float
+    residual_std: float
+    weights: Array
+
+
+def robust_line(x: Array, y: Array) -> Line:
+    """Fit y = intercept + slope x by Tukey's biweight, iterated from the least-squares line."""
+    middle = float(np.mean(x))
+    u = x - middle
+    weights = np.ones(x.size)
+    for _ in range(20):
+        total = weights.sum()
+        mean_u, mean_y = (weights @ u) / total, (weights @ y) / total
+        slope = (weights @ ((u - mean_u) * (y - mean_y))) / (weights @ (u - mean_u) ** 2)
+        residual = y - mean_y - slope * (u - mean_u)
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-12)
+        weights = np.clip(1.0 - (residual / (4.685 * scale)) ** 2, 0.0, None) ** 2
+    kept: NDArray[np.bool_] = weights > 0.0
+    n = max(3, int(kept.sum()))
+    std = float(np.sqrt(np.sum(residual[kept] ** 2) / (n - 2)))
+    spread = float(np.sum((u - np.mean(u))[kept] ** 2))
+    centre = float(mean_y - slope * mean_u)
+    # Tukey's biweight has an efficiency of 95 % for normal noise.
+    grow = 1.0 / np.sqrt(0.95)
+    return Line(
+        centre - float(slope) * middle,
+        float(slope),
+        grow * std / np.sqrt(n),
+        grow * std / np.sqrt(spread),
+        std,
+        weights,
+    )

@@ -1,0 +1,182 @@
+"""Recording -> cycles on one cam-angle grid, with nominal alignment.
+
+Nominal means: declared delays taken off, trigger edge at its nominal angle, clocks from the pulses. Whatever is fitted
+(trigger angle, twist, delay error) enters once, on the model side. A cycle runs from the zero of the lift table to one
+revolution later; its number is that of the pulse inside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.angle import TWO_PI, CamAngle, cam_angle
+from camtorque.align.budget import angle_error_budget, ripple_unseen
+from camtorque.align.channels import AlignedChannel, align_channels, covered
+from camtorque.align.flanks import check_flanks
+from camtorque.align.hum import hum_findings
+from camtorque.align.jitter import refuse_jitter
+from camtorque.align.options import AlignOptions
+from camtorque.align.polarity import check_quantities
+from camtorque.align.quality import CycleTable, apply_cuts
+from camtorque.align.summary import alignment_details
+from camtorque.align.timebase import TimeBase, time_base
+from camtorque.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
+
+
+def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
+    """Return the cycles of a recording on one cam-angle grid.
+
+    Parameters
+    ----------
+    recording : calibrated channels
+    options : choices of the alignment
+
+    Raises
+    ------
+    Refusal
+        No pressure or trigger, no pulses, no complete cycle, torque and pressure under each other's name.
+    """
+    options = options or AlignOptions()
+    channels = _physical_channels(recording)
+    reference = next(iter(channels.values())).logger
+    base = time_base(recording, reference, options)
+    angle = cam_angle(base.train, recording.config.trigger, options.speed_law)
+    cycles = angle.candidate_cycles()
+    complete = covered(angle, cycles, channels, base.clocks)
+    aligned = align_channels(channels, angle, cycles, complete, base.clocks, options)
+    table = _table(angle, cycles, complete, aligned, options)
+    checked = check_quantities(table.rows, table.undamaged, recording)
+    findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
+    used, cut_flow = apply_cuts(table)
+    refuse_jitter(table, recording.config.id)
+    if not used.any():
+        worst = max(cut_flow, key=lambda row: row.cycles_single)
+        raise Refusal(
+            f"{recording.config.id}: none of {int(complete.sum())} complete cycles can be used, expected at least one; "
+            "most fail "
+            f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
+        )
+    found = _cam_cycles(recording, table, used, cut_flow, aligned, base, (*base.findings, *findings))
+    return replace(found, findings=(*found.findings, *_hum(recording, found)))
+
+
+def _hum(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
+    """Return what is told of mains hum on the torque."""
+    if found.torque is None:
+        return ()
+    table = recording.cam_table
+    lift = np.interp(found.theta, table.theta, table.lift, period=TWO_PI)
+    return hum_findings(found.theta, found.torque, found.speed, found.index, lift)
+
+
+def _physical_channels(recording: Recording) -> dict[str, Channel]:
+    """Return the torque (if there is one) and the pressure channel; the first one's logger is the reference."""
+    channels = {}
+    for quantity in ("torque", "pressure"):
+        of_quantity = recording.of(quantity)
+        if len(of_quantity) > 1:
+            raise Refusal(
+                f"{recording.config.id}: found {len(of_quantity)} {quantity} channels, expected one; keep one "
+                "[[channels]] entry"
+            )
+        if of_quantity:
+            channels[quantity] = of_quantity[0]
+    for quantity in ("pressure", "trigger"):
+        if not recording.of(quantity):
+            raise Refusal(
+                f"{recording.config.id}: no {quantity} channel, expected one; without it there are no aligned cycles; "
+                "add a "
+                f'[[channels]] entry with quantity = "{quantity}"'
+            )
+    return channels
+
+
+def _table(
+    angle: CamAngle,
+    cycles: NDArray[np.int64],
+    complete: NDArray[np.bool_],
+    aligned: dict[str, AlignedChannel],
+    options: AlignOptions,
+) -> CycleTable:
+    period = angle.time_at((cycles + 1) * TWO_PI) - angle.time_at(cycles * TWO_PI)
+    jump = angle.touched(cycles, angle.jumped)
+    unproven = angle.touched(cycles, angle.broken)
+    if angle.repair_error_deg > options.repaired_angle_deg:
+        unproven |= angle.touched(cycles, angle.repaired, pulses_before=1)
+    return CycleTable(
+        index=cycles,
+        speed=TWO_PI / period,
+        speed_change=_speed_change(period, jump | unproven),
+        complete=complete,
+        unproven=unproven,
+        clock_jump=jump,
+        extremes={quantity: item.extremes for quantity, item in aligned.items()},
+        rows={quantity: item.rows for quantity, item in aligned.items()},
+        damage={quantity: item.damage for quantity, item in aligned.items()},
+        options=options,
+    )
+
+
+def _speed_change(period: Array, unknown: NDArray[np.bool_]) -> Array:
+    """Return the largest relative change of the period from a cycle to its neighbours, where both are known."""
+    relative = np.abs(np.diff(period)) / np.minimum(period[1:], period[:-1])
+    relative[unknown[1:] | unknown[:-1]] = 0.0
+    return np.maximum(np.r_[0.0, relative], np.r_[relative, 0.0])
+
+
+def _cam_cycles(
+    recording: Recording,
+    table: CycleTable,
+    used: NDArray[np.bool_],
+    cut_flow: tuple[CutFlowRow, ...],
+    aligned: Mapping[str, AlignedChannel],
+    base: TimeBase,
+    findings: tuple[Finding, ...],
+) -> CamCycles:
+    chosen = np.flatnonzero(used)
+    rows = {quantity: _compacted(item.rows, chosen) for quantity, item in aligned.items()}
+    speed = table.speed[chosen]
+    delay = aligned["torque"].channel.calibration if "torque" in aligned else None
+    n_theta = table.options.n_theta
+    mean_torque = rows["torque"].mean(axis=0) if "torque" in rows else None
+    spec, mean_speed = recording.config.trigger, float(np.mean(speed))
+    return CamCycles(
+        theta=np.linspace(0.0, TWO_PI, n_theta, endpoint=False),
+        torque=rows.get("torque"),
+        pressure=rows["pressure"],
+        speed=speed,
+        index=table.index[chosen],
+        held_out=np.arange(chosen.size) % 2 == 1,
+        cycles_found=int(table.complete.sum()),
+        duration=max(channel.duration for channel in recording.channels),
+        speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)),
+        cut_flow=cut_flow,
+        clocks=tuple(clock.fit for clock in base.clocks.values()),
+        angle_errors=angle_error_budget(
+            spec,
+            {quantity: item.channel for quantity, item in aligned.items()},
+            base.clocks.values(),
+            mean_speed,
+            float(np.sqrt(np.mean(table.speed_change[chosen] ** 2))),
+            base.edge_noise,
+            mean_torque,
+        ),
+        trigger_jitter_s=base.edge_noise,
+        findings=(*table.options.notes, *findings, *ripple_unseen(spec, mean_torque, mean_speed, recording.config.id)),
+        torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
+        details=alignment_details(table.options, base, aligned),
+    )
+
+
+def _compacted(rows: Array, chosen: NDArray[np.int64]) -> Array:
+    """Return the used rows without a second copy of a long recording: a stretch of it, or moved to the front."""
+    if chosen[-1] - chosen[0] + 1 == chosen.size:
+        return rows[chosen[0] : chosen[-1] + 1]
+    for place, k in enumerate(chosen):
+        if place != k:
+            rows[place] = rows[k]
+    return rows[: chosen.size]

@@ -1,0 +1,70 @@
+"""Damage of the raw samples of a cycle, counted in compiled loops."""
+
+from __future__ import annotations
+
+import numba
+
+from camtorque.records import Array
+
+FLAT_RUN = 6
+"""Equal samples in a row at the end of a cycle's range that may be a clipped top: noise leaves two or three."""
+STEPS_BESIDE_FLAT = 30.0
+"""A clipped top falls by more than this many steps of the converter within its own length on either side; a smooth peak
+that is flat only for want of resolution falls by eight."""
+
+
+NO_VOLTAGE = 1.0e6
+"""No logger delivers a larger number (in the unit of its file): nan, infinite and absurd samples are missing ones."""
+
+
+@numba.njit(cache=True, nogil=True)
+def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, int, int]:
+    """Count what is wrong with the samples of a cycle.
+
+    Returns
+    -------
+    Samples at or beyond the output range; samples that are no numbers, or absurd ones; longest run of equal samples;
+    length of the longest clipped top (and bottom, where ``lowest`` is finite). Runs are looked for only where a first,
+    fast pass finds equal neighbours.
+    """
+    clipped, missing, equal = 0, 0, 0
+    for i in range(volts.size):
+        value = volts[i]
+        missing += not (-NO_VOLTAGE < value < NO_VOLTAGE)
+        clipped += (value <= lowest) | (value >= highest)
+    for i in range(1, volts.size):
+        equal += volts[i] == volts[i - 1]
+    if equal < 2:
+        return clipped, missing, 1, 0
+    return clipped, missing, *_runs(volts, lowest > -1e300)
+
+
+@numba.njit(cache=True, nogil=True)
+def _runs(volts: Array, two_sided: bool) -> tuple[int, int]:
+    """Return the longest run of equal samples and the longest one at a clipped end."""
+    run, longest, step = 1, 1, 1e300
+    top, at_top, top_end = volts[0], 1, 0
+    bottom, at_bottom, bottom_end = volts[0], 1, 0
+    for i in range(1, volts.size):
+        value, change = volts[i], abs(volts[i] - volts[i - 1])
+        run = run + 1 if change == 0.0 else 1
+        if 0.0 < change < step:
+            step = change
+        longest = max(longest, run)
+        if value > top or (value == top and run > at_top):
+            top, at_top, top_end = value, run, i
+        if value < bottom or (value == bottom and run > at_bottom):
+            bottom, at_bottom, bottom_end = value, run, i
+    flat = at_top if _is_clipped(volts, at_top, top_end, step) else 0
+    if two_sided and _is_clipped(volts, at_bottom, bottom_end, step):
+        flat = max(flat, at_bottom)
+    return longest, flat
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_clipped(volts: Array, run: int, end: int, step: float) -> bool:
+    before, after = end - 2 * run + 1, end + run
+    if run < FLAT_RUN or before < 0 or after >= volts.size:
+        return False
+    fall = min(abs(volts[end] - volts[before]), abs(volts[end] - volts[after]))
+    return fall > STEPS_BESIDE_FLAT * step

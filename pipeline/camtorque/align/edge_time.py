@@ -1,0 +1,148 @@
+"""Sub-sample time of an edge from the samples around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from camtorque.records import Array
+
+POOLED_EDGES = 9
+"""Plateaus are the running median over this many neighbouring edges: it follows slow drift."""
+FLANK = (0.05, 0.95)
+"""Heights between which a sample counts as lying on the flank."""
+SHORT_FLANK = 3.0
+"""A flank of fewer samples is fitted as a ramp; on a longer one linear interpolation is as good."""
+LEAST_PAIRS = 5
+LEAST_FOR_DENSITY = 30
+SAME_DURATION = 0.1
+"""Relative spread of the flank's duration over the edges beyond which it is no property of the sensor."""
+
+
+@dataclass(frozen=True)
+class EdgeSamples:
+    """Edges of one polarity, as few samples as their times need; flanks turned so that all rise.
+
+    Attributes
+    ----------
+    before : (n,) sample index before the half-height crossing
+    near : (n, 4) the two samples on either side of the crossing, as parts of the height
+    height : (n,) plateau to plateau [V]
+    noise : (n,) standard deviation of the voltage on the plateaus [V]
+    """
+
+    before: NDArray[np.int64]
+    near: Array
+    height: Array
+    noise: Array
+
+
+def edge_samples(windows: Array, before: NDArray[np.int64]) -> EdgeSamples:
+    """Normalise rising edges by the plateaus on their two sides.
+
+    Parameters
+    ----------
+    windows : (n, 2 k) samples around each edge, the edge between columns k - 1 and k; the first and last quarter of a
+        window are plateau [V]
+    before : (n,) sample index of column k - 1
+    """
+    n, width = windows.shape
+    if not n:
+        return EdgeSamples(before, np.empty((0, 4)), np.empty(0), np.empty(0))
+    half, quarter = width // 2, max(1, width // 4)
+    low, high = np.median(windows[:, :quarter], axis=1), np.median(windows[:, -quarter:], axis=1)
+    noise = 0.5 * (np.std(windows[:, :quarter], axis=1) + np.std(windows[:, -quarter:], axis=1))
+    pooled = min(POOLED_EDGES, n)
+    low, high = median_filter(low, pooled, mode="nearest"), median_filter(high, pooled, mode="nearest")
+    height = high - low
+    part = (windows - low[:, None]) / np.where(height > 0.0, height, 1.0)[:, None]
+    column = _crossing_column(part, half)
+    return EdgeSamples(before - (half - 1) + column, _near_columns(part, column), height, noise)
+
+
+def joined(parts: list[EdgeSamples]) -> EdgeSamples:
+    """Return the edges of all blocks."""
+    names = ("before", "near", "height", "noise")
+    return EdgeSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Half-height crossings.
+
+    Attributes
+    ----------
+    position : (n,) [samples], with their fraction
+    slope : of the flank [heights per sample]
+    blur : standard error from the samples being too few to see the flank [samples]
+    """
+
+    position: Array
+    slope: float
+    blur: float
+
+
+def crossings(edges: EdgeSamples) -> Crossings:
+    """Return the half-height crossings of the edges.
+
+    Linear interpolation between the two samples that straddle half height is exact while both lie on a straight flank;
+    where the flank is so short that one of them lies on a plateau it is wrong by up to 1 / (8 D) samples, and the
+    crossing is found from the flank's duration D instead. An edge without any sample on its flank lies anywhere within
+    the 1 - D samples that are left.
+    """
+    slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
+    linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
+    duration = _flank_duration(edges.near)
+    if duration < SHORT_FLANK:
+        unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
+        blur = np.sqrt(unseen / 12.0) * max(0.0, 1.0 - duration)
+        return Crossings(edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration, float(blur))
+    usual = float(np.median(slope)) if slope.size else 1.0
+    return Crossings(edges.before + linear, usual, usual / 8.0 if usual > 1.0 / SHORT_FLANK else 0.0)
+
+
+def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:
+    """Column before the crossing of half height that is nearest to the middle."""
+    crosses = (part[:, :-1] < 0.5) & (part[:, 1:] >= 0.5)
+    distance = np.abs(np.arange(part.shape[1] - 1) - (half - 1))
+    return np.argmin(np.where(crosses, distance, part.shape[1]), axis=1)
+
+
+def _near_columns(part: Array, column: NDArray[np.int64]) -> Array:
+    """Return (n, 4) the two samples on either side of the crossing, as parts of the height."""
+    columns = np.clip(column[:, None] + np.arange(-1, 3), 0, part.shape[1] - 1)
+    return part[np.arange(column.size)[:, None], columns]
+
+
+def _on_flank(near: Array) -> NDArray[np.bool_]:
+    return (near > FLANK[0]) & (near < FLANK[1])
+
+
+def _flank_duration(near: Array) -> float:
+    """Return the duration of the whole flank in samples, inf where it is not known or not short.
+
+    Two samples of one edge on the flank give its slope; where the flank is shorter than a sample, the part of the edges
+    that show a sample on it gives its duration, because edges fall anywhere between the samples.
+    """
+    flank = _on_flank(near)
+    both = flank[:, 1] & flank[:, 2]
+    span = FLANK[1] - FLANK[0]
+    if both.sum() >= LEAST_PAIRS:
+        durations = 1.0 / (near[both, 2] - near[both, 1])
+        usual = float(np.median(durations))
+        spread = 1.4826 * float(np.median(np.abs(durations - usual)))
+        return usual if spread < SAME_DURATION * usual else np.inf
+    density = float(flank.sum()) / max(1, near.shape[0]) / span
+    return density if near.shape[0] >= LEAST_FOR_DENSITY and 0.2 < density < 1.6 else np.inf
+
+
+def _ramp_crossing(near: Array, linear: Array, duration: float) -> Array:
+    """Mean over the samples on the flank of where each puts half height; linear where there is none."""
+    flank = _on_flank(near)
+    places = np.arange(-1, 3) - duration * (near - 0.5)
+    count = flank.sum(axis=1)
+    mean = np.where(flank, places, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return np.where(count > 0, mean, linear)

@@ -1,0 +1,144 @@
+"""Mains hum on the torque: 50 or 60 Hz that rides on the voltage, whatever the cam does.
+
+Where the speed drifts against the mains, the hum's phase differs from cycle to cycle: it is told by regression of each
+cycle's deviation from the mean on sine and cosine of the mains, and it averages out of the mean. Where the speed is an
+even fraction of the mains, it stands still on the cam angle and stays in the mean: it is told on the base circle, where
+nothing else happens, as a sine of just that frequency.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from camtorque.records import Array, Finding
+from camtorque.units import DEGREE
+
+MAINS_HZ = (50.0, 60.0)
+LOCKED = 0.5
+"""Coherence of the mains' phase over the cycles above which the mean keeps the hum."""
+POINTS = 360
+"""Bins of a revolution: mains is slow against the grid."""
+SIGNIFICANT = 6.0
+SMALLEST_SHARE = 1.0e-4
+"""Smallest amplitude that is worth a line, as a share of the peak torque."""
+MARGIN = 20.0 * DEGREE
+"""Base circle that is left out after the lift has ended: what rings there is not hum."""
+FEWEST_PERIODS = 1.5
+OTHERS_HZ = (23.0, 31.0, 39.0, 71.0, 83.0, 97.0)
+"""Neighbouring frequencies: a sine of the mains has to leave less over than a sine of any of these."""
+STANDS_OUT = 0.9
+
+
+@dataclass(frozen=True)
+class Hum:
+    """Amplitude [N m] at a mains frequency [Hz], standard error, coherence of its phase with the cam (0 to 1)."""
+
+    frequency: float
+    amplitude: float
+    stderr: float
+    coherence: float
+
+
+def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Array) -> tuple[Finding, ...]:
+    """Return the finding about mains hum, if there is any.
+
+    Parameters
+    ----------
+    theta, lift : (n,) cam angle [rad], lift [m]
+    torque : (n_cycles, n) [N m]
+    speed, index : (n_cycles,) [rad/s], cycle number
+    """
+    peak = float(np.max(np.mean(torque, axis=0)))
+    found = [hum for hum in (_hum(f, theta, torque, speed, index, lift) for f in MAINS_HZ) if hum is not None]
+    real = [h for h in found if h.amplitude > max(SIGNIFICANT * h.stderr, SMALLEST_SHARE * peak)]
+    if not real:
+        return ()
+    hum = max(real, key=lambda h: h.amplitude / h.stderr)
+    stays = hum.coherence > LOCKED
+    fate = (
+        "the speed is locked to it, so it stays in the mean cycle and in the residual"
+        if stays
+        else f"its phase drifts over the cycles, so {100.0 * hum.coherence:.0f} % of it stay in the mean cycle"
+    )
+    text = f"{hum.frequency:.0f} Hz hum of {hum.amplitude:.3f} +- {hum.stderr:.3f} N m on the torque: {fate}"
+    return (Finding("mains_hum", "info", text, "torque"),)
+
+
+def _hum(frequency: float, theta: Array, torque: Array, speed: Array, index: Any, lift: Array) -> Hum | None:
+    start = _starts(speed, index)
+    coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
+    if coherence > LOCKED:
+        return _on_base_circle(frequency, theta, np.mean(torque, axis=0), float(np.mean(speed)), lift, coherence)
+    return _over_cycles(frequency, torque, speed, start, coherence)
+
+
+def _starts(speed: Array, index: Any) -> Array:
+    """Return the time at which each cycle starts [s]; a cycle that was cut lasts as long as its neighbours."""
+    numbers = np.arange(index[0], index[-1] + 1)
+    periods = np.interp(numbers, index, 2.0 * np.pi / speed)
+    return np.r_[0.0, np.cumsum(periods)][index - index[0]]
+
+
+def _over_cycles(frequency: float, torque: Array, speed: Array, start: Array, coherence: float) -> Hum | None:
+    """Return the hum from the deviations of the cycles from their mean."""
+    bins = _binned(torque)
+    angle = (np.arange(POINTS) + 0.5) * 2.0 * np.pi / POINTS
+    phase = 2.0 * np.pi * frequency * (start[:, None] + angle / speed[:, None])
+    waves = [wave - np.mean(wave, axis=0) for wave in (np.cos(phase), np.sin(phase))]
+    deviation = bins - np.mean(bins, axis=0)
+    # one cycle carries one independent value of each wave: what else deviates is correlated over its angle
+    pairs = np.array([[np.sum(wave * deviation, axis=1) for wave in waves]])[0]
+    gram = np.array([[np.sum(a * b) for b in waves] for a in waves])
+    if np.linalg.cond(gram) > 1e6:
+        return None
+    amplitude = np.linalg.solve(gram, np.sum(pairs, axis=1))
+    explained = sum(a * wave for a, wave in zip(amplitude, waves, strict=True))
+    rest = np.array([np.sum(wave * (deviation - explained), axis=1) for wave in waves])
+    spread = np.sqrt(np.sum(rest**2, axis=1).mean())
+    stderr = float(spread / np.sqrt(np.linalg.det(gram)))
+    return Hum(frequency, float(np.hypot(*amplitude)), stderr, coherence)
+
+
+def _on_base_circle(
+    frequency: float, theta: Array, mean: Array, speed: float, lift: Array, coherence: float
+) -> Hum | None:
+    """Return the hum from the mean cycle where the lift is nil."""
+    idle = _idle(theta, lift)
+    time = theta[idle] / speed
+    if time.size < POINTS // 10 or np.ptp(time) * frequency < FEWEST_PERIODS:
+        return None
+    amplitude, rest = _sine(time, mean[idle], frequency)
+    if rest > STANDS_OUT * min(_sine(time, mean[idle], other)[1] for other in OTHERS_HZ):
+        return None
+    # neighbouring points share the low-pass: a tenth of them is independent
+    stderr = rest * np.sqrt(2.0 / (0.1 * time.size))
+    return Hum(frequency, amplitude, float(stderr), coherence)
+
+
+def _idle(theta: Array, lift: Array) -> Any:
+    """Return the points of the longest stretch without lift, but for a margin after it starts, in time order."""
+    still = lift < 1e-3 * np.max(lift)
+    turned = np.flatnonzero(~still)
+    if turned.size == 0:
+        return np.array([], dtype=np.int64)
+    first = turned[-1] + 1 if turned[-1] + 1 < theta.size else 0
+    ahead = np.flatnonzero(still & (theta >= theta[first] + MARGIN)) if first else np.flatnonzero(still)
+    return ahead
+
+
+def _sine(time: Array, values: Array, frequency: float) -> tuple[float, float]:
+    """Return amplitude of a sine beside a straight line, and the rms of the rest."""
+    centred = time - np.mean(time)
+    phase = 2.0 * np.pi * frequency * time
+    design = np.column_stack([np.ones_like(time), centred, np.cos(phase), np.sin(phase)])
+    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    return float(np.hypot(found[2], found[3])), float(np.sqrt(np.mean((values - design @ found) ** 2)))
+
+
+def _binned(torque: Array) -> Array:
+    """Return bin means of each cycle, (n_cycles, POINTS)."""
+    size = torque.shape[1] // POINTS * POINTS
+    return torque[:, :size].reshape(torque.shape[0], POINTS, -1).mean(axis=2)

@@ -1,0 +1,76 @@
+"""Jumps of a clock inside a recording: found from pulse periods that no shaft can run, and cut there.
+
+A shaft has inertia: one revolution cannot differ from both its neighbours while these agree. Where it does, samples
+were lost or a clock was set: the revolution is not used, and the ones beside it are not touched by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from camtorque.align.clocks import Clock
+from camtorque.align.logger_time import pause_intervals
+from camtorque.align.pulses import PulseTrain
+from camtorque.records import Finding, Recording
+
+LEAST_JUMP = 0.003
+"""Relative difference of a period from its neighbours that may be a jump."""
+NEIGHBOURS_AGREE = 0.25
+"""The neighbours differ from each other by less than this part of the jump."""
+TIMES_USUAL = 8.0
+"""And the difference is this many times the usual one from revolution to revolution."""
+
+
+def mark_jumps(
+    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording
+) -> tuple[PulseTrain, tuple[Finding, ...]]:
+    """Mark the pulses whose interval holds a jump, of the main trigger, between two clocks or of a file's time."""
+    jump = _odd_periods(train, recording.config.trigger.pulses_per_rev)
+    odd = int(jump.sum())
+    findings = []
+    if odd:
+        places = ", ".join(f"{t:.4g} s" for t in train.time[jump][:5])
+        findings.append(
+            Finding(
+                "clock_jump",
+                "warning",
+                f"{odd} pulse periods differ from both neighbours as no shaft can run: samples lost or the clock set, "
+                "the cycles there are cut out",
+                f"near {places}",
+            )
+        )
+    for clock in clocks.values():
+        for moment in clock.breaks:
+            jump[np.clip(np.searchsorted(train.time, moment), 1, jump.size - 1)] = True
+    for channel in recording.channels:
+        for begin, end in clocks[channel.logger].to_reference(pause_intervals(channel)):
+            first, last = np.searchsorted(train.time, (begin, end))
+            jump[max(1, first) : last + 1] = True
+    return replace(train, jumped=jump), tuple(findings)
+
+
+def _odd_periods(train: PulseTrain, pulses_per_rev: int) -> np.ndarray:
+    """Flag the pulse at the end of each odd interval; on a wheel, pitch errors repeat and are taken off first."""
+    period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
+    jump = np.zeros(train.time.size, dtype=bool)
+    if period.size < 5:
+        return jump
+    if pulses_per_rev > 1:
+        tooth = train.step[1:] % pulses_per_rev
+        period = period / _usual_by_tooth(period, tooth)
+    before, after, here = period[:-2], period[2:], period[1:-1]
+    beside = 0.5 * (before + after)
+    difference = np.abs(here - beside) / beside
+    usual = 1.4826 * np.median(difference)
+    agree = np.abs(before - after) / beside < NEIGHBOURS_AGREE * difference
+    odd = (difference > max(LEAST_JUMP, TIMES_USUAL * usual)) & agree
+    jump[2:-1] = odd & ~train.broken[2:-1] & ~train.repaired[2:-1]
+    return jump
+
+
+def _usual_by_tooth(period: np.ndarray, tooth: np.ndarray) -> np.ndarray:
+    order = np.unique(tooth, return_inverse=True)[1]
+    return np.array([np.median(period[order == k]) for k in range(order.max() + 1)])[order]

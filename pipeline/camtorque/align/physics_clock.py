@@ -1,0 +1,197 @@
+"""Clock of a logger that recorded no trigger, from the physics it shares with one that did.
+
+While the lift rises, the torque of a pump follows line pressure times lift velocity. The shift that makes them most
+alike, revolution by revolution, ties the clocks; which revolution belongs to which is found from the scatter of their
+heights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import correlate
+
+from camtorque.align.angle import TWO_PI, CamAngle
+from camtorque.align.channels import align_channels, covered
+from camtorque.align.clocks import CLEAR_EVIDENCE, Clock, robust_line
+from camtorque.align.options import AlignOptions
+from camtorque.align.polarity import lift_velocity
+from camtorque.records import Array, CamTable, Channel, ClockFit, Finding, Refusal
+
+SHAPE_STD_DEG = 0.5
+"""What torque and pressure times lift velocity differ in shape: the shift found on five runs of one pump whose clocks
+are known was between -0.6 and 0.9 degrees."""
+COARSE_RATE = 2000.0
+N_THETA = 720
+WIDEST_SHIFT = 80
+"""Grid steps (40 degrees) within which the coarse correlation has to be right."""
+LEAST_CYCLES = 5
+RISING = 0.05
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Torque and pressure on two loggers; ``own`` is the quantity on the logger without a trigger."""
+
+    channels: Mapping[str, Channel]
+    own: str
+    table: CamTable
+    angle: CamAngle
+
+    @property
+    def logger(self) -> str:
+        """Logger without a trigger."""
+        return self.channels[self.own].logger
+
+    @property
+    def known(self) -> str:
+        """Logger with the trigger."""
+        return next(channel.logger for quantity, channel in self.channels.items() if quantity != self.own)
+
+
+def physics_clock(pair: Pair) -> Clock:
+    """Return the clock of the logger without a trigger against that of the logger with it.
+
+    Raises
+    ------
+    Refusal
+        Fewer than five revolutions in common.
+    """
+    offset, skew, evidence, stderr_skew = _coarse_offset(pair), 0.0, 0.0, 0.0
+    stderr = np.inf
+    for round_ in range(3):
+        clock = Clock(ClockFit(pair.logger, offset, 1e6 * skew, 0.0))
+        rows, middle, period = _rows(pair, clock)
+        if round_ == 1:
+            turns, evidence = _whole_turns(rows, pair.own)
+            offset += turns * float(np.median(period))
+            continue
+        shift = np.array([_best_shift(*row) for row in _matched(rows, pair)]) * period / N_THETA
+        good = np.isfinite(shift)
+        line = robust_line(middle[good], shift[good])
+        # Drift is only read where the scatter of the shifts lets it stand out.
+        drift = line.slope if abs(line.slope) > 3.0 * line.stderr_slope else 0.0
+        offset += float(np.median(shift[good])) - drift * float(np.median(middle[good]))
+        skew += drift
+        shape = SHAPE_STD_DEG / 360.0 * float(np.median(period))
+        stderr, stderr_skew = float(np.hypot(line.stderr_middle, shape)), line.stderr_slope
+    findings = [_by_physics(pair, stderr, period)]
+    if evidence < CLEAR_EVIDENCE:
+        findings.append(_ambiguous(pair, evidence))
+    fit = ClockFit(pair.logger, offset, 1e6 * skew, stderr, "torque and pressure")
+    return Clock(fit, stderr_skew, evidence=evidence, findings=tuple(findings))
+
+
+def _coarse_offset(pair: Pair) -> float:
+    """Return own time minus known time where the correlation of the two is largest, from decimated signals."""
+    signals = {}
+    for quantity, channel in pair.channels.items():
+        step = max(1, round(channel.sample_rate / COARSE_RATE))
+        n = channel.n_samples // step
+        values = np.nan_to_num(channel.read(0, n * step)).reshape(n, step).mean(axis=1)
+        delay = channel.calibration.delay if channel.calibration else 0.0
+        signals[quantity] = (values, channel.start_time + 0.5 * (step - 1) / channel.sample_rate - delay, step)
+    other = next(quantity for quantity in signals if quantity != pair.own)
+    (own, own_start, own_step), (known, known_start, known_step) = signals[pair.own], signals[other]
+    known_time = known_start + np.arange(known.size) * known_step / pair.channels[other].sample_rate
+    weight = np.maximum(_velocity_at(pair, known_time), 0.0)
+    grid = np.arange(round(own.size * own_step / pair.channels[pair.own].sample_rate * COARSE_RATE)) / COARSE_RATE
+    own = np.interp(
+        own_start + grid, own_start + np.arange(own.size) * own_step / pair.channels[pair.own].sample_rate, own
+    )
+    even = np.arange(round((known_time[-1] - known_time[0]) * COARSE_RATE)) / COARSE_RATE
+    known = np.interp(known_start + even, known_time, known * weight)
+    raw = correlate(own - own.mean(), known - known.mean(), mode="full", method="fft")
+    # Not divided by the overlap: of equal peaks, one per revolution, the longest overlap is taken first.
+    lag = int(np.argmax(raw)) - (known.size - 1)
+    return own_start + lag / COARSE_RATE - known_start
+
+
+def _velocity_at(pair: Pair, time: Array) -> Array:
+    grid = lift_velocity(pair.table, N_THETA)
+    theta = np.interp(time, pair.angle.time, pair.angle.angle, left=np.nan, right=np.nan)
+    return np.nan_to_num(np.interp(theta, np.arange(N_THETA) * TWO_PI / N_THETA, grid, period=TWO_PI))
+
+
+def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
+    """Return both channels on a coarse angle grid with a trial clock, the middles and periods of the cycles."""
+    clocks = {pair.known: Clock(ClockFit(pair.known, 0.0, 0.0, 0.0)), pair.logger: clock}
+    cycles = pair.angle.candidate_cycles()
+    complete = covered(pair.angle, cycles, pair.channels, clocks)
+    if complete.sum() < LEAST_CYCLES:
+        raise Refusal(
+            f"logger {pair.logger!r}: found {int(complete.sum())} revolutions in common with logger {pair.known!r}, "
+            "expected at "
+            f"least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
+        )
+    aligned = align_channels(pair.channels, pair.angle, cycles, complete, clocks, AlignOptions(n_theta=N_THETA))
+    begin, end = (pair.angle.time_at((cycles[complete] + k) * TWO_PI) for k in (0, 1))
+    return {quantity: item.rows[complete] for quantity, item in aligned.items()}, 0.5 * (begin + end), end - begin
+
+
+def _matched(rows: Mapping[str, Array], pair: Pair) -> list[tuple[Array, Array, Array, bool]]:
+    velocity = lift_velocity(pair.table, N_THETA)
+    pressure = np.maximum(rows["pressure"], 0.0)
+    return [
+        (torque, line, velocity, pair.own == "pressure") for torque, line in zip(rows["torque"], pressure, strict=True)
+    ]
+
+
+def _best_shift(torque: Array, pressure: Array, velocity: Array, shift_pressure: bool) -> float:
+    """Return the grid steps by which the own channel lies late, from the best correlation over the rising lift."""
+    rise = velocity > RISING * velocity.max()
+    shifts = np.arange(-WIDEST_SHIFT, WIDEST_SHIFT + 1)
+    score = np.empty(shifts.size)
+    for i, shift in enumerate(shifts):
+        a = torque if shift_pressure else np.roll(torque, -shift)
+        b = (np.roll(pressure, -shift) if shift_pressure else pressure) * velocity
+        score[i] = np.corrcoef(a[rise], b[rise])[0, 1]
+    best = int(np.argmax(score))
+    if not 0 < best < shifts.size - 1:
+        return np.nan
+    left, middle, right = score[best - 1 : best + 2]
+    return float(shifts[best] + 0.5 * (left - right) / (left - 2.0 * middle + right))
+
+
+def _whole_turns(rows: Mapping[str, Array], own: str) -> tuple[int, float]:
+    """Return how many revolutions the own channel has to move, and the log-likelihood ratio to the next best."""
+    other = next(quantity for quantity in rows if quantity != own)
+    a, b = np.ptp(rows[other], axis=1), np.ptp(rows[own], axis=1)
+    n = a.size
+    least = max(LEAST_CYCLES, n // 2)
+    scores = []
+    for turns in range(-(n - least), n - least + 1):
+        x, y = a[max(0, -turns) : n - max(0, turns)], b[max(0, turns) : n - max(0, -turns)]
+        correlation = max(0.0, float(np.corrcoef(x, y)[0, 1])) if np.ptp(x) > 0.0 and np.ptp(y) > 0.0 else 0.0
+        scores.append((-0.5 * x.size * np.log(max(1e-12, 1.0 - correlation**2)), turns))
+    scores.sort(reverse=True)
+    if len(scores) < 2:
+        return 0, 0.0
+    evidence = scores[0][0] - scores[1][0]
+    return (scores[0][1] if evidence >= CLEAR_EVIDENCE else 0), float(evidence)
+
+
+def _by_physics(pair: Pair, stderr: float, period: Array) -> Finding:
+    degrees = 360.0 * stderr / float(np.median(period))
+    return Finding(
+        "clock_from_physics",
+        "warning",
+        f"logger {pair.logger} recorded no trigger: its clock is tied to that of {pair.known} by torque and pressure "
+        "during "
+        f"the rising lift, with a standard error of {1e3 * stderr:.3g} ms ({degrees:.2g} degrees)",
+        pair.channels[pair.own].path.name,
+    )
+
+
+def _ambiguous(pair: Pair, evidence: float) -> Finding:
+    return Finding(
+        "clock_lag_ambiguous",
+        "warning",
+        f"logger {pair.logger}: the scatter of the revolutions does not say which of its revolutions belongs to which "
+        f"(log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the cam angle is right either way, but "
+        "torque "
+        "and pressure of a cycle may belong to neighbouring revolutions",
+        pair.channels[pair.own].path.name,
+    )

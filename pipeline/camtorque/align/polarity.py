@@ -1,0 +1,149 @@
+"""Inverted torque is turned with a finding; torque and pressure under each other's name are refused.
+
+Both are seen without a model: the torque of a pump follows line pressure times lift velocity, the pressure does not
+follow torque times lift velocity; a torque swings to both sides or rests near zero on the base circle, a gauge
+pressure stays above zero and keeps a residual there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.quality import spread_choice
+from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.units import BAR
+
+INVERTED_CORRELATION = -0.3
+SWAPPED_CORRELATION = 0.5
+"""Torque and pressure that follow each other less than this are not each other's, but something else."""
+LEAST_SWING = 4.0
+"""A channel that follows the cam swings by more than this many times its scatter from cycle to cycle."""
+STILL = 1.0e-4
+"""Nor does a channel follow the cam that moves by less than this part of its sensor's range."""
+TENSION = -0.04
+"""A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the range."""
+REST_FACTOR = 1.3
+"""On the base circle a line pressure keeps this much more of its peak than a torque, at least."""
+DWELL_LIFT_VELOCITY = 0.05
+"""Part of the largest lift velocity below which the follower stands still."""
+SAMPLED_CYCLES = 41
+COARSE_GRID = 720
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Quantity -> typical cycle on the coarse grid, torque positive when driving (empty without sound cycles)."""
+
+    typical: Mapping[str, Array]
+    findings: tuple[Finding, ...] = ()
+
+
+def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording) -> Checked:
+    """Turn an inverted torque in place and return the typical cycles and the findings.
+
+    Parameters
+    ----------
+    rows : quantity -> (n_cycles, n_theta)
+    sound : (n_cycles,) complete cycles without missing samples
+
+    Raises
+    ------
+    Refusal
+        A channel does not follow the cam; the data of torque and pressure look like each other's.
+    """
+    if not sound.any():
+        return Checked({})
+    stride = max(1, rows["pressure"].shape[1] // COARSE_GRID)
+    typical = {}
+    for quantity, values in rows.items():
+        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0])
+    if "torque" not in typical:
+        return Checked(typical)
+    torque, pressure = typical["torque"], typical["pressure"]
+    velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
+    _refuse_swapped(torque, pressure, velocity, recording.config.id)
+    straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
+    # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
+    work = float(np.mean(torque) - at_rest(torque, velocity))
+    if straight > INVERTED_CORRELATION or work > 0.0:
+        return Checked(typical)
+    rows["torque"][...] *= -1.0
+    return Checked({**typical, "torque": -torque}, (_turned(recording, float(np.mean(torque)), straight),))
+
+
+def _turned(recording: Recording, mean: float, straight: float) -> Finding:
+    declared = "positive" if recording.config.rotation > 0 else "negative"
+    return Finding(
+        "torque_inverted",
+        "warning",
+        f"the torque reads {mean:+.2f} N m on average and falls while the pressure resists the rising lift "
+        f"(correlation {straight:+.2f}): its sign was turned, positive is driving the pump; either the transducer is "
+        f'wired the other way, or rotation = "{declared}" is wrong, which also turns the side forces of a follower '
+        "with an offset",
+        recording.of("torque")[0].name,
+    )
+
+
+def at_rest(torque: Array, velocity: Array) -> float:
+    """Return the median torque while the follower stands still, else over the whole revolution [N m]."""
+    rest = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
+    return float(np.median(torque[rest] if rest.any() else torque))
+
+
+def lift_velocity(table: CamTable, n_theta: int) -> Array:
+    """Return dy/dtheta of the lift table on the angle grid by central differences [m/rad]."""
+    grid = np.arange(n_theta) * (2.0 * np.pi / n_theta)
+    slope = np.gradient(np.r_[table.lift[-1], table.lift, table.lift[0]], _wrapped(table.theta))[1:-1]
+    return np.interp(grid, table.theta, slope, period=2.0 * np.pi)
+
+
+def _wrapped(theta: Array) -> Array:
+    return np.r_[theta[-1] - 2.0 * np.pi, theta, theta[0] + 2.0 * np.pi]
+
+
+def _typical(rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel) -> Array:
+    """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
+    some = rows[spread_choice(sound, SAMPLED_CYCLES), ::stride]
+    middle = np.median(some, axis=0)
+    swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(some - middle)))
+    calibration = channel.calibration
+    least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
+    if swing > max(LEAST_SWING * scatter, least):
+        return middle
+    unit, size = {"torque": ("N m", 1.0), "pressure": ("bar", BAR)}[channel.quantity]
+    reason = (
+        f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {LEAST_SWING:.0f} times that"
+        if LEAST_SWING * scatter > least
+        else f"expected at least {least / size:.3g} {unit}, a ten-thousandth of the sensor's range"
+    )
+    raise Refusal(
+        f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} does not follow the cam: the mean "
+        f"cycle swings by {swing / size:.3g} {unit}, {reason}; check the sensor, its cable, the supply and the "
+        "channel's name"
+    )
+
+
+def _correlation(a: Array, b: Array) -> float:
+    return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
+
+
+def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) -> None:
+    straight = abs(_correlation(torque, pressure * velocity))
+    swapped = abs(_correlation(pressure, torque * velocity))
+    dwell = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
+    rest = [abs(float(np.median(signal[dwell]))) / np.max(np.abs(signal)) for signal in (torque, pressure)]
+    lowest = float(pressure.min()) / np.max(np.abs(pressure))
+    if swapped < max(straight, SWAPPED_CORRELATION) or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
+        return
+    raise Refusal(
+        f"{name}: torque and pressure stand under each other's name: the channel named pressure goes down to "
+        f"{100 * lowest:.0f} % of its peak and rests at {100 * rest[1]:.0f} % on the base circle like a torque, the "
+        "one named "
+        f"torque rests at {100 * rest[0]:.0f} % like a line pressure (correlation {swapped:.2f} swapped, "
+        f"{straight:.2f} as "
+        "named); exchange the two in [[channels]]"
+    )

@@ -1,0 +1,267 @@
+"""Edge times -> a pulse train with nominal cam angles: bounced, doubled and missed pulses repaired and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from camtorque.config import TriggerSpec
+from camtorque.records import Array, Finding, Refusal
+
+BOUNCE_PERIODS = 0.1
+"""An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."""
+SAME_PERIOD = 0.15
+"""Relative difference within which two gaps together count as one period."""
+PROVEN_PERIOD = 0.02
+"""A gap is an integer number of periods when the neighbours' periods agree with it this closely."""
+MAX_EXTRA = 4
+"""Pulses too many within one period that neighbours can prove."""
+MAX_MISSED = 3
+"""Pulses missed in a row that neighbours can prove."""
+LOCAL_PERIODS = 9
+LEAST_PULSES = 2
+
+
+@dataclass(frozen=True)
+class PulseTrain:
+    """Pulses in time order, on one clock.
+
+    Attributes
+    ----------
+    time : (n,) [s]
+    step : (n,) whole pitches since the first pulse (a missing tooth counts)
+    repaired : (n,) True where the pulse was put in
+    broken : (n,) True where the way from the pulse before is not proven
+    repair_error : expected error of a repaired pulse, in parts of a period
+    counts : ``bounced``, ``doubled``, ``missed``, ``gaps``
+    jumped : (n,) True where a clock jumps on the way from the pulse before; None before it was looked for
+    """
+
+    time: Array
+    step: NDArray[np.int64]
+    repaired: NDArray[np.bool_]
+    broken: NDArray[np.bool_]
+    repair_error: float
+    counts: Mapping[str, int]
+    jumped: NDArray[np.bool_] | None = None
+
+
+def clean_pulses(time: Array, pulse_width: float) -> PulseTrain:
+    """Remove bounced and doubled pulses of an evenly divided shaft and put in missed ones.
+
+    Parameters
+    ----------
+    time : edge times [s]
+    pulse_width : median width of a pulse [s]
+    """
+    kept, n_bounced = _without_bounces(time, pulse_width)
+    kept, n_doubled = _without_extras(kept)
+    return _with_missed(kept, n_bounced, n_doubled)
+
+
+def _local_period(time: Array) -> Array:
+    return median_filter(np.diff(time), min(LOCAL_PERIODS, time.size - 1), mode="nearest")
+
+
+def _without_bounces(time: Array, pulse_width: float) -> tuple[Array, int]:
+    """Keep the first edge of a burst: the contact closes first and bounces afterwards."""
+    if time.size < 3:
+        return time, 0
+    gaps = np.diff(time)
+    shortest = BOUNCE_PERIODS * np.median(gaps[gaps >= 0.5 * np.percentile(gaps, 75)])
+    keep = np.ones(time.size, dtype=bool)
+    last = time[0]
+    for i in range(1, time.size):
+        if time[i] - last < shortest:
+            keep[i] = False
+        else:
+            last = time[i]
+    return time[keep], int(np.sum(~keep))
+
+
+def _without_extras(time: Array) -> tuple[Array, int]:
+    """Drop pulses between two that lie one period apart."""
+    n_before, i = time.size, 0
+    period = _local_period(time)
+    while i < time.size - 2:
+        expected = period[min(i, period.size - 1)]
+        ahead = time[i + 2 : i + 2 + MAX_EXTRA] - time[i]
+        if time[i + 1] - time[i] < (1.0 - SAME_PERIOD) * expected and ahead.size:
+            nearest = int(np.argmin(np.abs(ahead - expected)))
+            if abs(ahead[nearest] / expected - 1.0) < SAME_PERIOD:
+                time = np.delete(time, slice(i + 1, i + 2 + nearest))
+                period = _local_period(time)
+        i += 1
+    return time, n_before - time.size
+
+
+def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
+    gaps = np.diff(time)
+    n_periods = np.ones(gaps.size, dtype=np.int64)
+    broken = np.zeros(gaps.size, dtype=bool)
+    # Only a gap clearly longer than its surroundings can hold a missed pulse.
+    for i in np.flatnonzero(gaps > 1.4 * _local_period(time)).tolist() if gaps.size else ():
+        n_periods[i], broken[i] = _periods_in_gap(gaps, i)
+    out_time, step, repaired, out_broken = [time[0]], [0], [False], [False]
+    for i, n in enumerate(n_periods.tolist()):
+        inserted = 0 if broken[i] else n - 1
+        for k in range(1, inserted + 1):
+            out_time.append(time[i] + k * gaps[i] / n)
+            step.append(step[-1] + 1)
+            repaired.append(True)
+            out_broken.append(False)
+        out_time.append(time[i + 1])
+        step.append(step[-1] + (n - inserted))
+        repaired.append(False)
+        out_broken.append(bool(broken[i]))
+    single = np.diff(gaps[n_periods == 1])
+    scatter = 1.4826 * np.median(np.abs(single)) / np.sqrt(2.0) / np.median(gaps) if single.size else 1.0
+    counts = {
+        "bounced": n_bounced,
+        "doubled": n_doubled,
+        "missed": int(np.sum(repaired)),
+        "gaps": int(np.sum(broken)),
+    }
+    return PulseTrain(
+        np.array(out_time), np.array(step), np.array(repaired), np.array(out_broken), float(scatter), counts
+    )
+
+
+def _periods_in_gap(gaps: Array, i: int) -> tuple[int, bool]:
+    """Whole periods in gap i, and whether the neighbours fail to prove it."""
+    near = np.r_[gaps[max(0, i - 3) : i], gaps[i + 1 : i + 4]]
+    if not near.size:
+        return 1, False
+    n = max(1, round(float(gaps[i] / np.median(near))))
+    if n == 1:
+        return 1, False
+    sides = [
+        side[np.argmin(np.abs(side - gaps[i] / n))]
+        for side in (gaps[max(0, i - 2) : i], gaps[i + 1 : i + 3])
+        if side.size
+    ]
+    proven = n <= MAX_MISSED + 1 and all(abs(side * n / gaps[i] - 1.0) < PROVEN_PERIOD for side in sides)
+    return n, not proven
+
+
+def number_teeth(time: Array, pulse_width: float, spec: TriggerSpec, where: str) -> PulseTrain:
+    """Return the pulses of a wheel with ``step`` zero (mod pulses per revolution) at the first tooth after the mark.
+
+    Raises
+    ------
+    Refusal
+        The wheel has no mark, or the mark is not found once per revolution.
+    """
+    time = _forward(time, where)
+    if spec.pulses_per_rev == 1:
+        return clean_pulses(time, pulse_width)
+    if not spec.missing_teeth and not spec.double_tooth:
+        raise Refusal(
+            f"{where}: a wheel of {spec.pulses_per_rev} pulses per revolution without a mark does not tell which tooth "
+            "is at "
+            "nominal_angle_deg; expected missing_teeth or double_tooth in [trigger]"
+        )
+    train = _double_tooth_train(time, spec) if spec.double_tooth else _missing_tooth_train(time, spec)
+    return _from_mark(train, spec, where)
+
+
+def _forward(time: Array, where: str) -> Array:
+    """Keep the pulses whose times run forward."""
+    time = time[np.isfinite(time)]
+    kept = time[np.r_[True, np.diff(np.maximum.accumulate(time)) > 0.0]] if time.size else time
+    if kept.size < LEAST_PULSES:
+        raise Refusal(
+            f"{where}: found {kept.size} trigger pulses in the order of time, expected at least {LEAST_PULSES}; record "
+            "more "
+            "revolutions, or check the time of the file"
+        )
+    return kept
+
+
+@dataclass(frozen=True)
+class _Marked:
+    time: Array
+    step: NDArray[np.int64]
+    marks: NDArray[np.int64]
+    n_extra: int
+    n_missed: int
+
+
+def _pitch(time: Array) -> Array:
+    """Local pitch of each gap: a running median is deaf to the mark and to single disturbances."""
+    return median_filter(np.diff(time), min(11, time.size - 1), mode="nearest")
+
+
+def _missing_tooth_train(time: Array, spec: TriggerSpec) -> _Marked:
+    kept, n_extra = _without_close_teeth(time)
+    steps = np.maximum(1, np.rint(np.diff(kept) / _pitch(kept))).astype(np.int64)
+    marks = 1 + np.flatnonzero(steps == spec.missing_teeth + 1)
+    missed = int(np.sum(steps[steps != spec.missing_teeth + 1] - 1))
+    return _Marked(kept, np.r_[0, np.cumsum(steps)], marks, n_extra, missed)
+
+
+def _double_tooth_train(time: Array, spec: TriggerSpec) -> _Marked:
+    ratio = np.diff(time) / _pitch(time)
+    halves = (np.abs(ratio[:-1] - 0.5) < 0.2) & (np.abs(ratio[1:] - 0.5) < 0.2)
+    doubled = 1 + np.flatnonzero(halves)
+    kept = np.delete(time, doubled)
+    steps = np.maximum(1, np.rint(np.diff(kept) / _pitch(kept))).astype(np.int64)
+    marks = doubled - np.arange(doubled.size)
+    return _Marked(kept, np.r_[0, np.cumsum(steps)], marks, 0, int(np.sum(steps - 1)))
+
+
+def _without_close_teeth(time: Array) -> tuple[Array, int]:
+    """Drop a tooth whose two gaps together make one pitch, and the later edge of a bounce."""
+    n_before = time.size
+    while time.size > 3:
+        gaps, pitch = np.diff(time), _pitch(time)
+        both = gaps[:-1] + gaps[1:]
+        extra = (np.abs(both / pitch[:-1] - 1.0) < 0.3) & (np.minimum(gaps[:-1], gaps[1:]) < 0.7 * pitch[:-1])
+        if not extra.any():
+            break
+        first = extra & ~np.r_[False, extra[:-1]]
+        time = np.delete(time, 1 + np.flatnonzero(first))
+    return time, n_before - time.size
+
+
+def _from_mark(marked: _Marked, spec: TriggerSpec, where: str) -> PulseTrain:
+    n = spec.pulses_per_rev
+    if not marked.marks.size:
+        raise Refusal(
+            f"{where}: no mark found among {marked.time.size} teeth, expected "
+            f"{'a double tooth' if spec.double_tooth else f'{spec.missing_teeth} missing teeth'} "
+            f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger]"
+        )
+    phase = marked.step[marked.marks] % n
+    usual = int(np.bincount(phase, minlength=n).argmax())
+    agreeing = marked.marks[phase == usual]
+    step = marked.step - marked.step[agreeing[0]]
+    broken = np.zeros(step.size, dtype=bool)
+    broken[marked.marks[phase != usual]] = True
+    counts = {"bounced": 0, "doubled": marked.n_extra, "missed": marked.n_missed, "gaps": int(broken.sum())}
+    none = np.zeros(step.size, dtype=bool)
+    return PulseTrain(marked.time, step, none, broken, 0.0, counts)
+
+
+def shifted(train: PulseTrain, delay: float) -> PulseTrain:
+    """Return the train with a delay taken off its times."""
+    return replace(train, time=train.time - delay)
+
+
+def train_findings(train: PulseTrain, where: str) -> tuple[Finding, ...]:
+    """Count the repairs."""
+    texts = {
+        "bounced": ("trigger_bounced", "trigger edges followed another within a bounce and were left out"),
+        "doubled": ("trigger_doubled", "trigger pulses too many between regular neighbours were left out"),
+        "missed": ("trigger_missed", "trigger pulses were missing and their neighbours prove where they belong"),
+        "gaps": ("trigger_gap", "stretches of the trigger hold no regular pulses; the revolutions there are not used"),
+    }
+    return tuple(
+        Finding(code, "warning", f"{train.counts[key]} {text}", where)
+        for key, (code, text) in texts.items()
+        if train.counts[key]
+    )

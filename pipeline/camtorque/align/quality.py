@@ -1,0 +1,196 @@
+"""Each cycle is used or rejected for a named reason, without looking at any model.
+
+`CUTS` is the registry: reason -> (test, text). A test receives the `CycleTable` and marks the cycles that fail it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.options import AlignOptions
+from camtorque.records import Array, CutFlowRow
+
+Mask = NDArray[np.bool_]
+
+SAMPLED_CYCLES = 41
+"""The robust mean cycle is taken over at most this many cycles, spread evenly."""
+CLIPPED_SAMPLES = 3
+"""Samples at the end of the output range that make a cycle clipped: one or two may be a disturbance."""
+FROZEN_DEGREES = 3.0
+"""A channel that does not change over this angle, and four times longer than in its other cycles, has dropped out."""
+CONSTANT_DEGREES = 270.0
+"""No channel of a running pump stands still over this angle."""
+MISFIRE_SWING = 0.7
+"""Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."""
+OUTLIER_SWING = 0.003
+"""A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.4 %."""
+OUTLIER_FACTOR = 2.5
+"""An outlier is also this much further from the robust mean cycle than the median cycle."""
+
+
+@dataclass(frozen=True)
+class ChannelDamage:
+    """Per cycle, on the raw samples (see `resample.damage_of`), and the samples in all.
+
+    ``flat_run`` is the length of the longest clipped top (or bottom of a torque), 0 where there is none.
+    """
+
+    clipped: NDArray[np.int64]
+    missing: NDArray[np.int64]
+    longest_run: NDArray[np.int64]
+    flat_run: NDArray[np.int64]
+    n_samples: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CycleTable:
+    """What the cuts look at; one row per cycle that the pulses cover."""
+
+    index: NDArray[np.int64]
+    speed: Array
+    speed_change: Array
+    complete: Mask
+    unproven: Mask
+    clock_jump: Mask
+    rows: dict[str, Array]
+    extremes: dict[str, Array]
+    damage: dict[str, ChannelDamage]
+    options: AlignOptions
+
+    @property
+    def undamaged(self) -> Mask:
+        """Complete cycles without missing samples: those that statistics may be taken over."""
+        fine = self.complete.copy()
+        for damage in self.damage.values():
+            fine &= damage.missing == 0
+        return fine
+
+
+def _incomplete(table: CycleTable) -> Mask:
+    return ~table.complete
+
+
+def _missed_trigger(table: CycleTable) -> Mask:
+    return table.unproven
+
+
+def _clock_jump(table: CycleTable) -> Mask:
+    return table.clock_jump
+
+
+def _drop_out(table: CycleTable) -> Mask:
+    lost = np.zeros(table.index.size, dtype=bool)
+    for damage in table.damage.values():
+        degrees = 360.0 * damage.longest_run / np.maximum(damage.n_samples, 1)
+        usual = np.median(damage.longest_run[table.complete]) if table.complete.any() else 0.0
+        frozen = (degrees > FROZEN_DEGREES) & (damage.longest_run > 4.0 * usual)
+        lost |= (damage.missing > 0) | (frozen & (damage.longest_run > damage.flat_run)) | (degrees > CONSTANT_DEGREES)
+    return lost
+
+
+def _clipped(quantity: str) -> Callable[[CycleTable], Mask]:
+    def test(table: CycleTable) -> Mask:
+        if quantity not in table.damage:
+            return np.zeros(table.index.size, dtype=bool)
+        damage = table.damage[quantity]
+        return (damage.clipped >= CLIPPED_SAMPLES) | (damage.flat_run > 0)
+
+    return test
+
+
+def _start_stop(table: CycleTable) -> Mask:
+    return np.abs(table.speed_change) > table.options.steady_change
+
+
+def _speed_outlier(table: CycleTable) -> Mask:
+    steady = table.complete & ~_start_stop(table)
+    usual = np.median(table.speed[steady]) if steady.any() else np.median(table.speed)
+    return np.abs(table.speed / usual - 1.0) > table.options.steady_band
+
+
+def _misfire(table: CycleTable) -> Mask:
+    low, high = table.extremes["pressure"].T
+    weak = np.zeros(table.index.size, dtype=bool)
+    sound = table.undamaged
+    if sound.any():
+        swing = high[sound] - low[sound]
+        weak[sound] = swing < MISFIRE_SWING * np.median(swing)
+    return weak
+
+
+def _outlier(table: CycleTable) -> Mask:
+    far = np.zeros(table.index.size, dtype=bool)
+    normal = table.undamaged & ~_misfire(table) & ~_start_stop(table) & ~_speed_outlier(table) & ~table.unproven
+    for quantity in table.damage:
+        far |= _clipped(quantity)(table)
+    normal &= ~far
+    outlier = np.zeros(table.index.size, dtype=bool)
+    if normal.sum() < 4:
+        return outlier
+    for rows in table.rows.values():
+        distance = _distance(rows, normal)
+        usual = np.median(distance[normal])
+        spread = 1.4826 * np.median(np.abs(distance[normal] - usual))
+        limit = max(
+            usual + table.options.outlier_z * spread, OUTLIER_FACTOR * usual, OUTLIER_SWING * _swing(rows, normal)
+        )
+        outlier |= np.nan_to_num(distance) > limit
+    return outlier
+
+
+def _swing(rows: Array, normal: Mask) -> float:
+    middle = rows[np.flatnonzero(normal)[int(normal.sum()) // 2]]
+    return float(np.ptp(middle))
+
+
+def spread_choice(flags: Mask, most: int) -> NDArray[np.int64]:
+    """Return at most ``most`` of the flagged places, spread evenly."""
+    chosen = np.flatnonzero(flags)
+    return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, most)).astype(int))]
+
+
+def _distance(rows: Array, normal: Mask) -> Array:
+    """Return the RMS distance of each cycle from the median cycle."""
+    return _rms_distances(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES)], axis=0))
+
+
+@numba.njit(cache=True, nogil=True)
+def _rms_distances(rows: Array, centre: Array) -> Array:
+    out = np.empty(rows.shape[0])
+    for m in range(rows.shape[0]):
+        total = 0.0
+        for k in range(centre.size):
+            total += (rows[m, k] - centre[k]) ** 2
+        out[m] = np.sqrt(total / centre.size)
+    return out
+
+
+CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
+    "incomplete": (_incomplete, "the recording of a channel begins or ends inside the cycle"),
+    "clock_jump": (_clock_jump, "a logger's clock jumps inside the cycle"),
+    "missed_trigger": (_missed_trigger, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
+    "drop_out": (_drop_out, "samples are missing, or a channel stands still"),
+    "pressure_clipped": (_clipped("pressure"), "the pressure stands at the end of its output range or at a flat top"),
+    "torque_clipped": (_clipped("torque"), "the torque stands at an end of its output range or at a flat top"),
+    "start_stop": (_start_stop, "the speed changes from one revolution to the next"),
+    "speed_outlier": (_speed_outlier, "the speed lies outside the recording's steady band"),
+    "misfire": (_misfire, "the pressure does not build up as in the other cycles"),
+    "outlier": (_outlier, "the cycle lies far from the robust mean cycle"),
+}
+
+
+def apply_cuts(table: CycleTable) -> tuple[Mask, tuple[CutFlowRow, ...]]:
+    """Return the used cycles and the cut-flow; the first row counts the cycles that were found."""
+    left = np.ones(table.index.size, dtype=bool)
+    rows = []
+    for reason, (test, text) in CUTS.items():
+        fails = test(table)
+        rejected = int(np.sum(left & fails))
+        left &= ~fails
+        rows.append(CutFlowRow(reason, rejected, text, int(fails.sum()), int(left.sum())))
+    return left, tuple(rows)

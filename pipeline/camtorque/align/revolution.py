@@ -1,0 +1,63 @@
+"""Cam angle inside a revolution, rebuilt from the measured torque: what one pulse per revolution cannot see.
+
+A pure law for whoever knows the drive's inertia and the shaft's stiffness; the nominal alignment does not use it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.records import Array
+
+
+def angle_correction(
+    torque: Array, speed: float, trigger_angle: float, inertia: float = np.inf, stiffness: float = np.inf
+) -> Array:
+    """Return what has to be added to the nominal cam angle, which supposes constant speed between two pulses.
+
+    The torque slows the drive and winds up the shaft, and the trigger on the camshaft sees the sum of both:
+
+        correction(theta) = c(theta) - c(trigger angle),
+        c = - T / k_t - 1 / J  integral integral (T - mean T) dt dt
+
+    with the double integral over a periodic torque taken harmonic by harmonic, T_k / (i k omega)^2.
+
+    Parameters
+    ----------
+    torque : (n_theta,) delay-corrected torque at uniform nominal angles from 0, end point excluded [N m]
+    speed : mean cam speed [rad/s]
+    trigger_angle : nominal cam angle of the pulse, where the correction is zero [rad]
+    inertia : of the drive's side, J [kg m^2]
+    stiffness : of the shaft, k_t [N m/rad]
+
+    Returns
+    -------
+    (n_theta,) [rad]
+    """
+    harmonics = np.fft.rfft(torque)
+    order = np.arange(harmonics.size)
+    inverse_square = np.zeros(harmonics.size)
+    inverse_square[1:] = 1.0 / (order[1:] * speed) ** 2
+    correction = harmonics * (inverse_square / inertia - 1.0 / stiffness)
+    correction[0] = 0.0
+    at_trigger = _value_at(correction, trigger_angle, torque.size)
+    return np.fft.irfft(correction, torque.size) - at_trigger
+
+
+def speed_ripple(torque: Array, speed: float, inertia: float) -> Array:
+    """Return the relative deviation of the drive's speed from its mean, -1/(J omega) integral (T - mean T) dt [-]."""
+    harmonics = np.fft.rfft(torque)
+    order = np.arange(harmonics.size)
+    harmonics[0] = 0.0
+    harmonics[1:] /= -1j * order[1:] * speed * inertia * speed
+    return np.fft.irfft(harmonics, torque.size)
+
+
+def _value_at(harmonics: NDArray[np.complex128], angle: float, n: int) -> float:
+    """Value of a real Fourier series (as of rfft) at an angle."""
+    weight = np.full(harmonics.size, 2.0)
+    weight[0] = 1.0
+    if n % 2 == 0:
+        weight[-1] = 1.0
+    return float(np.sum(weight * (harmonics * np.exp(1j * np.arange(harmonics.size) * angle)).real) / n)

@@ -1,0 +1,39 @@
+"""How well a model meets the measured mean cycle; the definitions of docs/result_schema.md."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.records import Array, Metrics
+
+
+def stroke_masks(lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return where the lift rises and where it falls between 5 and 95 % of its range, each (n_theta,)."""
+    share = (lift - np.min(lift)) / np.ptp(lift)
+    inside = (share >= 0.05) & (share <= 0.95)
+    return inside & (velocity > 0.0), inside & (velocity < 0.0)
+
+
+def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: Array) -> Metrics:
+    """Return the metrics of one model.
+
+    Parameters
+    ----------
+    measured, model, rigid : (n_theta,) mean cycle, model, rigid model [N m]
+    lift, velocity : (n_theta,) lift [m] and its slope [m/rad] at the nominal cam angle
+    """
+    residual = measured - model
+    rise, fall = stroke_masks(lift, velocity)
+    loaded = rise & (rigid > 0.2 * np.max(rigid[rise]))
+    rms = float(np.sqrt(np.mean(residual**2)))
+    mean_model = float(np.mean(model[loaded]))
+    return Metrics(
+        rms_nm=rms,
+        rms_percent_of_peak=100.0 * rms / float(np.max(measured)),
+        forward_gap_percent=100.0 * (float(np.mean(measured[loaded])) - mean_model) / mean_model,
+        forward_peak_error_nm=float(np.max(measured[loaded]) - np.max(model[loaded])),
+        return_min_measured_nm=float(np.min(measured[fall])),
+        return_min_model_nm=float(np.min(model[fall])),
+        return_rms_nm=float(np.sqrt(np.mean(residual[fall] ** 2))),
+    )

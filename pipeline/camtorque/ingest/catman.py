@@ -1,0 +1,186 @@
+"""catman binary (HBM), read from its published structure; nothing is asked on standard input.
+
+Headers first, then one channel after the other without compression ("catman binary file format", file id 5010 on). The
+headers state where the data begin and how many samples each channel has, so a cut file shows at once, and the samples
+are read straight from the file. The tests hold this reader against apread.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.raw import FileSource, Piece, RawChannel, RawFile, refusing
+from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
+from camtorque.records import Finding, Refusal
+from camtorque.units import did_you_mean, is_known_unit, unit_factor
+
+EXTENDED = struct.Struct("<dd hhhh fff 4f 32s 8s 8s hhhh ff hhh bb f b3x f f b".replace(" ", ""))
+EXPORT_BYTES = {0: 8, 1: 4, 2: 2}
+RESERVED_STRINGS = 32
+MAX_TEXT = 1 << 20
+TIME_NAME = re.compile(r"time|zeit", re.IGNORECASE)
+OLE_EPOCH_DAYS = 25569.0
+"""Days from 1899-12-30, where OLE dates begin, to 1970-01-01."""
+STEPS_16_BIT = 32767.0
+
+
+@dataclass(frozen=True)
+class CatmanChannel:
+    """Header of one channel; ``time_step`` [s] is 0 where the file gives none, ``stamp`` counts from 1970 [s]."""
+
+    name: str
+    unit: str
+    length: int
+    width: int
+    time_step: float
+    stamp: float
+
+
+def read_catman(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read channels of a catman binary file."""
+    with refusing(path, "catman binary"):
+        headers, sources = _layout(path)
+    channels: list[RawChannel] = []
+    findings: list[Finding] = []
+    for spec in specs:
+        number = _find(path, headers, spec.channel)
+        header, source = headers[number], sources[number]
+        if not header.length:
+            raise Refusal(f"{path}: channel {spec.channel!r} holds no samples")
+        base = _times(path, headers, sources, spec, number)
+        raw = RawChannel(
+            spec.channel, header.unit, source, base.start, base.rate, header.stamp, base.breaks, base.break_steps
+        )
+        channels.append(raw)
+        findings += base.findings
+    return RawFile(tuple(channels), tuple(findings))
+
+
+def _layout(path: Path) -> tuple[list[CatmanChannel], list[FileSource]]:
+    """Return the channels and where their samples lie; the data have to end where the file does."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        _, data_offset = _take(file, "<hi")
+        _text(file, _take(file, "<h")[0], path)
+        for _ in range(RESERVED_STRINGS):
+            _text(file, _take(file, "<h")[0], path)
+        n_channels, _ = _take(file, "<hi")
+        if not 0 < n_channels < 4096:
+            raise Refusal(f"{path}: states {n_channels} channels; the header is damaged, export the file again")
+        file.seek(4 * (n_channels + 1), 1)
+        headers = [_channel(file, path) for _ in range(n_channels)]
+        if not file.tell() <= data_offset <= size:
+            raise Refusal(f"{path}: data should begin at byte {data_offset}, the headers end at {file.tell()} and "
+                          f"the file at {size}: it is cut or damaged; export it again")  # fmt: skip
+        sources, position = [], data_offset
+        for header in headers:
+            source, position = _source(file, path, header, position, size)
+            sources.append(source)
+    if position != size:
+        raise Refusal(f"{path}: the headers state {position} bytes, the file has {size}: it is cut or damaged; "
+                      "export it again")  # fmt: skip
+    return headers, sources
+
+
+def _take(file: BinaryIO, form: str) -> tuple:
+    shape = struct.Struct(form)
+    return shape.unpack(file.read(shape.size))
+
+
+def _text(file: BinaryIO, length: int, path: Path) -> str:
+    data = file.read(length) if 0 <= length <= MAX_TEXT else b""
+    if len(data) != length:
+        raise Refusal(f"{path}: a text of {length} bytes is stated at byte {file.tell()}: the header is cut or damaged")
+    return data.decode("cp1252", errors="replace").strip()
+
+
+def _channel(file: BinaryIO, path: Path) -> CatmanChannel:
+    _, length = _take(file, "<hi")
+    name, unit, _ = (_text(file, _take(file, "<h")[0], path) for _ in range(3))
+    kind, _, _, n_extended = _take(file, "<hhdi")
+    if kind != 0 or length < 0:
+        raise Refusal(
+            f"{path}: channel {name!r} is of kind {kind} with {length} samples, expected numbers; export it again"
+        )
+    after = file.tell() + n_extended
+    if n_extended < EXTENDED.size:
+        raise Refusal(
+            f"{path}: channel {name!r} has an extended header of {n_extended} bytes, expected {EXTENDED.size}"
+        )
+    extended = EXTENDED.unpack(file.read(EXTENDED.size))
+    file.seek(after)
+    _, _, n_points = _take(file, "<bbb")
+    file.seek(8 * n_points + 2, 1)
+    _text(file, _take(file, "<h")[0], path)
+    _text(file, _take(file, "<i")[0], path)
+    export = extended[-1]
+    if export not in EXPORT_BYTES:
+        raise Refusal(f"{path}: channel {name!r} has the unknown number format {export}; export it as 8-byte numbers")
+    stamp = (extended[0] - OLE_EPOCH_DAYS) * 86400.0
+    return CatmanChannel(name, unit, length, EXPORT_BYTES[export], 1e-3 * extended[1], stamp)
+
+
+def _source(file: BinaryIO, path: Path, header: CatmanChannel, position: int, size: int) -> tuple[FileSource, int]:
+    end = position + header.length * header.width + (16 if header.width == 2 and header.length else 0)
+    if end > size:
+        raise Refusal(
+            f"{path}: channel {header.name!r} of {header.length} samples ends at byte {end}, the file has {size}: it "
+            "is cut; "
+            "export it again"
+        )
+    scale = None
+    if header.width == 2 and header.length:
+        file.seek(position)
+        low, high = _take(file, "<dd")
+        position += 16
+        step = (high - low) / STEPS_16_BIT
+
+        def scale(raw: np.ndarray) -> np.ndarray:
+            return low + step * raw
+
+    kind = np.dtype("<u2" if header.width == 2 else f"<f{header.width}")
+    return FileSource(path, (Piece(0, header.length, position, kind, kind.itemsize),), scale), end
+
+
+def _find(path: Path, headers: list[CatmanChannel], name: str) -> int:
+    names = [header.name for header in headers]
+    if names.count(name) != 1:
+        what = "no channel" if name not in names else f"{names.count(name)} channels"
+        raise Refusal(f"{path}: {what} {name!r}{did_you_mean(name, tuple(names))}; there are {', '.join(names)}")
+    return names.index(name)
+
+
+def _times(
+    path: Path, headers: list[CatmanChannel], sources: list[FileSource], spec: ChannelSpec, number: int
+) -> TimeBase:
+    """Return the time base: the named time channel, the only one of this length, else the step in the header."""
+    where = f"{path.name} {spec.channel}"
+    length = headers[number].length
+    mates = [n for n, h in enumerate(headers) if TIME_NAME.search(h.name) and h.length == length and n != number]
+    if spec.time_channel:
+        mates = [_find(path, headers, spec.time_channel)]
+    if len(mates) > 1:
+        shown = ", ".join(headers[n].name for n in mates)
+        raise Refusal(f"{where}: {len(mates)} channels may be its time ({shown}); name it with time_channel")
+    if not mates:
+        step = headers[number].time_step
+        if not step > 0.0:
+            return TimeBase(spec.start_time or 0.0, spec.sample_rate, findings=(_no_time(where),))
+        rate, findings = agreed_rate(1.0 / step, spec.sample_rate, where, 1e-9, "the channel header says")
+        return TimeBase(spec.start_time or 0.0, rate, findings=findings)
+    mate = headers[mates[0]]
+    if mate.length != length:
+        raise Refusal(f"{where}: {mate.length} times in {mate.name!r} for {length} samples")
+    factor = unit_factor(mate.unit, "time", f"{path.name} {mate.name}") if is_known_unit(mate.unit) else 1.0
+    return time_base(sources[mates[0]], spec.sample_rate, where, to_seconds=factor)
+
+
+def _no_time(where: str) -> Finding:
+    return Finding("no_time_in_file", "info", "the file holds no times and no rate; the declared rate is used", where)

@@ -1,0 +1,86 @@
+"""A calibration certificate: points (applied load, output), a straight line through all of them, its scatter."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.ingest.table_file import read_small_table
+from camtorque.records import Refusal
+from camtorque.units import tidy_unit, unit_factor
+
+UNCERTAINTY = re.compile(r"k\s*=\s*(\d+(?:\.\d+)?)\D{0,30}?(\d+(?:\.\d+)?)\s*%", re.IGNORECASE)
+APPLIED = re.compile(r"^applied_(?P<quantity>[a-z]+)_(?P<unit>.+)$")
+LEAST_POINTS = 3
+
+
+@dataclass(frozen=True)
+class CertificateLine:
+    """The line through a certificate.
+
+    Attributes
+    ----------
+    gain : SI per volt
+    gain_relative_std : standard uncertainty of the fit alone
+    zero_volts : volts at zero load, from the line
+    residual_rms, hysteresis : rms residual, and largest difference loading - unloading, both in SI
+    reference_relative_std : stated uncertainty of the certificate over its range, k=1; nan where it states none
+    """
+
+    gain: float
+    gain_relative_std: float
+    zero_volts: float
+    residual_rms: float
+    hysteresis: float
+    reference_relative_std: float
+
+
+def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str) -> CertificateLine:
+    """Fit volts = zero + applied / gain by least squares over all points, loading and unloading, both signs."""
+    table = read_small_table(path, "a calibration certificate")
+    applied_names = [name for name in table.columns if APPLIED.match(name)]
+    volt_names = [name for name in table.columns if name.startswith("output_")]
+    if len(applied_names) != 1 or len(volt_names) != 1:
+        shown = ", ".join(table.columns)
+        raise Refusal(f"{path}: expected columns applied_{quantity}_<unit> and output_<unit>, found {shown}")
+    match = APPLIED.match(applied_names[0])
+    assert match is not None  # chosen by this pattern
+    unit = match["unit"].replace("_", " ")
+    if match["quantity"] != quantity:
+        raise Refusal(f"{path}: column {applied_names[0]!r} is about {match['quantity']}, the sheet about {quantity}")
+    if tidy_unit(unit) != tidy_unit(sheet_unit):
+        raise Refusal(f"{path}: the certificate is in {unit!r}, the sheet in {sheet_unit!r}; one of them is wrong")
+    _check_serial(path, table.comment, serial)
+    applied = table.columns[applied_names[0]] * unit_factor(unit, quantity, f"{path} column {applied_names[0]!r}")
+    volts = table.columns[volt_names[0]] * unit_factor(volt_names[0].removeprefix("output_"), "voltage", str(path))
+    stated = UNCERTAINTY.search(table.comment)
+    relative = float(stated[2]) / 100.0 / float(stated[1]) if stated else float("nan")
+    return _fit(path, applied, volts, relative)
+
+
+def _check_serial(path: Path, comment: str, serial: str) -> None:
+    named = re.findall(r"\b[A-Z][A-Za-z0-9]*-\d{3,}\b", comment)
+    if named and serial not in named:
+        raise Refusal(
+            f"{path}: is the certificate of {named[0]}, the sheet is that of {serial}; take the right certificate"
+        )
+
+
+def _fit(path: Path, applied: np.ndarray, volts: np.ndarray, relative: float) -> CertificateLine:
+    if applied.size < LEAST_POINTS or np.ptp(applied) == 0.0:
+        raise Refusal(f"{path}: {applied.size} points; a line needs at least {LEAST_POINTS} at different loads")
+    slope, zero = np.polyfit(applied, volts, 1)
+    if slope == 0.0 or not np.isfinite(slope):
+        raise Refusal(f"{path}: the output does not change with the load; are the columns right?")
+    residual = (volts - zero - slope * applied) / slope
+    scatter = float(np.sqrt(np.sum(residual**2) / (applied.size - 2)))
+    if scatter > 0.05 * np.ptp(applied):
+        raise Refusal(f"{path}: the points scatter by {scatter:.3g} (SI) about a line, more than 5 % of their range")
+    # std of the slope over the slope: the residuals are in units of the load
+    fit_std = scatter / float(np.sqrt(np.sum((applied - applied.mean()) ** 2)))
+    loads = np.unique(applied)
+    hysteresis = max(float(np.ptp(residual[applied == load])) for load in loads)
+    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, hysteresis, relative)

@@ -1,0 +1,184 @@
+"""What a recording holds and what is wrong with it, without a model: `camtorque check`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.config import RecordingConfig
+from camtorque.ingest.recording import read_recording
+from camtorque.ingest.scan import Scan, pulse_times, scan_channel
+from camtorque.records import Array, Channel, Finding, Recording
+from camtorque.units import BAR, RPM
+
+VACUUM = -1.5 * BAR
+"""Gauge pressure that no liquid line keeps up, with room for the zero error of a sensor [Pa]."""
+SPEED_TOLERANCE = 0.1
+"""Relative difference of pulse count and nominal speed that is worth a finding."""
+PERIOD_TOLERANCE = 0.3
+"""A pulse period that differs so much from the usual one is a missed or an extra pulse."""
+MUCH_CLIPPED = 1.0e-4
+
+
+@dataclass(frozen=True)
+class ChannelSummary:
+    """One channel in a few numbers; ``low``, ``high`` in SI (volts for the trigger)."""
+
+    quantity: str
+    name: str
+    file: str
+    logger: str
+    sample_rate: float
+    n_samples: int
+    start_time: float
+    duration: float
+    low: float
+    high: float
+    scan: Scan
+    pulses: int = 0
+
+
+@dataclass(frozen=True)
+class RecordingSummary:
+    """What `check` shows: the recording's channels, the speed that the pulses tell [rpm], and all findings."""
+
+    id: str
+    file_format: str
+    channels: tuple[ChannelSummary, ...]
+    speed_rpm: float
+    findings: tuple[Finding, ...]
+
+
+def check_recording(path: Path) -> list[Finding]:
+    """Return everything that is to be said about a recording; see `summarise_recording`."""
+    return list(summarise_recording(path).findings)
+
+
+def summarise_recording(path: Path) -> RecordingSummary:
+    """Read a recording, look at every sample once and sum up.
+
+    Raises
+    ------
+    Refusal
+        where the recording cannot be read at all
+    """
+    recording = read_recording(path)
+    config: RecordingConfig = recording.config
+    findings = list(recording.findings)
+    summaries, speeds = [], []
+    for channel in recording.channels:
+        scan = scan_channel(channel)
+        findings += _sample_findings(channel, scan)
+        times = np.empty(0)
+        if channel.quantity == "trigger" and not scan.is_constant:
+            times = pulse_times(channel, config.trigger.edge, scan.low, scan.high)
+            findings += _pulse_findings(channel, times, config)
+            speeds.append(_speed(times, config))
+        summaries.append(_summary(channel, scan, times.size))
+    findings += _swapped(recording, summaries)
+    speed = float(np.nanmedian(speeds)) / RPM if np.isfinite(speeds).any() else float("nan")
+    return RecordingSummary(config.id, config.file_format, tuple(summaries), speed, tuple(findings))
+
+
+def _summary(channel: Channel, scan: Scan, pulses: int) -> ChannelSummary:
+    ends = np.array([scan.low, scan.high])
+    if channel.calibration is not None:
+        ends = channel.sign * channel.calibration.gain * (ends - channel.calibration.zero_volts)
+    return ChannelSummary(
+        quantity=channel.quantity,
+        name=channel.name,
+        file=channel.path.name,
+        logger=channel.logger,
+        sample_rate=channel.sample_rate,
+        n_samples=channel.n_samples,
+        start_time=channel.start_time,
+        duration=channel.duration,
+        low=float(ends.min()),
+        high=float(ends.max()),
+        scan=scan,
+        pulses=pulses,
+    )
+
+
+def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
+    where = f"{channel.path.name} {channel.name}"
+    found = []
+    if scan.missing:
+        text = f"{scan.missing} samples are missing, the longest run has {scan.longest_missing}"
+        found.append(Finding("samples_not_numbers", "warning", text, where))
+    if scan.is_constant:
+        text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"
+        return [*found, Finding("channel_constant", "error", text, where)]
+    if scan.isolated:
+        text = (
+            f"{scan.isolated} isolated samples stand out from both neighbours, the first is no. {scan.first_isolated}"
+        )
+        found.append(Finding("isolated_samples", "warning", text, where))
+    found += _range_findings(channel, scan, where)
+    return found
+
+
+def _range_findings(channel: Channel, scan: Scan, where: str) -> list[Finding]:
+    found = []
+    clipped = scan.clipped_low + scan.clipped_high
+    if channel.quantity != "trigger" and clipped > MUCH_CLIPPED * scan.n_samples:
+        share = 100.0 * clipped / scan.n_samples
+        text = f"{clipped} samples ({share:.2g} %) stand at the lowest or highest value in flat runs: clipped"
+        found.append(Finding(f"{channel.quantity}_clipped", "warning", text, where))
+    calibration = channel.calibration
+    if calibration is None:
+        return found
+    margin = 0.1 * (calibration.output_max_volts - calibration.output_min_volts)
+    if scan.high > calibration.output_max_volts + margin or scan.low < calibration.output_min_volts - margin:
+        text = (
+            f"{scan.low:.4g} to {scan.high:.4g} V, the sensor's output is {calibration.output_min_volts:g} to "
+            f"{calibration.output_max_volts:g} V; wrong unit, or samples damaged"
+        )
+        found.append(Finding("out_of_range", "error", text, where))
+    return found
+
+
+def _expected(config: RecordingConfig) -> float:
+    """Return pulses per revolution as they show: missing teeth left out, a double tooth added."""
+    trigger = config.trigger
+    return trigger.pulses_per_rev - trigger.missing_teeth + int(trigger.double_tooth)
+
+
+def _speed(times: Array, config: RecordingConfig) -> float:
+    if times.size < 3:
+        return float("nan")
+    return float(2.0 * np.pi * (times.size - 1) / (times[-1] - times[0]) / _expected(config))
+
+
+def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> list[Finding]:
+    where = f"{channel.path.name} {channel.name}"
+    speed = _speed(times, config)
+    if not np.isfinite(speed):
+        return [Finding("few_pulses", "error", f"{times.size} trigger pulses in {channel.duration:.3g} s", where)]
+    found = []
+    if abs(speed / config.nominal_speed - 1.0) > SPEED_TOLERANCE:
+        text = f"the pulses tell {speed / RPM:.4g} rpm, recording.toml says {config.nominal_speed / RPM:.4g} rpm"
+        found.append(Finding("speed_off_nominal", "warning", text, where))
+    if config.trigger.pulses_per_rev == 1:
+        period = np.diff(times)
+        odd = int((np.abs(period / np.median(period) - 1.0) > PERIOD_TOLERANCE).sum())
+        if odd:
+            text = f"{odd} of {period.size} pulse periods differ by more than 30 % from the usual one"
+            found.append(Finding("pulses_irregular", "warning", text, where))
+    return found
+
+
+def _swapped(recording: Recording, summaries: list[ChannelSummary]) -> list[Finding]:
+    """Find torque and pressure under each other's name: a line has no deep vacuum, and a cam drives back."""
+    by_quantity = {summary.quantity: summary for summary in summaries}
+    torque, pressure = by_quantity.get("torque"), by_quantity.get("pressure")
+    if pressure is None or pressure.low > VACUUM:
+        return []
+    where = f"{pressure.file} {pressure.name}"
+    text = f"pressure goes down to {pressure.low / BAR:.3g} bar gauge, which no line can hold"
+    if torque is not None and torque.low > -0.02 * max(abs(torque.high), 1e-9):
+        text += f", and torque never goes below {torque.low:.3g} N m: torque and pressure seem to be swapped"
+        return [Finding("channels_swapped", "error", text, where)]
+    return [Finding("pressure_below_vacuum", "error", text, where)]

@@ -1,0 +1,197 @@
+"""What a CSV or ASCII log looks like: encoding, separator, decimal sign, header lines, names, units, first data row."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from camtorque.records import Finding, Refusal
+from camtorque.units import is_known_unit
+
+SNIFF_BYTES = 1 << 18
+SEPARATORS = (";", "\t", ",", " ")
+NAMES = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blank"}
+COMMENT = "#%!'\""
+STAMP = re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d:?\d\d)?$")
+NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+RATE = re.compile(r"(\d[\d.,]*)\W{0,3}(hz|khz|1/s)\b", re.IGNORECASE)
+RATE_WORDS = re.compile(r"rate|freq|abtast|sampl", re.IGNORECASE)
+TIME_NAME = re.compile(r"^(time|zeit|t|timestamp|zeitstempel|datetime|temps|tiempo|x)$", re.IGNORECASE)
+BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """How to read one file.
+
+    Attributes
+    ----------
+    data_offset : byte at which the first data row begins
+    header_lines : lines before it
+    names, units : one per column, units "" where the file says nothing
+    has_stamps : the time column holds ISO 8601 date and time
+    header_rate : sampling rate in the header [Hz], None where there is none
+    """
+
+    encoding: str
+    separator: str
+    decimal: str
+    data_offset: int
+    header_lines: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    has_stamps: bool
+    header_rate: float | None
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns."""
+        return len(self.names)
+
+    def time_column(self, declared: str) -> int | None:
+        """Return the column that holds the time: the declared one, else the one that is named so."""
+        if declared:
+            return self.names.index(declared) if declared in self.names else None
+        found = [number for number, name in enumerate(self.names) if TIME_NAME.match(name)]
+        return found[0] if found else None
+
+
+def split_row(line: str, separator: str) -> list[str]:
+    """Return the fields of a row; blanks separate in any number."""
+    if separator == " ":
+        return line.split()
+    return [field.strip().strip('"') for field in line.split(separator)]
+
+
+def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
+    """Find out the layout of a file; ``wanted`` are names that one header line has to hold."""
+    with path.open("rb") as file:
+        head = file.read(SNIFF_BYTES)
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise Refusal(f"{path}: is UTF-16 text; export it as UTF-8 or latin-1")
+    encoding = _encoding(head)
+    raw_lines = head.split(b"\n")
+    if len(head) == SNIFF_BYTES:
+        raw_lines = raw_lines[:-1]
+    lines = [line.decode(encoding, errors="replace").rstrip("\r") for line in raw_lines]
+    separator, decimal, n_columns, first = _table(path, lines)
+    offset = sum(len(line) + 1 for line in raw_lines[:first])
+    header = lines[:first]
+    names, units = _names(path, header, separator, n_columns, wanted)
+    row = split_row(lines[first], separator)
+    return CsvLayout(
+        encoding=encoding,
+        separator=separator,
+        decimal=decimal,
+        data_offset=offset,
+        header_lines=first,
+        names=names,
+        units=units,
+        has_stamps=any(STAMP.match(field) for field in row),
+        header_rate=_header_rate(header),
+    )
+
+
+def _encoding(head: bytes) -> str:
+    if head.startswith(b"\xef\xbb\xbf"):
+        return "utf-8-sig"
+    try:
+        # a character may be cut at the end of the sniffed stretch
+        head[: max(len(head) - 4, 0)].decode("utf-8")
+        return "utf-8"
+    except UnicodeDecodeError:
+        return "cp1252" if not set(head) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
+
+
+def _is_value(field: str, decimal: str) -> bool:
+    text = field.replace(",", ".") if decimal == "," else field
+    return not field or bool(NUMBER.match(text)) or bool(STAMP.match(field))
+
+
+def _is_row(line: str, separator: str, decimal: str) -> int:
+    """Return the number of fields of a data row, 0 for any other line."""
+    fields = split_row(line, separator)
+    if not any(fields) or not all(_is_value(field, decimal) for field in fields):
+        return 0
+    return len(fields)
+
+
+def _table(path: Path, lines: list[str]) -> tuple[str, str, int, int]:
+    """Return separator, decimal sign, columns and the first data row: the reading that explains most lines."""
+    best: tuple[int, int, str, str, int] | None = None
+    for separator in SEPARATORS:
+        for decimal in (".", ",") if separator != "," else (".",):
+            counts = [_is_row(line, separator, decimal) for line in lines]
+            widths = [count for count in counts if count]
+            if not widths:
+                continue
+            usual = max(set(widths), key=widths.count)
+            score = (widths.count(usual), usual)
+            if best is None or score > best[:2]:
+                best = (*score, separator, decimal, counts.index(usual))
+    if best is None:
+        what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
+        raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
+    _, usual, separator, decimal, first = best
+    return separator, decimal, usual, first
+
+
+def _names(
+    path: Path, header: list[str], separator: str, n_columns: int, wanted: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return column names and units; the line of names is the one that holds the wanted names."""
+    rows = [
+        split_row(line.lstrip("\ufeff").lstrip(COMMENT) if line[:1] in COMMENT else line, separator) for line in header
+    ]
+    candidates = []
+    for number, row in enumerate(rows):
+        if len(row) != n_columns:
+            continue
+        plain = [_name_and_unit(field) for field in row]
+        hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
+        candidates.append((hits, number, row, plain))
+    if not candidates:
+        raise Refusal(
+            f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
+            "by name, add a line with the names"
+        )
+    hits, number, row, plain = max(candidates, key=lambda item: (item[0], -item[1]))
+    if not hits:
+        shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
+        raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
+    names = tuple(field if field in wanted else name for field, (name, _) in zip(row, plain, strict=True))
+    units = tuple(unit for _, unit in plain)
+    for other in rows[number + 1 :]:
+        # a line of units stands below the names
+        if len(other) == n_columns and not any(units) and any(is_known_unit(field) for field in other):
+            units = tuple(field.strip("[]() ") for field in other)
+    return names, units
+
+
+def _name_and_unit(field: str) -> tuple[str, str]:
+    match = BRACKETS.match(field)
+    return (match["name"], match["unit"]) if match else (field, "")
+
+
+def _header_rate(header: list[str]) -> float | None:
+    for line in header:
+        match = RATE.search(line.replace(";", " ").replace("\t", " "))
+        if match and RATE_WORDS.search(line):
+            text = match[1].strip(".,")
+            value = float(text.replace(",", ".")) if text.count(",") + text.count(".") <= 1 else 0.0
+            return value * (1000.0 if match[2].lower() == "khz" else 1.0) or None
+    return None
+
+
+def hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:
+    """Hold the bench's hint about the dialect against the file; the file decides."""
+    words = hint.lower()
+    separators = {name for name in NAMES.values() if re.search(rf"(?<!decimal ){name}", words)}
+    decimals = {sign for word, sign in (("decimal point", "."), ("decimal comma", ",")) if word in words}
+    told = f"{NAMES[layout.separator]}, decimal {'comma' if layout.decimal == ',' else 'point'}"
+    wrong = (separators and NAMES[layout.separator] not in separators) or (decimals and layout.decimal not in decimals)
+    if not wrong:
+        return ()
+    text = f"csv_dialect says {hint!r}, the file is {told}; the file decides"
+    return (Finding("csv_dialect_differs", "warning", text, where),)

@@ -1,0 +1,275 @@
+"""CSV and ASCII logs with the C parser of pandas, in blocks, so that a file may be larger than memory.
+
+A block whose rows, separators and numbers are all in order is taken as pandas parses it. Any other block is looked at
+line by line: a damaged row becomes missing samples and is counted, it never shifts the rows after it.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import weakref
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pandas as pd
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.csv_layout import NUMBER, CsvLayout, hint_findings, sniff, split_row
+from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, RawChannel, RawFile, read_into, refusing
+from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
+from camtorque.records import Array, Finding, Refusal, SampleSource
+from camtorque.units import did_you_mean, unit_factor
+
+BLOCK_BYTES = 8 * 2**20
+MISSING = ("", "nan", "na", "n/a", "-", "--", "null")
+
+
+@dataclass
+class Damage:
+    """What was wrong with rows and cells, counted while reading."""
+
+    rows: int = 0
+    cells: int = 0
+    places: list[int] = field(default_factory=list)
+
+    def row(self, line: int) -> None:
+        """Count a damaged row."""
+        self.rows += 1
+        self.places += [line] if len(self.places) < 5 else []
+
+    def cell(self, line: int) -> None:
+        """Count a damaged cell."""
+        self.cells += 1
+        self.places += [line] if len(self.places) < 5 else []
+
+
+@dataclass(frozen=True)
+class CachedSource:
+    """A column on disk as float64, in a temporary file that goes with the source."""
+
+    file: BinaryIO
+    n_samples: int
+    path: Path
+
+    def __post_init__(self) -> None:
+        weakref.finalize(self, self.file.close)
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return raw samples ``[start, stop)``."""
+        start, stop, _ = slice(start, stop).indices(self.n_samples)
+        values = np.empty(max(stop - start, 0))
+        self.file.seek(8 * start)
+        read_into(self.file, values, self.path)
+        return values
+
+
+def read_csv(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read columns of a CSV or ASCII file."""
+    layout = sniff(path, tuple(spec.channel for spec in specs))
+    columns = [_column(path, layout, spec.channel) for spec in specs]
+    time_column = layout.time_column(specs[0].time_channel)
+    if specs[0].time_channel and time_column is None:
+        shown = ", ".join(layout.names)
+        raise Refusal(f"{path}: no time column {specs[0].time_channel!r}; the columns are {shown}")
+    wanted = sorted({*columns, *([time_column] if time_column is not None else [])})
+    damage = Damage()
+    with refusing(path, "CSV"):
+        sources, tail = _columns(path, layout, wanted, time_column, damage)
+    findings = [*hint_findings(layout, hint, path.name), *_damage_findings(damage, path.name), *tail]
+    channels = []
+    for number, (spec, column) in enumerate(zip(specs, columns, strict=True)):
+        base, stamp = _times(path, layout, sources, time_column, spec)
+        source = sources[column]
+        raw = RawChannel(
+            spec.channel, layout.units[column], source, base.start, base.rate, stamp, base.breaks, base.break_steps
+        )
+        channels.append(raw)
+        findings += base.findings if number == 0 else ()
+    return RawFile(tuple(channels), tuple(findings))
+
+
+def _column(path: Path, layout: CsvLayout, name: str) -> int:
+    count = layout.names.count(name)
+    if count == 1:
+        return layout.names.index(name)
+    shown = ", ".join(layout.names)
+    if count:
+        raise Refusal(f"{path}: {count} columns are named {name!r}; rename them, the columns are {shown}")
+    raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, layout.names)}; the columns are {shown}")
+
+
+def _times(
+    path: Path, layout: CsvLayout, sources: dict[int, SampleSource], column: int | None, spec: ChannelSpec
+) -> tuple[TimeBase, float | None]:
+    """Return the time base of a channel, and its date where the file has stamps."""
+    where = path.name
+    findings: tuple[Finding, ...] = ()
+    if layout.header_rate is not None:
+        rate, findings = agreed_rate(layout.header_rate, spec.sample_rate, where, 1e-9, "the header says")
+    if column is None:
+        rate = layout.header_rate or spec.sample_rate
+        return TimeBase(spec.start_time or 0.0, rate, findings=findings), None
+    times = sources[column]
+    factor = 1.0 if layout.has_stamps else _time_factor(times, layout.units[column], spec, where)
+    base = time_base(times, spec.sample_rate, where, to_seconds=factor)
+    base = TimeBase(base.start, base.rate, base.breaks, base.break_steps, (*base.findings, *findings))
+    if not layout.has_stamps:
+        return base, None
+    return TimeBase(0.0, base.rate, base.breaks, base.break_steps, base.findings), base.start
+
+
+def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) -> float:
+    if unit:
+        return unit_factor(unit, "time", f"{where} time column")
+    steps = np.diff(times.read(0, min(times.n_samples, 10_000)))
+    steps = steps[np.isfinite(steps)]
+    step = float(np.median(steps)) if steps.size else 0.0
+    for factor in (1.0, 1e-3, 1e-6):
+        if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
+            return factor
+    raise Refusal(
+        f"{where}: the time column has no unit and its step of {step:.6g} fits neither s, ms nor us at "
+        f"{spec.sample_rate:g} Hz; write the unit into the header"
+    )
+
+
+def _columns(
+    path: Path, layout: CsvLayout, wanted: list[int], time_column: int | None, damage: Damage
+) -> tuple[dict[int, SampleSource], list[Finding]]:
+    """Parse the wanted columns, into memory or, for a large file, into temporary files."""
+    in_memory = path.stat().st_size <= IN_MEMORY_BYTES
+    parts: dict[int, list[Array]] = {column: [] for column in wanted}
+    files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}  # noqa: SIM115
+    stamps = time_column if layout.has_stamps else None
+    count, line, tail = 0, layout.header_lines + 1, b""
+    for block, is_last in _blocks(path, layout.data_offset):
+        if is_last and not block.endswith(b"\n"):
+            block, _, tail = block.rpartition(b"\n")
+            block += b"\n" if block else b""
+        values = parse_block(block, layout, wanted, stamps, damage, line)
+        line += block.count(b"\n")
+        count += len(values[0])
+        for column, part in zip(wanted, values, strict=True):
+            files[column].write(part.tobytes()) if files else parts[column].append(part)
+    findings = _tail_findings(tail, layout, path, line)
+    if not count:
+        raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
+    if files:
+        return {column: CachedSource(file, count, path) for column, file in files.items()}, findings
+    return {column: ArraySource(np.concatenate(part)) for column, part in parts.items()}, findings
+
+
+def _blocks(path: Path, offset: int) -> Iterator[tuple[bytes, bool]]:
+    """Yield blocks of whole lines; the last one may end inside a line."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        rest = b""
+        while True:
+            piece = file.read(BLOCK_BYTES)
+            if not piece:
+                yield rest, True
+                return
+            whole, newline, rest_of_piece = (rest + piece).rpartition(b"\n")
+            rest = rest_of_piece
+            if newline:
+                yield whole + newline, False
+
+
+def parse_block(
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None, damage: Damage, line: int
+) -> list[Array]:
+    """Return one array per wanted column; ``stamps`` is the column of date and time, if any."""
+    if not block:
+        return [np.empty(0) for _ in wanted]
+    rows = block.count(b"\n")
+    separators = (layout.n_columns - 1) * rows
+    in_order = layout.separator == " " or block.count(layout.separator.encode()) == separators
+    if in_order and block.count(b'"') == 0:
+        try:
+            frame = _parse_fast(block, layout, wanted, stamps)
+        except (ValueError, OverflowError):
+            frame = None
+        if frame is not None and len(frame) == rows and np.isfinite(frame.to_numpy()).all():
+            return [frame[column].to_numpy() for column in wanted]
+    return _parse_lines(block, layout, wanted, stamps, damage, line)
+
+
+def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None) -> pd.DataFrame:
+    frame = pd.read_csv(
+        io.BytesIO(block),
+        sep=r"\s+" if layout.separator == " " else layout.separator,
+        decimal=layout.decimal,
+        header=None,
+        names=range(layout.n_columns),
+        usecols=wanted,
+        dtype={column: str if column == stamps else np.float64 for column in wanted},
+        engine="c",
+        quoting=3,
+        index_col=False,
+        skip_blank_lines=False,
+        encoding="latin-1",
+    )
+    if stamps is not None:
+        frame[stamps] = _seconds(pd.to_datetime(frame[stamps].str.replace(",", "."), utc=True, format="ISO8601"))
+    return frame
+
+
+def _seconds(stamps: pd.Series) -> pd.Series:
+    return (stamps - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+
+
+def _parse_lines(
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None, damage: Damage, line: int
+) -> list[Array]:
+    """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
+    rows: list[list[float]] = []
+    for text in block[:-1].decode("latin-1").split("\n"):
+        fields = split_row(text.rstrip("\r"), layout.separator)
+        while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
+            fields.pop()  # a separator at the end of the row
+        if len(fields) != layout.n_columns:
+            damage.row(line)
+            lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
+            rows += [[np.nan] * len(wanted)] * lost
+        else:
+            rows.append([_cell(fields[c], layout.decimal, c == stamps, damage, line) for c in wanted])
+        line += 1
+    return list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
+
+
+def _cell(text: str, decimal: str, is_stamp: bool, damage: Damage, line: int) -> float:
+    if is_stamp:
+        stamp = pd.to_datetime(text.replace(",", "."), errors="coerce", utc=True, format="ISO8601")
+        if pd.isna(stamp):
+            damage.cell(line)
+            return np.nan
+        return (stamp - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+    plain = text.replace(decimal, ".") if decimal != "." else text
+    if NUMBER.match(plain):
+        return float(plain)
+    if plain.lower() not in MISSING:
+        damage.cell(line)
+    return np.nan
+
+
+def _damage_findings(damage: Damage, where: str) -> list[Finding]:
+    lines = ", ".join(str(line) for line in damage.places)
+    found = []
+    if damage.rows:
+        text = f"{damage.rows} rows have the wrong number of fields and are read as missing samples (line {lines})"
+        found.append(Finding("csv_rows_damaged", "error", text, where))
+    if damage.cells:
+        text = f"{damage.cells} cells are not numbers and are read as missing samples (line {lines})"
+        found.append(Finding("csv_cells_damaged", "error", text, where))
+    return found
+
+
+def _tail_findings(tail: bytes, layout: CsvLayout, path: Path, line: int) -> list[Finding]:
+    if not tail:
+        return []
+    text = f"the file ends inside line {line} without a line end; that row is not used, the file may be cut there"
+    return [Finding("csv_cut_row", "error", text, path.name)]

@@ -1,0 +1,33 @@
+"""SHA-256 of the files that were read."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import partial
+from pathlib import Path
+
+from camtorque.records import InputFile, Refusal
+
+
+def input_file(path: Path) -> InputFile:
+    """Return the file with a SHA-256 that is taken when asked for, and only of the file as it is now."""
+    try:
+        return InputFile(path, partial(_hash, path, _state(path)))
+    except OSError as error:
+        raise Refusal(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _state(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
+
+
+def _hash(path: Path, state: tuple[int, int]) -> str:
+    try:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        if _state(path) == state:
+            return digest
+    except OSError as error:
+        raise Refusal(f"{path}: cannot be read again for its SHA-256 ({error.strerror})") from error
+    raise Refusal(f"{path}: was changed while it was used; run again when nothing writes to it")

@@ -1,0 +1,116 @@
+"""MDF 4 (Vector, ETAS, IPEmotion) with asammdf, an optional extra.
+
+asammdf is asked only after the skeleton of the file was checked; it decodes into arrays up to a size, beyond it in
+pieces.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.mf4_structure import check_mf4
+from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, CallSource, RawChannel, RawFile, refusing
+from camtorque.ingest.timebase import time_base
+from camtorque.records import Finding, Refusal, SampleSource
+from camtorque.units import did_you_mean
+
+
+def read_mf4(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read channels of an MDF 4 file with the time base of their group."""
+    library = _library()
+    check_mf4(path)
+    channels, findings = [], []
+    with refusing(path, "MDF 4"), library.MDF(path) as mdf:
+        stamp = mdf.header.start_time.replace(tzinfo=UTC).timestamp()
+        for spec in specs:
+            with refusing(path, "MDF 4", f"{spec.group}/{spec.channel}"):
+                channel, more = _channel(mdf, path, spec, stamp)
+            channels.append(channel)
+            findings += more
+    return RawFile(tuple(channels), tuple(findings))
+
+
+def _library() -> Any:
+    try:
+        import asammdf
+    except ImportError as error:
+        raise Refusal("reading MDF 4 needs asammdf, which is not installed: pip install 'camtorque[mf4]'") from error
+    asammdf.set_global_option("raise_on_multiple_occurrences", True)
+    return asammdf
+
+
+def _channel(mdf: Any, path: Path, spec: ChannelSpec, stamp: float) -> tuple[RawChannel, list[Finding]]:
+    group, index = _find(mdf, path, spec)
+    cycles = int(mdf.groups[group].channel_group.cycles_nr)
+    where = f"{path.name} {spec.group}/{spec.channel}"
+    if cycles == 0:
+        raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
+    block = mdf.groups[group].channels[index]
+    unit = str(block.unit or getattr(block.conversion, "unit", "") or "")
+    times, source = _sources(path, mdf, group, index, cycles)
+    findings = []
+    if source.n_samples < cycles:
+        text = f"{source.n_samples} of {cycles} declared samples are there"
+        findings.append(Finding("samples_missing", "error", text, where))
+    base = time_base(times, spec.sample_rate, where)
+    raw = RawChannel(spec.channel, unit, source, base.start, base.rate, stamp, base.breaks, base.break_steps)
+    return raw, [*findings, *base.findings]
+
+
+def _find(mdf: Any, path: Path, spec: ChannelSpec) -> tuple[int, int]:
+    """Return group and channel index by the group's acquisition name and the channel's name."""
+    names, found = [], []
+    for number, group in enumerate(mdf.groups):
+        acquisitions = _group_names(group.channel_group)
+        for index, channel in enumerate(group.channels):
+            names.append(f"{acquisitions[0]}/{channel.name}")
+            if channel.name == spec.channel and spec.group in ("", *acquisitions):
+                found.append((number, index))
+    key = f"{spec.group}/{spec.channel}"
+    if not found:
+        raise Refusal(f"{path}: no channel {key!r}{did_you_mean(key, tuple(names))}; there are {', '.join(names[:12])}")
+    if len(found) > 1:
+        raise Refusal(f"{path}: {len(found)} channels are named {key!r}; name the group in recording.toml")
+    return found[0]
+
+
+def _group_names(group: Any) -> list[str]:
+    """Return the names of a channel group: acquisition name, else what stands as text in its comment."""
+    comment = re.sub(r"<[^>]*>", " ", str(group.comment or ""))
+    return [name for name in (str(group.acq_name or ""), " ".join(comment.split())) if name] or [""]
+
+
+def _sources(path: Path, mdf: Any, group: int, index: int, cycles: int) -> tuple[SampleSource, SampleSource]:
+    """Return times and samples."""
+    if cycles * 16 <= IN_MEMORY_BYTES:
+        signal = mdf.get(group=group, index=index, ignore_invalidation_bits=True)
+        _refuse_text(path, signal.samples)
+        return ArraySource(signal.timestamps), ArraySource(signal.samples)
+    library = _library()
+
+    def samples(start: int, stop: int) -> np.ndarray:
+        with library.MDF(path) as again:
+            piece = again.get(
+                group=group, index=index, record_offset=start, record_count=stop - start, samples_only=True
+            )
+            return piece[0]
+
+    def times(start: int, stop: int) -> np.ndarray:
+        with library.MDF(path) as again:
+            return again.get_master(group, record_offset=start, record_count=stop - start)
+
+    _refuse_text(path, samples(0, 1))
+    return CallSource(cycles, times, path, "MDF 4"), CallSource(cycles, samples, path, "MDF 4")
+
+
+def _refuse_text(path: Path, samples: np.ndarray) -> None:
+    if samples.ndim != 1 or samples.dtype.kind not in "fiu":
+        raise Refusal(
+            f"{path}: a channel holds {samples.dtype} of shape {samples.shape}, expected one number per sample"
+        )

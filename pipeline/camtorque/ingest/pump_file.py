@@ -1,0 +1,55 @@
+"""A pump without a recording: its file with the lift table that it names, and a pressure curve."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.config_pump import PressureCurve, PumpConfig, load_pump_config
+from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.table_file import read_small_table
+from camtorque.records import Finding, Refusal
+from camtorque.units import BAR, DEGREE, did_you_mean
+
+CURVE_COLUMNS = ("cam_angle_deg", "pressure_bar")
+
+
+def read_pump(path: Path | str) -> tuple[PumpConfig, tuple[Finding, ...]]:
+    """Return a pump file, its lift table read, and what is to be known about the table.
+
+    Raises
+    ------
+    Refusal : see `load_pump_config` and `read_cam_table`
+    """
+    config = load_pump_config(path)
+    if config.sections:
+        return config, ()
+    table, findings = read_cam_table(config.pump)
+    return replace(config, cam_table=table), findings
+
+
+def read_pressure_curve(path: Path | str) -> PressureCurve:
+    """Return a pressure curve from a CSV file with the columns ``cam_angle_deg`` and ``pressure_bar`` (gauge).
+
+    A repeated end point at one revolution is dropped.
+
+    Raises
+    ------
+    Refusal : missing file or column, values that are no numbers, angles that do not increase within one revolution
+    """
+    table = read_small_table(Path(path), "a pressure curve")
+    for name in CURVE_COLUMNS:
+        if name not in table.columns:
+            names = tuple(table.columns)
+            raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}")
+    angle, pressure = (table.columns[name] for name in CURVE_COLUMNS)
+    if angle.size > 1 and abs(angle[-1] - angle[0] - 360.0) < 1e-9:
+        angle, pressure = angle[:-1], pressure[:-1]
+    if angle.size < 2 or not np.all(np.diff(angle) > 0.0) or angle[-1] - angle[0] >= 360.0:
+        raise Refusal(
+            f"{path}: cam_angle_deg has to increase strictly within one revolution and have two angles or more, found "
+            f"{angle.size}; sort or complete the curve"
+        )
+    return PressureCurve(angle * DEGREE, pressure * BAR)

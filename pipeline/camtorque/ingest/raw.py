@@ -1,0 +1,167 @@
+"""What every reader hands back, and the sources of samples that the readers share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.config import ChannelSpec
+from camtorque.records import Array, Finding, Refusal, SampleSource
+
+IN_MEMORY_BYTES = 64 * 2**20
+"""Decoded data of one file up to this size are kept in memory; beyond it they are read in pieces from disk."""
+
+
+@dataclass(frozen=True)
+class RawChannel:
+    """One channel of a file before calibration.
+
+    Attributes
+    ----------
+    unit : as the file says, "" where it says nothing
+    source : raw samples in that unit
+    start_time : time of sample 0 [s], as the file says
+    sample_rate : [Hz]
+    stamp : date and time of ``start_time = 0`` in seconds since 1970, None where the file holds none
+    breaks, break_steps : see `camtorque.records.Channel`
+    """
+
+    name: str
+    unit: str
+    source: SampleSource
+    start_time: float
+    sample_rate: float
+    stamp: float | None = None
+    breaks: tuple[int, ...] = ()
+    break_steps: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class RawFile:
+    """The channels that were asked for, in that order, and what is wrong with the file."""
+
+    channels: tuple[RawChannel, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+Reader = Callable[[Path, tuple[ChannelSpec, ...], str], RawFile]
+"""A reader receives the file, the channels wanted from it and the bench's hint about the dialect."""
+
+
+@contextmanager
+def refusing(path: Path, kind: str, where: str = "") -> Iterator[None]:
+    """Turn whatever a reader library raises into a refusal of one line."""
+    try:
+        yield
+    except (Refusal, MemoryError):
+        raise
+    except Exception as error:
+        place = f" {where}" if where else ""
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise Refusal(
+            f"{path}{place}: cannot be read as {kind}, the file is damaged or of another kind ({said}); export it anew"
+        ) from error
+
+
+@dataclass(frozen=True)
+class ArraySource:
+    """Samples in memory."""
+
+    values: NDArray[np.generic]
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return int(self.values.size)
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return raw samples ``[start, stop)``."""
+        return np.asarray(self.values[start:stop], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class CallSource:
+    """Samples that a library reads in pieces; its exceptions come out as refusals."""
+
+    n_samples: int
+    call: Callable[[int, int], NDArray[np.generic]]
+    path: Path
+    kind: str
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return raw samples ``[start, stop)``."""
+        start, stop, _ = slice(start, stop).indices(self.n_samples)
+        with refusing(self.path, self.kind, f"samples {start} to {stop}"):
+            values = np.asarray(self.call(start, stop), dtype=np.float64)
+        if values.size != max(stop - start, 0):
+            raise Refusal(f"{self.path}: holds {values.size} of the samples {start} to {stop}: the file is cut short")
+        return values
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A run of samples at equal distances in a file: ``stride`` bytes from one to the next."""
+
+    first: int
+    n_samples: int
+    offset: int
+    dtype: np.dtype
+    stride: int
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """Samples that lie uncompressed in a file, read without a library at the speed of the disk."""
+
+    path: Path
+    pieces: tuple[Piece, ...]
+    scale: Callable[[NDArray[np.generic]], NDArray[np.generic]] | None = None
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return self.pieces[-1].first + self.pieces[-1].n_samples if self.pieces else 0
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return raw samples ``[start, stop)``."""
+        start, stop, _ = slice(start, stop).indices(self.n_samples)
+        values = np.empty(max(stop - start, 0))
+        firsts = [piece.first for piece in self.pieces]
+        with self.path.open("rb", buffering=0) as file:
+            number = max(int(np.searchsorted(firsts, start, side="right")) - 1, 0)
+            while number < len(self.pieces) and firsts[number] < stop:
+                piece = self.pieces[number]
+                low, high = max(start, piece.first), min(stop, piece.first + piece.n_samples)
+                self._fill(file, piece, low - piece.first, values[low - start : high - start])
+                number += 1
+        return values
+
+    def _fill(self, file: BinaryIO, piece: Piece, skip: int, out: Array) -> None:
+        file.seek(piece.offset + skip * piece.stride)
+        native = np.dtype(np.float64)
+        if piece.dtype == native and piece.stride == native.itemsize and self.scale is None:
+            read_into(file, out, self.path)
+            return
+        raw = np.empty(out.size * piece.stride, dtype=np.uint8)
+        # the last row of an interleaved file may end before its stride does
+        read_into(file, raw[: raw.size - piece.stride + piece.dtype.itemsize], self.path)
+        column = raw.reshape(out.size, piece.stride)[:, : piece.dtype.itemsize]
+        samples = np.ascontiguousarray(column).view(piece.dtype).ravel()
+        out[:] = samples if self.scale is None else self.scale(samples)
+
+
+def read_into(file: BinaryIO, out: np.ndarray, path: Path) -> None:
+    """Fill ``out`` from a file, or refuse where the file ends before it is full."""
+    view = memoryview(out.view(np.uint8))  # type: ignore[arg-type]
+    filled = 0
+    while filled < len(view):
+        count = file.readinto(view[filled:])  # type: ignore[attr-defined]
+        if not count:
+            raise Refusal(f"{path}: ends {len(view) - filled} bytes before its data do: the file is cut short")
+        filled += count

@@ -1,0 +1,212 @@
+"""A folder with recording.toml -> `Recording`: channels by name, volts to SI, every contradiction said or refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
+from camtorque.config_toml import load_recording_config
+from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.hashes import input_file
+from camtorque.ingest.raw import RawChannel, RawFile
+from camtorque.ingest.readers import READERS
+from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor, with_idle_zero
+from camtorque.ingest.signature import check_content
+from camtorque.records import Channel, Finding, Recording, Refusal, SensorCalibration
+from camtorque.units import BORDER_UNITS, is_known_unit, tidy_unit, unit_factor
+
+LEAST_IDLE_SAMPLES = 100
+DURATION_TOLERANCE = 1.0e-4
+"""Relative difference from a declared duration that a crystal may cause."""
+
+
+def read_recording(path: Path) -> Recording:
+    """Read one recording.
+
+    Parameters
+    ----------
+    path : folder with recording.toml, or that file
+
+    Returns
+    -------
+    Recording
+        channels in the order of recording.toml, each in SI through its calibration; samples are read when asked for
+
+    Raises
+    ------
+    Refusal
+        one line that says what is wrong, where, and what to do
+    """
+    config = load_recording_config(Path(path))
+    cam_table, cam_findings = read_cam_table(config.pump)
+    sensors = {quantity: read_sensor(reference) for quantity, reference in config.sensors.items()}
+    raw, file_findings = _read_files(config)
+    channels, findings = _channels(config, raw, sensors)
+    papers = [config.path, config.pump.cam_table_path, *(file for s in sensors.values() for file in s.files)]
+    logs = [spec.path for spec in config.channels]
+    return Recording(
+        config=config,
+        channels=channels,
+        cam_table=cam_table,
+        inputs=tuple(input_file(file) for file in dict.fromkeys([*papers, *logs])),
+        findings=_said_once(
+            *config.findings,
+            *cam_findings,
+            *(finding for sensor in sensors.values() for finding in sensor.findings),
+            *file_findings,
+            *findings,
+            *_ends(config, channels),
+        ),
+    )
+
+
+def _said_once(*findings: Finding) -> tuple[Finding, ...]:
+    """Drop what channels of one file repeat word for word."""
+    return tuple({(finding.code, finding.text): finding for finding in reversed(findings)}.values())[::-1]
+
+
+def _read_files(config: RecordingConfig) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:
+    """Read each file once for all its channels."""
+    reader = READERS[config.file_format]
+    raw: dict[ChannelSpec, RawChannel] = {}
+    findings: list[Finding] = []
+    for file in dict.fromkeys(spec.path for spec in config.channels):
+        check_content(file, config.file_format)
+        specs = tuple(spec for spec in config.channels if spec.path == file)
+        result: RawFile = reader(file, specs, config.csv_dialect)
+        raw |= dict(zip(specs, result.channels, strict=True))
+        findings += result.findings
+    return raw, findings
+
+
+def _channels(
+    config: RecordingConfig, raw: dict[ChannelSpec, RawChannel], sensors: dict[str, Sensor]
+) -> tuple[tuple[Channel, ...], list[Finding]]:
+    starts = _starts(config, raw)
+    channels, findings = [], []
+    for spec in config.channels:
+        sensor = sensors.get(spec.quantity)
+        channel, more = _channel(config, spec, raw[spec], starts[spec], sensor)
+        channels.append(channel)
+        findings += more
+    return tuple(channels), findings
+
+
+def _starts(config: RecordingConfig, raw: dict[ChannelSpec, RawChannel]) -> dict[ChannelSpec, float]:
+    """Return start times on each time base: stamps count from the earliest one of the loggers that share a clock."""
+    clocks = {logger.id: logger.clock for logger in config.loggers}
+    starts = {}
+    for spec, channel in raw.items():
+        base = spec.logger if clocks[spec.logger] == "independent" else ""
+        mates = [
+            other.stamp for s, other in raw.items() if (s.logger if clocks[s.logger] == "independent" else "") == base
+        ]
+        known = [stamp for stamp in mates if stamp is not None]
+        shift = channel.stamp - min(known) if channel.stamp is not None and len(known) == len(mates) else 0.0
+        starts[spec] = channel.start_time + shift
+    return starts
+
+
+def _channel(
+    config: RecordingConfig, spec: ChannelSpec, raw: RawChannel, start: float, sensor: Sensor | None
+) -> tuple[Channel, list[Finding]]:
+    where = f"{spec.path.name} {spec.channel}"
+    scale, is_volts, findings = _scale(spec, raw, where)
+    findings += certificate_age(sensor, raw.stamp, where) if sensor is not None else []
+    calibration = sensor.calibration if sensor is not None else None
+    reference = config.sensors.get(spec.quantity)
+    if calibration is not None and not is_volts:
+        calibration = _already_scaled(calibration)
+        findings.append(
+            Finding("already_scaled", "info", f"values are in {spec.unit!r}; the gain is the logger's", where)
+        )
+    elif calibration is not None and reference is not None and reference.idle_from is not None:
+        calibration = _idle_zero(calibration, reference, raw, scale, where)
+    channel = Channel(
+        quantity=spec.quantity,
+        logger=spec.logger,
+        source=raw.source,
+        start_time=start,
+        sample_rate=raw.sample_rate,
+        calibration=calibration,
+        path=spec.path,
+        name=spec.channel,
+        scale=scale,
+        sign=-1.0 if spec.quantity == "torque" and config.rotation < 0 else 1.0,
+        breaks=raw.breaks,
+        break_steps=raw.break_steps,
+    )
+    expected = spec.duration
+    allowed = max(1.5 / raw.sample_rate, DURATION_TOLERANCE * (expected or 0.0))
+    if expected is not None and abs(channel.duration - expected) > allowed:
+        text = f"{channel.duration:.4f} s are there, recording.toml declares {expected:.4f} s"
+        findings.append(Finding("duration_differs", "error", text, where))
+    return channel, findings
+
+
+def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool, list[Finding]]:
+    """Return the factor to volts (or to SI for values that are scaled already), and whether they are volts."""
+    unit, findings = tidy_unit(spec.unit), []
+    kind = BORDER_UNITS.get(unit, ("", 1.0))[0]
+    allowed = "voltage" if kind == "voltage" or spec.quantity == "trigger" else spec.quantity
+    factor = unit_factor(unit, allowed if kind == allowed else "voltage", f"{spec.path} {spec.channel!r} unit")
+    if raw.unit and not is_known_unit(raw.unit):
+        text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
+        findings.append(Finding("unit_unknown", "warning", text, where))
+    elif raw.unit and tidy_unit(raw.unit) != unit:
+        raise Refusal(
+            f"{spec.path} {spec.channel!r}: the file's unit is {raw.unit!r}, recording.toml says {spec.unit!r}; "
+            "correct the one that is wrong"
+        )
+    return factor, kind == "voltage", findings
+
+
+def _already_scaled(calibration: SensorCalibration) -> SensorCalibration:
+    return replace(
+        calibration,
+        gain=1.0,
+        zero_volts=0.0,
+        zero_source="certificate",
+        output_min_volts=calibration.range_min,
+        output_max_volts=calibration.range_max,
+    )
+
+
+def _idle_zero(
+    calibration: SensorCalibration, reference: SensorRef, raw: RawChannel, scale: float, where: str
+) -> SensorCalibration:
+    """Return the zero as the mean over the marked idle stretch; its drift over the stretch is the uncertainty."""
+    assert reference.idle_from is not None  # checked with the configuration
+    assert reference.idle_to is not None
+    start, stop = (round(t * raw.sample_rate) for t in (reference.idle_from, reference.idle_to))
+    stop = min(stop, raw.source.n_samples)
+    values = raw.source.read(start, stop) * scale
+    values = values[np.isfinite(values)]
+    if values.size < LEAST_IDLE_SAMPLES:
+        raise Refusal(f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s holds {values.size} "
+                      f"samples, expected at least {LEAST_IDLE_SAMPLES}")  # fmt: skip
+    halves = np.array_split(values, 2)
+    drift = abs(float(halves[1].mean() - halves[0].mean()))
+    return with_idle_zero(
+        calibration, float(values.mean()), math.hypot(drift, float(values.std()) / math.sqrt(values.size))
+    )
+
+
+def _ends(config: RecordingConfig, channels: tuple[Channel, ...]) -> list[Finding]:
+    """Find logs that end apart although their loggers share a clock: one of them was cut."""
+    clocks = {logger.id: logger.clock for logger in config.loggers}
+    shared = [channel for channel in channels if clocks[channel.logger] != "independent"]
+    findings = []
+    groups = [shared, *([c for c in channels if c.logger == k] for k, v in clocks.items() if v == "independent")]
+    for group in groups:
+        ends = [channel.start_time + channel.duration + sum(channel.break_steps) for channel in group]
+        for channel, end in zip(group, ends, strict=True):
+            early = max(ends) - end
+            if early > max(1.5 / channel.sample_rate, 1.5 * max(1.0 / c.sample_rate for c in group)):
+                text = f"the log ends {early:.6g} s before the others on its clock; is it cut?"
+                findings.append(Finding("log_ends_early", "warning", text, f"{channel.path.name} {channel.name}"))
+    return findings

@@ -1,0 +1,181 @@
+"""TDMS (LabVIEW, DIAdem) with npTDMS: metadata by the library, plain samples straight from the file.
+
+A TDMS file is a chain of segments, each with a lead-in of 28 bytes that states its length: a cut or a broken link shows
+there, before the library is asked (NI, "TDMS File Format Internal Structure").
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from nptdms import TdmsChannel, TdmsFile
+from nptdms.log import log_manager
+from nptdms.scaling import get_scaling
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.raw import CallSource, FileSource, Piece, RawChannel, RawFile, refusing
+from camtorque.ingest.timebase import agreed_rate
+from camtorque.records import Finding, Refusal, SampleSource
+from camtorque.units import did_you_mean
+
+LEAD_IN = 28
+INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
+UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
+SCALE_COUNT = "NI_Number_Of_Scales"
+
+
+def read_tdms(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read channels of a TDMS file; each may have its own rate."""
+    # what the library would write to standard error about a cut file is a finding here
+    log_manager.set_level(logging.CRITICAL)
+    findings = list(check_segments(path))
+    with refusing(path, "TDMS"):
+        file = TdmsFile.open(path)
+    with file:
+        channels = []
+        for spec in specs:
+            with refusing(path, "TDMS", f"{spec.group}/{spec.channel}"):
+                channel, more = _channel(file, path, spec)
+            channels.append(channel)
+            findings += more
+    return RawFile(tuple(channels), tuple(findings))
+
+
+def check_segments(path: Path) -> tuple[Finding, ...]:
+    """Follow the chain of segments to the end of the file: a broken chain is refused, cut data are a finding."""
+    size, position, number = path.stat().st_size, 0, 0
+    with path.open("rb") as file:
+        while position < size:
+            file.seek(position)
+            lead = file.read(LEAD_IN)
+            number += 1
+            if len(lead) < LEAD_IN or lead[:4] != b"TDSm":
+                raise Refusal(
+                    f"{path}: segment {number} at byte {position} has no lead-in: the file is cut or damaged there; "
+                    "copy it from the logger again"
+                )
+            toc = struct.unpack("<i", lead[4:8])[0]
+            _, length, raw = struct.unpack((">" if toc & BIG_ENDIAN else "<") + "iQQ", lead[8:])
+            if length == UNKNOWN_LENGTH:
+                return (_cut(path, number, "was never closed by its logger"),)
+            if position + LEAD_IN + raw > size:
+                raise Refusal(
+                    f"{path}: ends inside the description of segment {number}: the file is cut; copy it again"
+                )
+            position += LEAD_IN + length
+    if position > size:
+        return (_cut(path, number, f"ends {position - size} bytes before segment {number} does"),)
+    return ()
+
+
+def _cut(path: Path, number: int, what: str) -> Finding:
+    return Finding(
+        "file_truncated", "error", f"the file {what}; what is there is used", f"{path.name} segment {number}"
+    )
+
+
+def _channel(file: TdmsFile, path: Path, spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
+    channel = _find(file, path, spec)
+    where = f"{path.name} {spec.group}/{spec.channel}"
+    source = _source(file, channel, path)
+    if not source.n_samples:
+        raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
+    properties = channel.properties
+    findings = []
+    declared = properties.get("wf_samples")
+    if declared is not None and int(declared) > source.n_samples:
+        findings.append(
+            Finding("samples_missing", "error", f"{source.n_samples} of {declared} declared samples are there", where)
+        )
+    rate = spec.sample_rate
+    if "wf_increment" in properties:
+        increment = float(properties["wf_increment"])
+        if not increment > 0.0:
+            raise Refusal(
+                f"{path} {spec.group}/{spec.channel}: wf_increment is {increment!r}, expected a time step > 0 s"
+            )
+        rate, more = agreed_rate(1.0 / increment, spec.sample_rate, where, 1e-9, "wf_increment says")
+        findings += more
+    start = properties.get("wf_start_offset", spec.start_time or 0.0)
+    stamp = properties.get("wf_start_time")
+    unit = str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))
+    raw = RawChannel(spec.channel, unit, source, float(start), rate, _epoch(stamp))
+    return raw, findings
+
+
+def _find(file: TdmsFile, path: Path, spec: ChannelSpec) -> TdmsChannel:
+    groups = [group.name for group in file.groups()]
+    if spec.group not in groups:
+        hint = did_you_mean(spec.group, tuple(groups))
+        raise Refusal(f"{path}: no group {spec.group!r}{hint}; the file has {', '.join(groups) or 'none'}")
+    names = [channel.name for channel in file[spec.group].channels()]
+    if spec.channel not in names:
+        hint = did_you_mean(spec.channel, tuple(names))
+        raise Refusal(
+            f"{path}: no channel {spec.channel!r} in group {spec.group!r}{hint}; there are {', '.join(names)}"
+        )
+    return file[spec.group][spec.channel]
+
+
+def _epoch(stamp: Any) -> float | None:
+    if stamp is None:
+        return None
+    return float(np.datetime64(stamp, "ns").astype(np.int64)) * 1e-9
+
+
+def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
+    scaling = get_scaling(channel.properties, file[channel.group_name].properties, file.properties)
+    if scaling is None and int(channel.properties.get(SCALE_COUNT, 0)) > 0:
+        raise Refusal(f"{path}: channel {channel.name!r} has a scale of an unknown kind; export it scaled")
+    pieces = _pieces(file, channel.path)
+    if pieces is None:
+        return CallSource(len(channel), lambda start, stop: _by_library(path, channel, start, stop), path, "TDMS")
+    # the library's scales expect an object with the raw values in .data
+    scale = None if scaling is None else lambda raw: scaling.scale(SimpleNamespace(data=raw, scaler_data=None))
+    return FileSource(path, pieces, scale)
+
+
+def _by_library(path: Path, channel: TdmsChannel, start: int, stop: int) -> np.ndarray:
+    with TdmsFile.open(path) as file:
+        return file[channel.group_name][channel.name].read_data(start, stop - start)
+
+
+def _pieces(file: TdmsFile, channel_path: str) -> tuple[Piece, ...] | None:
+    """Return where the samples lie in the file, or None where only the library can tell (DAQmx, a cut chunk)."""
+    # The library reads whole chunks, which is the whole file for a one-chunk log; its segment table is not public.
+    segments = file._reader._segments  # noqa: SLF001
+    pieces: list[Piece] = []
+    first = 0
+    for segment in segments or ():
+        if segment.toc_mask & DAQMX or segment.final_chunk_lengths_override is not None:
+            return None
+        objects = [item for item in segment.ordered_objects if item.has_data]
+        widths = [getattr(item.data_type, "nptype", None) for item in objects]
+        mine = [number for number, item in enumerate(objects) if item.path == channel_path]
+        if not mine:
+            continue
+        if any(width is None for width in widths):
+            return None
+        order = ">" if segment.toc_mask & BIG_ENDIAN else "<"
+        for piece in _pieces_of(segment, objects, mine[0], order):
+            pieces.append(Piece(first, piece.n_samples, piece.offset, piece.dtype, piece.stride))
+            first += piece.n_samples
+    return tuple(pieces)
+
+
+def _pieces_of(segment: Any, objects: list[Any], mine: int, order: str) -> list[Piece]:
+    kinds = [np.dtype(item.data_type.nptype).newbyteorder(order) for item in objects]
+    sizes = [item.number_values * kind.itemsize for item, kind in zip(objects, kinds, strict=True)]
+    chunk, kind, count = sum(sizes), kinds[mine], objects[mine].number_values
+    if segment.toc_mask & INTERLEAVED:
+        stride = sum(k.itemsize for k in kinds)
+        before = sum(k.itemsize for k in kinds[:mine])
+    else:
+        stride, before = kind.itemsize, sum(sizes[:mine])
+    starts = [segment.data_position + number * chunk + before for number in range(segment.num_chunks)]
+    return [Piece(0, count, start, kind, stride) for start in starts]

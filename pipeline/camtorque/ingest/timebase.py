@@ -1,0 +1,158 @@
+"""Is a column of time stamps the uniform time base that it should be? Start, rate, jumps, damaged stamps.
+
+Logged stamps are rounded (1e-6 s in many CSV files), so the rate comes from the whole stretch, never from one step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.records import Array, Finding, Refusal, SampleSource
+
+BLOCK = 1_000_000
+"""Stamps looked at in one go."""
+ODD_STEP = 0.5
+"""A step that differs by more than this part of a sampling interval is odd: nearer to another sample."""
+MANY_ODD = 0.01
+"""Above this share of odd steps the stamps are not a uniform time base."""
+RATE_NOTE = 1.0e-5
+"""Relative difference of two rates that is worth a finding: ten times what a crystal is off."""
+RATE_GROSS = 0.05
+"""Relative difference of two rates at which one of them is simply wrong."""
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """What the stamps of one channel say."""
+
+    start: float
+    rate: float
+    breaks: tuple[int, ...] = ()
+    break_steps: tuple[float, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+def time_base(times: SampleSource, declared_rate: float, where: str, *, to_seconds: float = 1.0) -> TimeBase:
+    """Check stamps and return start, rate and jumps.
+
+    Parameters
+    ----------
+    times : stamps in the unit of the file
+    declared_rate : [Hz] of the bench file
+    to_seconds : factor from the file's unit to seconds
+
+    Raises
+    ------
+    Refusal
+        when there are fewer than two stamps, when they do not run forward, or contradict the declared rate grossly
+    """
+    step, rounding = _usual_step(times, where, to_seconds)
+    odd_index, odd_size, damaged, first, last = _odd_steps(times, step, to_seconds)
+    steps_seen = last[0] - first[0]
+    if odd_index.size > max(3, MANY_ODD * steps_seen):
+        raise Refusal(
+            f"{where}: {odd_index.size} of {steps_seen} time steps differ from {step:.6g} s by more than half a step; "
+            "the samples are not equidistant, export them at one rate"
+        )
+    index, size, stamps = _take_damaged_stamps(odd_index, odd_size, step)
+    rate = _rate(index, size, first, last)
+    findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, first, step, where)]
+    # the stamps of the ends are rounded, which bounds how well they tell the rate
+    rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
+    start = first[1] - first[0] / rate
+    return TimeBase(start, rate, tuple(index.tolist()), tuple(size.tolist()), (*findings, *more))
+
+
+def agreed_rate(
+    rate: float, declared_rate: float, where: str, tolerance: float, what: str = "the time stamps say"
+) -> tuple[float, tuple[Finding, ...]]:
+    """Hold a file's rate against the declared one: equal within rounding, a finding, or a refusal."""
+    difference = abs(rate / declared_rate - 1.0)
+    if difference <= max(tolerance, 1.0e-9):
+        return declared_rate, ()
+    text = f"{what} {rate:.8g} Hz, recording.toml says {declared_rate:.8g} Hz"
+    if difference > RATE_GROSS:
+        raise Refusal(f"{where}: {text}; correct the one that is wrong")
+    if difference <= RATE_NOTE:
+        return rate, ()
+    return rate, (Finding("rate_differs", "warning", f"{text}; the rate of the file is used", where),)
+
+
+def _usual_step(times: SampleSource, where: str, to_seconds: float) -> tuple[float, float]:
+    """Return the usual step [s] and a bound of its rounding [s] from the first block."""
+    stamps = times.read(0, min(times.n_samples, BLOCK)) * to_seconds
+    stamps = stamps[np.isfinite(stamps)]
+    if stamps.size < 2:
+        raise Refusal(f"{where}: {times.n_samples} samples with a time, expected at least 2")
+    steps = np.diff(stamps)
+    step = float(np.median(steps))
+    if not step > 0.0:
+        raise Refusal(f"{where}: time does not run forward (usual step {step:.6g} s); is this the time column?")
+    usual = steps[np.abs(steps - step) < ODD_STEP * step]
+    return (float(np.mean(usual)) if usual.size else step), float(np.ptp(usual)) if usual.size else 0.0
+
+
+def _odd_steps(
+    times: SampleSource, step: float, to_seconds: float
+) -> tuple[np.ndarray, Array, int, tuple[int, float], tuple[int, float]]:
+    """Return index and excess [s] of the odd steps, the number of unreadable stamps, first and last good stamp."""
+    indices, sizes, damaged = [], [], 0
+    first: tuple[int, float] | None = None
+    last: tuple[int, float] = (0, 0.0)
+    for low in range(0, times.n_samples, BLOCK):
+        stamps = times.read(low, min(low + BLOCK, times.n_samples)) * to_seconds
+        good = np.flatnonzero(np.isfinite(stamps))
+        damaged += stamps.size - good.size
+        if not good.size:
+            continue
+        at, value = good + low, stamps[good]
+        if first is None:
+            first = (int(at[0]), float(value[0]))
+        else:
+            at, value = np.concatenate(([last[0]], at)), np.concatenate(([last[1]], value))
+        excess = np.diff(value) - np.diff(at) * step
+        odd = np.flatnonzero(np.abs(excess) > ODD_STEP * step)
+        indices.append(at[odd + 1])
+        sizes.append(excess[odd])
+        last = (int(at[-1]), float(value[-1]))
+    assert first is not None  # _usual_step found good stamps
+    return np.concatenate(indices), np.concatenate(sizes), damaged, first, last
+
+
+def _take_damaged_stamps(index: np.ndarray, size: Array, step: float) -> tuple[np.ndarray, Array, int]:
+    """Drop pairs of odd steps that cancel: one stamp is damaged there, time itself went on."""
+    keep = np.ones(index.size, dtype=bool)
+    for i in range(index.size - 1):
+        if keep[i] and index[i + 1] - index[i] == 1 and abs(size[i] + size[i + 1]) < ODD_STEP * step:
+            keep[i] = keep[i + 1] = False
+    return index[keep], size[keep], int((~keep).sum()) // 2
+
+
+def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[int, float]) -> float:
+    """Return the rate over the whole stretch with the jumps taken off."""
+    elapsed = last[1] - first[1] - float(np.sum(size))
+    return (last[0] - first[0]) / elapsed
+
+
+def _stamp_findings(count: int, where: str) -> list[Finding]:
+    if not count:
+        return []
+    return [
+        Finding("time_stamp_damaged", "warning", f"{count} time stamps are damaged; their neighbours carry on", where)
+    ]
+
+
+def _break_findings(index: np.ndarray, size: Array, first: tuple[int, float], step: float, where: str) -> list[Finding]:
+    found = []
+    forward, back = size > 0.0, size <= -step
+    for chosen, code, what in (
+        (forward, "time_gap", "gaps in time"),
+        (~forward & ~back, "time_short_step", "steps that are too short"),
+        (back, "time_not_monotonic", "places where time runs back"),
+    ):
+        if chosen.any():
+            at = ", ".join(f"sample {i} ({s:+.6g} s)" for i, s in zip(index[chosen][:3], size[chosen][:3], strict=True))
+            found.append(Finding(code, "error", f"{int(chosen.sum())} {what}: {at}", where))
+    return found

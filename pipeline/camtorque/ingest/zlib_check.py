@@ -1,0 +1,31 @@
+"""A zlib stream inside a file, unpacked in pieces only to hear what its Adler-32 says."""
+
+from __future__ import annotations
+
+import zlib
+from typing import BinaryIO
+
+from camtorque.records import Refusal
+
+PIECE = 1 << 20
+
+
+def checked_size(file: BinaryIO, packed: int, where: str) -> int:
+    """Return the unpacked size of the next ``packed`` bytes; a stream that fails its checksum or is cut is refused."""
+    unpacker, total, left = zlib.decompressobj(), 0, packed
+    try:
+        while left > 0:
+            piece = file.read(min(left, PIECE))
+            if not piece:
+                break
+            left -= len(piece)
+            data = unpacker.decompress(piece, PIECE)
+            while data or unpacker.unconsumed_tail:
+                total += len(data)
+                data = unpacker.decompress(unpacker.unconsumed_tail, PIECE)
+        total += len(unpacker.flush())
+    except zlib.error as error:
+        raise Refusal(f"{where} fails its checksum ({error}): the file is damaged; copy it again") from error
+    if not unpacker.eof:
+        raise Refusal(f"{where} ends before its data do: the file is damaged; copy it again")
+    return total

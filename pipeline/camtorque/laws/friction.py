@@ -1,0 +1,30 @@
+"""Friction: forces that oppose sliding and rolling, in proportion to the load on the joint.
+
+* bearing: ``mu r |N|``, N the contact force that the camshaft bearings carry;
+* roller pin: ``mu r_pin |N| (L/r_r - 1)``, the roller turns L/r_r - 1 times as fast as the cam;
+* guide: the side force presses the follower against its guide; the friction feeds back on the contact force,
+  ``lambda_y = (F_axial) / (1 - mu |tan phi| sign(y'))``, and the follower jams as ``mu |tan phi| -> 1`` on the rise;
+* drag: seals and constant drag of the shaft.
+
+Source: Andersson, Tribology International 40 (2007); bearings 0.001-0.005 rolling, up to 0.05 plain.
+"""
+
+from __future__ import annotations
+
+from camtorque.laws.rows import display
+
+ROWS = (
+    display("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),
+            "friction coefficient times radius of the camshaft bearings", "mu 0.002-0.05 on 8-15 mm", "shared", True),
+    display("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (12.0, 12.0),
+            "friction coefficient times radius of the roller's pin", "mu 0.001-0.01 on 2-4 mm", "shared", True),
+    display("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
+            "friction coefficient of the follower's guide", "lubricated steel, 0.02-0.12"),
+    display("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.1, 0.15),
+            "constant drag of seals and bearings", "lip seals of 15-25 mm: 0.05-0.2 N m", "shared", True),
+)  # fmt: skip
+
+SMOOTH_SLOPE = 2.0e-5
+"""Follower slope over which the sign of the sliding velocity turns smoothly [m/rad]."""
+JAM_LIMIT = 0.95
+"""mu tan(phi) beyond which the follower counts as jammed."""

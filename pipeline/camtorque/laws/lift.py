@@ -1,0 +1,87 @@
+"""Lift table: its rounding and measuring noise enter through the slope times the contact force.
+
+At 1300 bar a slope error of 0.05 mm/rad, half a micrometre over a degree, is 0.3 N m. The correction is a periodic
+cubic B-spline over the lifted part of the cam whose coefficients have zero mean and the table's own noise as prior;
+B-splines are positive and sum to one, so the correction never exceeds its largest coefficient. It changes the slope
+(torque) and leaves volume and inertia alone, where a micrometre is nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from camtorque.records import Array, freeze_arrays
+from camtorque.units import DEGREE
+
+KNOT_STEP = 1.5 * DEGREE
+MARGIN = 3.0 * DEGREE
+BOUND = 3.0
+"""Largest coefficient, in standard deviations of its prior."""
+
+
+@dataclass(frozen=True)
+class LiftCorrection:
+    """Basis of the correction.
+
+    Attributes
+    ----------
+    knots : (n_basis + 4,) [rad], first to last lifted angle with a margin
+    prior_std : standard deviation of each coefficient [m]
+    bound : largest coefficient allowed [m]
+    """
+
+    knots: Array
+    prior_std: float
+    bound: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def n_basis(self) -> int:
+        """Number of coefficients."""
+        return self.knots.size - 4
+
+    def basis(self, theta: Array, derivative: int = 0) -> Array:
+        """Return the basis at angles of any revolution, (n, n_basis), per coefficient."""
+        return self.correction(theta, np.eye(self.n_basis), derivative)
+
+    def correction(self, theta: Array, coefficients: Array, derivative: int = 0) -> Array:
+        """Return the correction [m] or its derivative for coefficients (n_basis,) or (n_basis, k)."""
+        wrapped = self.knots[0] + np.mod(theta - self.knots[0], 2.0 * np.pi)
+        outside = wrapped >= self.knots[-1]
+        step = self.knots[1] - self.knots[0]
+        pad = step * np.arange(1, 4)
+        knots = np.concatenate([self.knots[0] - pad[::-1], self.knots, self.knots[-1] + pad])
+        zeros = np.zeros((3, *coefficients.shape[1:]))
+        spline = BSpline(knots, np.concatenate([zeros, coefficients, zeros]), 3)
+        values = spline(np.where(outside, self.knots[0], wrapped), nu=derivative)
+        values[outside] = 0.0
+        return values
+
+
+def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: float, step: float) -> LiftCorrection:
+    """Return the correction basis for a lift given on an angle grid.
+
+    Parameters
+    ----------
+    theta, lift : (n,) [rad], [m]
+    resolution : stated resolution of the table [m]
+    noise_std : standard deviation of the table's values about a smooth curve [m]
+    step : of the table [rad]
+
+    Notes
+    -----
+    White noise of the table, at its own step, and white coefficients at `KNOT_STEP` have the same spectral density at
+    low harmonics when their variances are as the inverse steps.
+    """
+    lifted = theta[lift > 2.0 * resolution + 1e-9]
+    start, stop = lifted.min() - MARGIN, lifted.max() + MARGIN
+    count = int(np.ceil((stop - start) / KNOT_STEP))
+    knots = start + (np.arange(count + 7) - 3.0) * KNOT_STEP
+    error = max(noise_std, resolution / np.sqrt(12.0))
+    prior_std = error * np.sqrt(step / KNOT_STEP)
+    return LiftCorrection(knots, prior_std, BOUND * prior_std)

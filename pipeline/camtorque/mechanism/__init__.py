@@ -1,0 +1,44 @@
+"""Pump data and pressure over cam angle -> torque by cause, contact and joint forces, Hertz stress.
+
+::
+
+    CamTable, sections -> CamLaw -> kinematics -> closed_form_tables -> solve_rigid -> RigidTorque
+                                                  denoc, recursion   the same numbers, link by link
+                                                  shaft, elastic     several pumps on one shaft, rigid or with springs
+                                                  kernel             many cycles in one compiled pass
+                                                  predict            a pump without a recording
+"""
+
+from camtorque.mechanism.cam import LIFT_METHODS, CamLaw, cubic_law, lift_law, quintic_law, smoothing_law
+from camtorque.mechanism.closed_form import CAUSES, OUTPUTS, ClosedForm, closed_form_tables
+from camtorque.mechanism.contact import ContactLoss
+from camtorque.mechanism.kinematics import Kinematics, kinematics
+from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
+from camtorque.mechanism.shaft import METHODS, ShaftForces, solve_shaft
+from camtorque.mechanism.solve import acceleration_of, forces_of, solve_rigid
+
+__all__ = [
+    "CAUSES",
+    "LIFT_METHODS",
+    "METHODS",
+    "OUTPUTS",
+    "CamLaw",
+    "ClosedForm",
+    "ContactLoss",
+    "Kinematics",
+    "Mounting",
+    "PumpUnit",
+    "Roller",
+    "ShaftForces",
+    "acceleration_of",
+    "assumed_roller",
+    "closed_form_tables",
+    "cubic_law",
+    "forces_of",
+    "kinematics",
+    "lift_law",
+    "quintic_law",
+    "smoothing_law",
+    "solve_rigid",
+    "solve_shaft",
+]

@@ -1,0 +1,197 @@
+"""The lift law of a cam: a periodic piecewise polynomial over cam angle, and its interpolants of a lift table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.interpolate import CubicSpline, PPoly, make_interp_spline
+
+from camtorque.mechanism.smoothing import smoothing_spline, table_error
+from camtorque.records import Array, CamTable, Refusal, freeze_arrays
+
+TURN = 2.0 * np.pi
+
+
+@njit(cache=True)
+def _evaluate(knots, coefficients, uniform, theta, out):  # type: ignore[no-untyped-def]
+    """Write derivatives 0, 1, ... of the piecewise polynomial into the rows of ``out`` (Horner's rule per sample)."""
+    n_pieces = knots.size - 1
+    order = coefficients.shape[0]
+    n_rows = out.shape[0]
+    values = np.empty(n_rows)
+    for i in range(theta.size):
+        turns = np.floor((theta[i] - knots[0]) / 6.283185307179586)
+        angle = theta[i] - turns * 6.283185307179586
+        if uniform:
+            piece = int((angle - knots[0]) * n_pieces / 6.283185307179586)
+        else:
+            piece = np.searchsorted(knots, angle, side="right") - 1
+        piece = min(max(piece, 0), n_pieces - 1)
+        x = angle - knots[piece]
+        values[:] = 0.0
+        for k in range(order):
+            for row in range(n_rows - 1, 0, -1):
+                values[row] = values[row] * x + values[row - 1]
+            values[0] = values[0] * x + coefficients[k, piece]
+        factorial = 1.0
+        for row in range(n_rows):
+            if row > 1:
+                factorial *= row
+            out[row, i] = factorial * values[row]
+
+
+@dataclass(frozen=True)
+class CamLaw:
+    """Lift over cam angle as a periodic piecewise polynomial, in the direction of running.
+
+    Attributes
+    ----------
+    knots : (m + 1,) breakpoints over exactly one revolution [rad]
+    coefficients : (order, m) of each piece in powers of (theta - left knot), highest power first [m/rad^k]
+    name : how the law came about
+    lift_std : standard uncertainty of the table that it was made from [m], 0 for an analytic law
+    """
+
+    knots: Array
+    coefficients: Array
+    name: str
+    lift_std: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.knots.ndim != 1 or self.coefficients.shape[1:] != (self.knots.size - 1,):
+            raise ValueError(f"cam law: knots {self.knots.shape}, coefficients {self.coefficients.shape} do not belong")
+        if not np.all(np.diff(self.knots) > 0.0) or abs(self.knots[-1] - self.knots[0] - TURN) > 1e-9:
+            raise ValueError("cam law: knots have to increase over exactly one revolution")
+        freeze_arrays(self)
+
+    def evaluate(self, theta: Array, derivative: int = 0) -> Array:
+        """Return a derivative of the lift with respect to cam angle.
+
+        Parameters
+        ----------
+        theta : any shape, any range, any spacing [rad]
+        derivative : 0 lift [m], 1 velocity [m/rad], 2 acceleration [m/rad^2], 3 jerk [m/rad^3]
+
+        Returns
+        -------
+        array of the shape of ``theta``
+        """
+        return self.derivatives(theta, derivative)[derivative]
+
+    def derivatives(self, theta: Array, highest: int = 3) -> Array:
+        """Return derivatives 0 to ``highest`` in one pass, (highest + 1, *theta.shape)."""
+        angle = np.ascontiguousarray(theta, dtype=np.float64)
+        out = np.empty((highest + 1, angle.size))
+        _evaluate(self.knots, self.coefficients, self._uniform(), angle.reshape(-1), out)
+        return out.reshape((highest + 1, *angle.shape))
+
+    def _uniform(self) -> bool:
+        """Return whether the pieces are equally wide: then the piece of an angle is a division, not a search."""
+        return bool(np.ptp(np.diff(self.knots)) < 1e-12)
+
+    @property
+    def lift(self) -> float:
+        """Highest lift above the base circle [m]."""
+        return float(np.max(self.evaluate(np.linspace(self.knots[0], self.knots[-1], 7201))))
+
+    def continuity(self) -> Array:
+        """Return the largest jump of derivatives 0 to 3 across any knot, in units of that derivative, (4,)."""
+        return np.max(self.continuity_at_knots(), axis=1)
+
+    def continuity_at_knots(self) -> Array:
+        """Return the jump of derivatives 0 to 3 at the right end of every piece, (4, m)."""
+        width = np.diff(self.knots)
+        ends = np.stack([_piece_value(self.coefficients, width, k) for k in range(4)])
+        starts = np.stack([_piece_value(self.coefficients, np.zeros_like(width), k) for k in range(4)])
+        return np.abs(ends - np.roll(starts, -1, axis=1))
+
+
+def _piece_value(coefficients: Array, x: Array, derivative: int) -> Array:
+    """Return a derivative of every piece at its own local x."""
+    return np.stack([np.polyval(np.polyder(c, derivative), at) for c, at in zip(coefficients.T, x, strict=True)])
+
+
+def _closed(table: CamTable) -> tuple[Array, Array]:
+    """Return angle and lift with the first point repeated one revolution later."""
+    return np.append(table.theta, table.theta[0] + TURN), np.append(table.lift, table.lift[0])
+
+
+def _table_std(table: CamTable) -> float:
+    """Return the standard deviation of rounding to the stated step, resolution / sqrt(12) [m]."""
+    return float(table.resolution / np.sqrt(12.0))
+
+
+def cubic_law(table: CamTable) -> CamLaw:
+    """Return the periodic cubic interpolant, the method of the paper (Section 2.1, after Tsay et al.).
+
+    It passes through every point, so the rounding of the table enters y'' with about 6 sigma / step^2.
+    """
+    theta, lift = _closed(table)
+    spline = CubicSpline(theta, lift, bc_type="periodic")
+    return CamLaw(spline.x, spline.c, "cubic", _table_std(table))
+
+
+def quintic_law(table: CamTable) -> CamLaw:
+    """Return the periodic quintic interpolant: y'' is smooth, and the rounding still enters with 4.8 sigma / step^2."""
+    theta, lift = _closed(table)
+    pieces = PPoly.from_spline(make_interp_spline(theta, lift, k=5, bc_type="periodic"))
+    return _trimmed(pieces, theta, "quintic", _table_std(table))
+
+
+def smoothing_law(table: CamTable, resolution: float | None = None) -> CamLaw:
+    """Return the smoothest periodic quintic spline of which the table could be a rounding.
+
+    Parameters
+    ----------
+    table : lift table
+    resolution : step to which the lift was rounded [m]; the table's own when None
+
+    Raises
+    ------
+    Refusal : the resolution is not positive, so that nothing says how far to smooth
+
+    Notes
+    -----
+    See `camtorque.mechanism.smoothing`; an exact table (resolution 0) calls for `quintic_law`.
+    """
+    step = table.resolution if resolution is None else resolution
+    if not step > 0.0:
+        raise Refusal(
+            f"lift table: resolution is {step} m, expected a positive step; state the resolution of the table, "
+            "or choose the quintic law for an exact one"
+        )
+    theta, lift = _closed(table)
+    pieces = smoothing_spline(theta, lift, step)
+    return _trimmed(pieces, theta, "smoothing", table_error(theta, table.lift, step))
+
+
+def _trimmed(pieces: PPoly, theta: Array, name: str, lift_std: float) -> CamLaw:
+    """Return the law of the pieces inside one revolution (a B-spline carries empty pieces at its ends)."""
+    inside = (pieces.x[:-1] >= theta[0] - 1e-12) & (pieces.x[1:] <= theta[-1] + 1e-12) & (np.diff(pieces.x) > 1e-12)
+    knots = np.append(pieces.x[:-1][inside], theta[-1])
+    return CamLaw(knots, np.ascontiguousarray(pieces.c[:, inside]), name, lift_std)
+
+
+LIFT_METHODS: dict[str, Callable[[CamTable], CamLaw]] = {
+    "smoothing": smoothing_law,
+    "quintic": quintic_law,
+    "cubic": cubic_law,
+}
+"""How a table becomes a law; the default is ``smoothing`` because a rounded table ruins y'' otherwise."""
+
+
+def lift_law(table: CamTable, method: str = "smoothing") -> CamLaw:
+    """Return the lift law of a table by one of `LIFT_METHODS`.
+
+    Raises
+    ------
+    Refusal : unknown method, or a table too short for it
+    """
+    if method not in LIFT_METHODS:
+        raise Refusal(f"lift law: method {method!r} is unknown, expected one of {', '.join(LIFT_METHODS)}")
+    if table.theta.size < 12:
+        raise Refusal(f"lift table: {table.theta.size} points in one revolution, expected at least 12; measure finer")
+    return LIFT_METHODS[method](table)

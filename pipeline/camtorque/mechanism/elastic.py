@@ -1,0 +1,262 @@
+"""Several pumps on a shaft with torsional springs between the lobes, in periodic steady running.
+
+The drive end turns at constant speed; lobe i runs at ``Omega t + delta_i``. Its torque is the closed form at its own
+angle, speed and acceleration, and the shaft pieces carry ``T_i = k_i (delta_(i-1) - delta_i)`` plus damping::
+
+    tau_i(theta_i, omega_i, alpha_i) = T_i - T_(i+1)
+
+Everything is periodic in time, so the linear part (mean inertia of each lobe, springs, dampers) is solved harmonic by
+harmonic, a tridiagonal system swept once from the free end to the drive end: cost grows with the number of lobes. The
+rest of the torque is its load; it depends weakly on the twist and is found by fixed-point iteration, and where that
+does not settle (a soft shaft, or a resonance below the highest harmonic) by Newton's method on the same equation.
+A single lobe is solved by collocation in its cam angle (`collocation`), which is cheaper; where that fails, the
+harmonics follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import NoConvergence, newton_krylov
+
+from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.closed_form import closed_form_tables
+from camtorque.mechanism.collocation import solve_orbit
+from camtorque.mechanism.mounting import PumpUnit
+from camtorque.records import Array, Refusal, freeze_arrays
+
+Complex = NDArray[np.complex128]
+ITERATIONS = 300
+TOLERANCE = 1.0e-12
+"""Change of the twist over its peak at which the iteration ends: rounding of the transforms is about 1e-13."""
+
+ELEMENTS, STAGES = 360, 6
+"""Of the collocation for a single lobe: on the front of the driveline chart (reports/studies)."""
+GROWTH = 2.0
+"""A step this much longer than the shortest so far does not lead to the solution."""
+NEWTON_TOLERANCE, NEWTON_STEPS = 1.0e-11, 60
+
+
+@dataclass(frozen=True)
+class ElasticShaft:
+    """Periodic solution on the uniform grid of drive angle, n_theta points over one revolution.
+
+    Attributes
+    ----------
+    torque : (n_theta,) at the drive end [N m]
+    section_torque : (n_pumps, n_theta) in each piece of shaft, drive end first [N m]
+    twist : (n_pumps, n_theta) angle of each lobe ahead of the drive end, less than 0 where it lags [rad]
+    speed, acceleration : (n_pumps, n_theta) of each lobe [rad/s, rad/s^2]
+    iterations : evaluations of the loads
+    """
+
+    torque: Array
+    section_torque: Array
+    twist: Array
+    speed: Array
+    acceleration: Array
+    iterations: int
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+def solve_elastic(
+    units: Sequence[PumpUnit], pressure: Array, speed: float, stiffness: Array, damping: Array
+) -> ElasticShaft:
+    """Return the periodic solution of pumps on an elastic shaft.
+
+    Parameters
+    ----------
+    units : pumps from the drive end outward
+    pressure : (n_pumps, n_theta) on each plunger over the angle of its own shaft piece, uniform from 0 [Pa]
+    speed : of the drive end, constant [rad/s]
+    stiffness, damping : (n_pumps,) of the shaft piece before each lobe [N m/rad, N m s/rad]
+
+    Raises
+    ------
+    Refusal : no periodic motion was found: the shaft is too soft for its load, or resonates without damping
+    """
+    load = np.atleast_2d(np.asarray(pressure, dtype=np.float64))
+    alone = _alone(units[0], load[0], speed, stiffness, damping) if len(units) == 1 else None
+    return solve_by_harmonics(units, load, speed, stiffness, damping) if alone is None else alone
+
+
+def solve_by_harmonics(
+    units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array
+) -> ElasticShaft:
+    """Return the same by harmonics, for any number of lobes; ``load`` (n_pumps, n_theta), see `solve_elastic`."""
+    shaft = _Shaft(units, load, speed, np.asarray(stiffness, dtype=np.float64), np.asarray(damping, dtype=np.float64))
+    twist, steps = _fixed_point(shaft)
+    if twist is None:
+        twist, more = _newton(shaft)
+        steps += more
+    if np.min(_derivative(twist, shaft.frequency, 1)) <= -speed:
+        raise _unsettled(shaft)
+    return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping, steps)
+
+
+def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft | None:
+    """Return the motion of a single lobe by collocation in its cam angle, None where the cam does not turn forward."""
+    theta = np.asarray(np.arange(load.size) * (TURN / load.size), dtype=np.float64)
+    curve = _periodic(theta, load)
+
+    def rows(angle: Array) -> Array:
+        table = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting).outputs["torque"]
+        return np.stack([table[0] + table[1] * curve(np.mod(angle, TURN)), table[2], table[3]])
+
+    orbit = solve_orbit(rows, _elements(unit), STAGES, (float(stiffness[0]), float(damping[0]), speed))
+    if not orbit.closed:
+        return None
+    # from the stages to the uniform grid of the drive, which the cam leads
+    drive = orbit.theta - orbit.lead
+    values = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
+    curves = CubicSpline(np.append(drive, drive[0] + TURN), np.vstack([values, values[:1]]), bc_type="periodic")
+    torque, lead, rate, acceleration = curves(theta).T
+    return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None], 1)
+
+
+def _elements(unit: PumpUnit) -> Array:
+    """Return the borders of the elements: the knots of the lift law where there are about as many, else even ones."""
+    knots = unit.law.knots
+    if ELEMENTS // 2 <= knots.size - 1 <= 2 * ELEMENTS:
+        return np.asarray(knots + unit.phase, dtype=np.float64)
+    return np.linspace(0.0, TURN, ELEMENTS + 1)
+
+
+class _Shaft:
+    """The fixed-point map of the twist: loads at the present twist, then the linear shaft's answer to them."""
+
+    def __init__(self, units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array) -> None:
+        self.units, self.speed, self.stiffness, self.damping = units, speed, stiffness, damping
+        self.shape = load.shape
+        self.theta = np.asarray(np.arange(load.shape[1]) * (TURN / load.shape[1]), dtype=np.float64)
+        self.frequency = speed * np.fft.rfftfreq(load.shape[1], 1.0 / load.shape[1])
+        self.curves = [_periodic(self.theta, row) for row in load]
+        self.inertia = np.array(
+            [np.mean(closed_form_tables(u.pump, u.law, self.theta, u.mounting).outputs["torque"][3]) for u in units]
+        )
+
+    def answer(self, twist: Array) -> Array:
+        """Return the twist that the loads at a twist cause, (n_pumps, n_theta)."""
+        rate, change = (_derivative(twist, self.frequency, order) for order in (1, 2))
+        torque = _lobe_torque(self.units, self.curves, self.theta, twist, self.speed + rate, change)
+        rest = np.fft.rfft(torque - self.inertia[:, None] * change)
+        solved = _solve_harmonics(rest, self.frequency, self.inertia, self.stiffness, self.damping)
+        return np.fft.irfft(solved, self.shape[1])
+
+
+def _fixed_point(shaft: _Shaft) -> tuple[Array | None, int]:
+    """Return the twist and the steps taken; None where the steps stop shrinking.
+
+    They do where the shaft is soft, and where it resonates: there the varying part of the inertia, times the
+    amplification, is more than the mean part that the linear answer knows.
+    """
+    twist, least = np.zeros(shaft.shape), np.inf
+    for iteration in range(1, ITERATIONS + 1):
+        change = shaft.answer(twist) - twist
+        twist, size = twist + change, float(np.max(np.abs(change)))
+        if size <= TOLERANCE * np.max(np.abs(twist)):
+            return twist, iteration
+        if not size < GROWTH * least or np.max(np.abs(twist)) > 1.0:
+            return None, iteration
+        least = min(least, size)
+    return None, ITERATIONS
+
+
+def _newton(shaft: _Shaft) -> tuple[Array, int]:
+    """Return the twist by Newton's method with Krylov steps on the fixed-point equation (Knoll & Keyes 2004).
+
+    The linear answer has already taken the stiff part out of the equation, so few directions are left to be found.
+    """
+    start = shaft.answer(np.zeros(shaft.shape))
+    scale = max(float(np.max(np.abs(start))), 1e-300)
+    calls = [0]
+
+    def gap(twist: Array) -> Array:
+        calls[0] += 1
+        return twist - shaft.answer(scale * twist) / scale
+
+    try:
+        with np.errstate(all="ignore"):
+            found = newton_krylov(
+                gap, start / scale, f_tol=NEWTON_TOLERANCE, maxiter=NEWTON_STEPS, method="lgmres", inner_maxiter=40
+            )
+    except (NoConvergence, ValueError) as failure:
+        raise _unsettled(shaft) from failure
+    return scale * np.asarray(found), calls[0]
+
+
+def _unsettled(shaft: _Shaft) -> Refusal:
+    inertia = float(np.sum(shaft.inertia))
+    stiffness = float(np.min(shaft.stiffness))
+    order = np.sqrt(stiffness / inertia) / shaft.speed
+    return Refusal(
+        f"elastic shaft: no periodic motion was found at {shaft.speed:.6g} rad/s with {stiffness:.4g} N m/rad and "
+        f"{float(np.min(shaft.damping)):.3g} N m s/rad (natural frequency at order {order:.3g} of the cam), expected a "
+        "cam that keeps turning forward: a soft shaft lets it stop or turn back, a lightly damped one swings too far; "
+        "check stiffness_N_m_per_rad and damping_N_m_s_per_rad, or leave them out for a rigid shaft"
+    )
+
+
+def _periodic(theta: Array, values: Array) -> CubicSpline:
+    """Return a periodic interpolant of one revolution."""
+    return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
+
+
+def _derivative(values: Array, frequency: Array, order: int) -> Array:
+    """Return a time derivative of periodic rows."""
+    return np.fft.irfft(np.fft.rfft(values) * (1j * frequency) ** order, values.shape[1])
+
+
+def _lobe_torque(
+    units: Sequence[PumpUnit],
+    curves: list[CubicSpline],
+    theta: Array,
+    twist: Array,
+    speed: Array,
+    acceleration: Array,
+) -> Array:
+    """Return the torque of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
+    rows = []
+    for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
+        angle = theta + ahead
+        tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting)
+        rows.append(tables.evaluate("torque", curve(angle), rate, change))
+    return np.array(rows)
+
+
+def _solve_harmonics(rest: Complex, frequency: Array, inertia: Array, stiffness: Array, damping: Array) -> Complex:
+    """Solve J_i delta'' = T_i - T_(i+1) - rest_i for every harmonic by one sweep inward and one outward (Thomas 1949).
+
+    From the free end, a lobe and all beyond it answer ``T_i = Z_i delta_(i-1) + f_i`` at the root of their shaft piece.
+    """
+    count = rest.shape[0]
+    beyond_stiffness, beyond_load = np.zeros_like(rest[0]), np.zeros_like(rest[0])
+    pivots, loads = np.empty_like(rest), np.empty_like(rest)
+    pieces = stiffness[:, None] + 1j * frequency * damping[:, None]
+    for i in range(count - 1, -1, -1):
+        pivots[i] = pieces[i] + beyond_stiffness - frequency**2 * inertia[i]
+        loads[i] = rest[i] + beyond_load
+        # delta_i = (piece delta_(i-1) - load) / pivot, so T_i = piece (delta_(i-1) - delta_i)
+        beyond_stiffness = pieces[i] - pieces[i] ** 2 / pivots[i]
+        beyond_load = pieces[i] * loads[i] / pivots[i]
+    twist, before = np.empty_like(rest), np.zeros_like(rest[0])
+    for i in range(count):
+        before = (pieces[i] * before - loads[i]) / pivots[i]
+        twist[i] = before
+    return twist
+
+
+def _result(
+    twist: Array, frequency: Array, speed: float, stiffness: Array, damping: Array, iterations: int
+) -> ElasticShaft:
+    """Return the record; the shaft torque follows from the twist of each piece."""
+    rate = _derivative(twist, frequency, 1)
+    across, across_rate = (np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1]))) for x in (twist, rate))
+    section = -(stiffness[:, None] * across + damping[:, None] * across_rate)
+    return ElasticShaft(section[0], section, twist, speed + rate, _derivative(twist, frequency, 2), iterations)

@@ -1,0 +1,308 @@
+"""A pump without a recording: torque, forces and Hertz stress over angle, and a sweep over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.mechanism.cam import TURN, CamLaw, lift_law
+from camtorque.mechanism.closed_form import closed_form_tables
+from camtorque.mechanism.contact import ContactLoss
+from camtorque.mechanism.elastic import solve_elastic
+from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
+from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
+from camtorque.mechanism.outliers import outlying_points
+from camtorque.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
+from camtorque.mechanism.shaft import solve_shaft
+from camtorque.mechanism.solve import solve_rigid
+from camtorque.records import Array, Finding, Refusal, RigidTorque, freeze_arrays
+from camtorque.units import BAR, DEGREE, RPM
+
+SAMPLES = 3600
+WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
+"""Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
+KEPT = 720
+"""So many samples of a curve go into the document, at least where there are as many."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a pump will do at several speeds.
+
+    Attributes
+    ----------
+    theta : (n_theta,) shaft angle [rad]
+    pressure : (n_theta,) pressure on the plunger of the first pump [Pa]
+    speeds : (n_speeds,) [rad/s]
+    pumps : per speed, the solution of the first pump
+    shaft_torque : (n_speeds, n_theta) at the drive end, all pumps [N m]
+    kinematics : of the first pump
+    jump, jump_without_pressure : lowest speed at which the follower leaves the cam, with the pressure and without
+    flat_pressure_angles : bounds of the flat check [rad]
+    roller : as given or assumed
+    """
+
+    theta: Array
+    pressure: Array
+    speeds: Array
+    pumps: tuple[RigidTorque, ...]
+    shaft_torque: Array
+    kinematics: Kinematics
+    jump: ContactLoss
+    jump_without_pressure: ContactLoss
+    flat_pressure_angles: tuple[float, float]
+    roller: Roller
+    findings: tuple[Finding, ...]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+def cam_of(config: PumpConfig, method: str = "smoothing") -> CamLaw:
+    """Return the lift law of a pump file, from its table or from its sections."""
+    if config.cam_table is not None:
+        return lift_law(config.cam_table, method)
+    if not config.sections:
+        raise Refusal(f"{config.path}: its lift table has not been read; use camtorque.ingest.pump_file.read_pump")
+    sections: list[Section] = []
+    for spec in config.sections:
+        if spec.kind == "dwell":
+            sections.append(dwell(spec.angle))
+        elif spec.kind == "tangent":
+            pump = config.pump
+            sections.extend(tangent_sections(pump.base_circle_radius, pump.roller_radius, spec.rise, spec.nose_radius))
+        else:
+            sections.append(flank(spec.kind, spec.angle, spec.rise))
+    return section_law(sections, config.sections_start)
+
+
+def mounting_of(config: PumpConfig) -> Mounting:
+    """Return direction of running, gravity, spring mass and guide point of a pump file."""
+    return Mounting(config.rotation, config.gravity, config.spring_mass, config.guide_height)
+
+
+def pressure_at(curve: PressureCurve, theta: Array) -> Array:
+    """Return the pressure at any cam angles, by periodic monotone cubics: no overshoot where the port opens [Pa].
+
+    The paper uses splines, which undershoot below zero behind a collapse.
+    """
+    angle = np.concatenate([curve.theta[-2:] - TURN, curve.theta, curve.theta[:2] + TURN])
+    pressure = np.concatenate([curve.pressure[-2:], curve.pressure, curve.pressure[:2]])
+    return PchipInterpolator(angle, pressure)(curve.theta[0] + np.mod(theta - curve.theta[0], TURN))
+
+
+def predict(
+    config: PumpConfig,
+    speeds: Sequence[float] | Array,
+    pressure: PressureCurve | None = None,
+    *,
+    lift_method: str = "smoothing",
+    n_theta: int = SAMPLES,
+) -> Prediction:
+    """Return torque, forces and Hertz stress of a pump at several speeds.
+
+    Parameters
+    ----------
+    config : `camtorque.ingest.pump_file.read_pump`
+    speeds : cam speeds, positive [rad/s]
+    pressure : on the plunger over cam angle, the same at every speed; None for a dry pump (spring and inertia only)
+    n_theta : points of the angle grid
+
+    Raises
+    ------
+    Refusal : no speed, a speed that is not positive, a cam that cannot be built
+    """
+    speed = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
+    if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
+        raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
+    law, mounting = cam_of(config, lift_method), mounting_of(config)
+    theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
+    units = [PumpUnit(config.pump, law, phase, mounting) for phase in config.phases]
+    curve = PressureCurve(np.array([0.0, np.pi]), np.zeros(2)) if pressure is None else pressure
+    load = np.stack([pressure_at(curve, theta - phase) for phase in config.phases])
+    own = pressure_at(curve, theta)
+    tables = closed_form_tables(config.pump, law, theta, mounting)
+    torque = np.stack([_shaft_torque(config, units, theta, load, value) for value in speed])
+    pumps = tuple(solve_rigid(config.pump, law, theta, own, value, mounting=mounting) for value in speed)
+    roller = assumed_roller(config.pump)
+    return Prediction(
+        theta=theta,
+        pressure=own,
+        speeds=speed,
+        pumps=pumps,
+        shaft_torque=torque,
+        kinematics=tables.kinematics,
+        jump=tables.jump(own),
+        jump_without_pressure=tables.jump(),
+        flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation),
+        roller=roller,
+        findings=(
+            *_table_findings(config),
+            *_curve_findings(pressure),
+            *_findings(tables.kinematics, law, roller, pumps, speed, pressure is None),
+        ),
+    )
+
+
+def _shaft_torque(config: PumpConfig, units: list[PumpUnit], theta: Array, load: Array, speed: float) -> Array:
+    """Return the torque at the drive end of a rigid or an elastic shaft [N m]."""
+    if np.isinf(config.shaft_stiffness):
+        return solve_shaft(units, theta, load, speed).torque
+    stiffness = np.full(len(units), config.shaft_stiffness)
+    return solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping)).torque
+
+
+def _table_findings(config: PumpConfig) -> tuple[Finding, ...]:
+    """Return a warning for single points of the lift table that stick out: no smoothing would take them for wrong."""
+    found = outlying_points(config.cam_table) if config.cam_table is not None else ()
+    if config.cam_table is None or not len(found):
+        return ()
+    where = ", ".join(f"{np.rad2deg(config.cam_table.theta[k]):g}" for k in found[:5])
+    text = f"{len(found)} point(s) of the lift table stick out of their neighbours, at {where} deg; measure them again"
+    return (Finding("lift_outlier", "warning", text, f"{where} deg"),)
+
+
+def _curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
+    """Return a warning where a pressure curve jumps between distant points: what lies between is not known."""
+    if curve is None or np.ptp(curve.pressure) == 0.0:
+        return ()
+    gap = np.diff(np.append(curve.theta, curve.theta[0] + TURN))
+    step = np.abs(np.diff(np.append(curve.pressure, curve.pressure[0]))) / np.ptp(curve.pressure)
+    blind = (gap > WIDEST_GAP) & (step > LARGEST_STEP)
+    if not blind.any():
+        return ()
+    worst = int(np.argmax(np.where(blind, step, 0.0)))
+    where = f"{curve.theta[worst] / DEGREE:g} deg"
+    text = (
+        f"the pressure curve has {curve.theta.size} points and changes by {100.0 * step[worst]:.0f} % of its swing "
+        f"within {gap[worst] / DEGREE:.0f} degrees without a point between: a monotone cubic is put there; give more "
+        "points"
+    )
+    return (Finding("pressure_curve_coarse", "warning", text, where),)
+
+
+def _findings(
+    path: Kinematics, law: CamLaw, roller: Roller, pumps: tuple[RigidTorque, ...], speeds: Array, dry: bool
+) -> tuple[Finding, ...]:
+    """Return what the designer has to know."""
+    found = []
+    if dry:
+        found.append(Finding("no_pressure", "warning", "no pressure was given: spring and inertia only"))
+    if roller.assumed:
+        text = f"roller assumed to be a solid steel disk: {roller.mass:.4g} kg, {roller.inertia:.3g} kg m^2"
+        found.append(Finding("roller_assumed", "info", text))
+    flanks = (
+        ("undercut", "error", "the roller is too large: no cam can drive this lift", path.undercut),
+        ("concave_flank", "info", "the cam is hollow on its flank: check the grinding wheel", path.concave),
+    )
+    for code, severity, text, mask in flanks:
+        if np.any(mask):
+            found.append(Finding(code, severity, text, f"{np.rad2deg(path.theta[mask][0]):.1f} deg"))
+    steepest = int(np.argmax(np.abs(path.tan_pressure_angle)))
+    steep = abs(float(path.tan_pressure_angle[steepest]))
+    if steep > 1.0:
+        text = (
+            f"the pressure angle reaches {np.degrees(np.arctan(steep)):.1f} degrees: the side force on the guide is "
+            f"{steep:.2g} times the force along it, and a guide friction of {1.0 / steep:.2g} jams the follower"
+        )
+        found.append(Finding("steep_flank", "warning", text, f"{np.rad2deg(path.theta[steepest]):.1f} deg"))
+    if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
+        found.append(Finding("acceleration_jump", "warning", "the acceleration of the lift jumps: shocks at speed"))
+    for pump, speed in zip(pumps, speeds, strict=True):
+        if pump.contact_lost:
+            found.append(Finding("contact_lost", "warning", "the follower leaves the cam", f"{speed / RPM:.0f} rpm"))
+    return tuple(found)
+
+
+def sweep_rows(prediction: Prediction) -> list[dict[str, Any]]:
+    """Return one row of extremes per speed, in border units."""
+    path = prediction.kinematics
+    return [
+        _row(pump, path, torque, float(speed))
+        for pump, torque, speed in zip(prediction.pumps, prediction.shaft_torque, prediction.speeds, strict=True)
+    ]
+
+
+def _row(pump: RigidTorque, path: Kinematics, shaft_torque: Array, speed: float) -> dict[str, Any]:
+    """Return the extremes of one speed."""
+    forces, peak = pump.forces, int(np.argmax(pump.torque))
+    strongest = int(np.nanargmax(forces.hertz))
+    return {
+        "speed_rpm": float(speed / RPM),
+        "shaft_torque_max_nm": float(np.max(shaft_torque)),
+        "shaft_torque_min_nm": float(np.min(shaft_torque)),
+        "shaft_torque_mean_nm": float(np.mean(shaft_torque)),
+        "pump_torque_max_nm": float(pump.torque[peak]),
+        "pump_torque_max_deg": float(np.rad2deg(pump.theta[peak])),
+        "contact_normal_max_n": float(np.max(forces.contact_normal)),
+        "bearing_max_n": float(np.max(np.hypot(forces.bearing_x, forces.bearing_y))),
+        "guide_max_n": float(np.max(np.abs(forces.guide))),
+        "hertz_max_gpa": float(forces.hertz[strongest]) / 1e9,
+        "hertz_max_deg": float(np.rad2deg(pump.theta[strongest])),
+        "shear_max_gpa": float(forces.hertz_shear_max[strongest]) / 1e9,
+        "shear_depth_um": float(forces.hertz_shear_depth[strongest]) * 1e6,
+        "rolling_speed_max_m_per_s": float(np.max(np.abs(path.surface_arc))) * speed,
+        "roller_speed_max_rpm": float(np.max(np.abs(path.roller_ratio))) * speed / RPM,
+        "contact_lost": pump.contact_lost,
+    }
+
+
+def prediction_document(prediction: Prediction) -> dict[str, Any]:
+    """Return the prediction as JSON-ready values in border units; a jump that never comes is null."""
+    path, roller = prediction.kinematics, prediction.roller
+    return {
+        "schema": "camtorque.predict/1",
+        "sweep": sweep_rows(prediction),
+        "pressure_angle_max_deg": float(np.max(path.pressure_angle)) / DEGREE,
+        "pressure_angle_min_deg": float(np.min(path.pressure_angle)) / DEGREE,
+        "pressure_angle_flat_check_deg": [value / DEGREE for value in prediction.flat_pressure_angles],
+        "surface_radius_min_mm": _least_radius(path),
+        "undercut": bool(np.any(path.undercut)),
+        "concave": bool(np.any(path.concave)),
+        "jump": _jump(prediction.jump),
+        "jump_without_pressure": _jump(prediction.jump_without_pressure),
+        "roller": {"mass_kg": roller.mass, "inertia_kg_m2": roller.inertia, "assumed": roller.assumed},
+        "findings": [asdict(finding) for finding in prediction.findings],
+        "curves": _curves(prediction),
+    }
+
+
+def _curves(prediction: Prediction) -> dict[str, Any]:
+    """Return the curves over angle, thinned to `KEPT` samples; per speed where they depend on it."""
+    path, pumps = prediction.kinematics, prediction.pumps
+    names = ("contact_normal", "contact_tangential", "bearing_x", "bearing_y", "guide")
+    return {
+        "theta_deg": _list(prediction.theta / DEGREE),
+        "pressure_bar": _list(prediction.pressure / BAR),
+        "lift_mm": _list(1e3 * path.lift),
+        "pressure_angle_deg": _list(path.pressure_angle / DEGREE),
+        "shaft_torque_nm": [_list(row) for row in prediction.shaft_torque],
+        "by_cause_nm": [{name: _list(row) for name, row in pump.by_cause.items()} for pump in pumps],
+        **{f"{name}_n": [_list(getattr(pump.forces, name)) for pump in pumps] for name in names},
+        "guide_moment_nm": [_list(pump.forces.guide_moment) for pump in pumps],
+        "hertz_gpa": [_list(1e-9 * pump.forces.hertz) for pump in pumps],
+    }
+
+
+def _least_radius(path: Kinematics) -> float | None:
+    """Return the least convex radius of the cam surface [mm], None where the cam is undercut."""
+    if np.any(path.undercut):
+        return None
+    return 1e3 / float(np.max(path.surface_curvature))
+
+
+def _list(values: Array) -> list[float | None]:
+    """Return a thinned list with null for what could not be determined (an undercut cam has no Hertz stress)."""
+    return [float(value) if np.isfinite(value) else None for value in values[:: max(1, values.size // KEPT)]]
+
+
+def _jump(loss: ContactLoss) -> dict[str, float] | None:
+    """Return jump speed and angle, or None where the follower never leaves the cam."""
+    if not np.isfinite(loss.speed):
+        return None
+    return {"speed_rpm": loss.speed / RPM, "theta_deg": loss.theta / DEGREE}

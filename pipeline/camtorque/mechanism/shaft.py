@@ -1,0 +1,213 @@
+"""Several pumps on one rigid shaft by each of the three methods; one pump is a shaft with one lobe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.mechanism import denoc, recursion
+from camtorque.mechanism.closed_form import closed_form_tables
+from camtorque.mechanism.kinematics import Kinematics, kinematics
+from camtorque.mechanism.mounting import PumpUnit
+from camtorque.records import Array, Refusal, freeze_arrays
+
+
+@dataclass(frozen=True)
+class ShaftMotion:
+    """Prescribed motion and load: theta (n_theta,), pressure (n_pumps, n_theta), speed and acceleration (n_theta,)."""
+
+    theta: Array
+    pressure: Array
+    speed: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True)
+class ShaftForces:
+    """The solution of a shaft.
+
+    Attributes
+    ----------
+    torque : (n_theta,) at the drive end [N m]
+    section_torque : (n_pumps, n_theta) in the shaft just before each lobe, drive end first [N m]
+    outputs : per pump, name of `closed_form.OUTPUTS` -> (n_theta,); its ``torque`` is the share of that lobe
+    """
+
+    torque: Array
+    section_torque: Array
+    outputs: tuple[Mapping[str, Array], ...]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+Units = Sequence[PumpUnit]
+
+
+def _paths(units: Units, motion: ShaftMotion) -> list[Kinematics]:
+    """Return the kinematics of every pump at its own cam angle, theta - phase."""
+    return [kinematics(u.pump, u.law, motion.theta - u.phase, u.mounting.rotation) for u in units]
+
+
+def _force_along(unit: PumpUnit, path: Kinematics, pressure: Array) -> Array:
+    """Return spring and fluid force along Y1 on the follower, -(f_s0 + k y + A p) [N]."""
+    pump = unit.pump
+    return -(pump.spring_preload + pump.spring_stiffness * path.lift + pump.plunger_area * pressure)
+
+
+def _named(unit: PumpUnit, path: Kinematics, forces: recursion.FollowerSweep, torque: Array) -> dict[str, Array]:
+    """Return the outputs in space from those in the running frame."""
+    turn, gravity = unit.mounting.rotation, unit.mounting.gravity
+    height = unit.mounting.guide_height
+    guide = turn * forces.guide_x
+    return {
+        "torque": torque,
+        "contact_normal": forces.normal,
+        "contact_tangential": forces.tangential,
+        "contact_x": turn * forces.lambda_x,
+        "contact_y": forces.lambda_y,
+        "bearing_x": turn * forces.lambda_x - unit.pump.cam_mass * gravity[0],
+        "bearing_y": forces.lambda_y - unit.pump.cam_mass * gravity[1],
+        "guide": guide,
+        "guide_moment": -(0.0 if height is None else path.centre_height - height) * guide,
+        "pin_x": turn * forces.pin_x,
+        "pin_y": forces.pin_y,
+    }
+
+
+def solve_by_matrix(units: Units, motion: ShaftMotion) -> ShaftForces:
+    """Solve sub-system II of every pump, then I, with the matrices of `denoc`."""
+    paths = _paths(units, motion)
+    sweeps = [_matrix_follower(u, path, p, motion) for u, path, p in zip(units, paths, motion.pressure, strict=True)]
+    chain = denoc.camshaft_chain([unit.pump for unit in units])
+    # a rigid shaft: joint 1 turns, the joints between the lobes stand still
+    rate, change = np.zeros((2, motion.theta.size, len(units)))
+    rate[:, 0], change[:, 0] = motion.speed, motion.acceleration
+    applied = np.zeros((motion.theta.size, 6 * len(units)))
+    for i, (path, sweep) in enumerate(zip(paths, sweeps, strict=True)):
+        arm = _planar(*path.contact_point)
+        applied[:, 6 * i : 6 * i + 6] = denoc.point_force(arm, -_planar(sweep.lambda_x, sweep.lambda_y))
+    inertia = denoc.inertia_wrench(chain, rate, change)
+    section = ((inertia - applied) @ chain.complement).T
+    return _assemble(units, paths, sweeps, section)
+
+
+def _matrix_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: ShaftMotion) -> recursion.FollowerSweep:
+    """Return the forces of sub-system II from the two Lagrange multipliers and the free bodies."""
+    chain = denoc.follower_chain(unit.pump, unit.mounting)
+    inertia = denoc.inertia_wrench(chain, *denoc.follower_rates(path, motion.speed, motion.acceleration))
+    gravity = np.array([unit.mounting.rotation * unit.mounting.gravity[0], unit.mounting.gravity[1], 0.0])
+    external = denoc.external_wrench(chain, _force_along(unit, path, pressure), gravity)
+    contact_x, contact_y = path.contact_point
+    basis = denoc.cut_wrench_basis(_planar(contact_x - path.offset, contact_y - path.centre_height))
+    multipliers = denoc.lagrange_multipliers(chain, inertia, external, basis)
+    cut = (basis @ multipliers[:, :, None])[:, :, 0]
+    reaction = denoc.joint_reactions(chain, inertia, external + cut)
+    cosine = path.centre_height / path.pitch_arc
+    sine = cosine * path.tan_pressure_angle
+    lambda_x, lambda_y = multipliers.T
+    return recursion.FollowerSweep(
+        lambda_x=lambda_x,
+        lambda_y=lambda_y,
+        tangential=lambda_x * cosine + lambda_y * sine,
+        normal=lambda_y * cosine - lambda_x * sine,
+        pin_x=reaction[:, 1, 3],
+        pin_y=reaction[:, 1, 4],
+        guide_x=reaction[:, 0, 3],
+    )
+
+
+def _planar(x: Array, y: Array) -> Array:
+    """Return (n_theta, 3) vectors in the plane."""
+    return np.stack([x, y, np.zeros_like(x)], axis=-1)
+
+
+def solve_by_recursion(units: Units, motion: ShaftMotion) -> ShaftForces:
+    """Solve every pump by the sweeps of `recursion`; cost grows with the number of pumps, not with its square."""
+    paths = _paths(units, motion)
+    sweeps = [
+        recursion.sweep_follower(u.pump, path, _force_along(u, path, p), motion.speed, motion.acceleration, u.mounting)
+        for u, path, p in zip(units, paths, motion.pressure, strict=True)
+    ]
+    pumps = [unit.pump for unit in units]
+    section = recursion.sweep_camshaft(pumps, paths, sweeps, [motion.acceleration] * len(pumps))
+    return _assemble(units, paths, sweeps, section)
+
+
+def _assemble(
+    units: Units, paths: list[Kinematics], sweeps: list[recursion.FollowerSweep], section: Array
+) -> ShaftForces:
+    """Return the record; the share of a lobe is the step of the shaft torque across it."""
+    share = section - np.concatenate([section[1:], np.zeros((1, section.shape[1]))])
+    outputs = tuple(
+        _named(unit, path, sweep, torque) for unit, path, sweep, torque in zip(units, paths, sweeps, share, strict=True)
+    )
+    return ShaftForces(section[0], section, outputs)
+
+
+def solve_by_tables(units: Units, motion: ShaftMotion) -> ShaftForces:
+    """Solve every pump by its closed form."""
+    outputs = []
+    for unit, pressure in zip(units, motion.pressure, strict=True):
+        tables = closed_form_tables(unit.pump, unit.law, motion.theta - unit.phase, unit.mounting)
+        outputs.append(tables.all_outputs(pressure, motion.speed, motion.acceleration))
+    section = np.cumsum([out["torque"] for out in outputs][::-1], axis=0)[::-1]
+    return ShaftForces(section[0], section, tuple(outputs))
+
+
+METHODS: dict[str, Callable[[Units, ShaftMotion], ShaftForces]] = {
+    "closed_form": solve_by_tables,
+    "recursion": solve_by_recursion,
+    "matrix": solve_by_matrix,
+}
+"""Three ways to the same numbers. Solved once, the recursion is the cheapest; the tables of the closed form serve any
+number of cycles and loads, which is what alignment, fit and sweeps need, so they are the default
+(docs/mechanism_speed.md)."""
+
+
+def solve_shaft(
+    units: Units,
+    theta: Array,
+    pressure: Array,
+    speed: Array | float,
+    acceleration: Array | float | None = None,
+    *,
+    method: str = "closed_form",
+) -> ShaftForces:
+    """Return torque and forces of several pumps on one rigid shaft.
+
+    Parameters
+    ----------
+    units : pumps from the drive end outward
+    theta : (n_theta,) shaft angle, any spacing [rad]
+    pressure : broadcast to (n_pumps, n_theta); row i over shaft angle on the plunger of pump i, gauge [Pa]
+    speed : (n_theta,) or scalar [rad/s]
+    acceleration : (n_theta,) or scalar [rad/s^2]; None only where the speed is constant within the revolution
+
+    Raises
+    ------
+    Refusal : unknown method, no pump, or a varying speed without its acceleration
+    """
+    if method not in METHODS:
+        raise Refusal(f"mechanism: method {method!r} is unknown, expected one of {', '.join(METHODS)}")
+    if len(units) == 0:
+        raise Refusal("mechanism: a shaft without pumps, expected at least one; name the pumps on the shaft")
+    return METHODS[method](units, prescribed_motion(len(units), theta, pressure, speed, acceleration))
+
+
+def prescribed_motion(
+    pumps: int, theta: Array, pressure: Array, speed: Array | float, acceleration: Array | float | None
+) -> ShaftMotion:
+    """Return motion and load on the angles; refuses a varying speed without its acceleration (see `solve_shaft`)."""
+    angle = np.asarray(theta, dtype=np.float64)
+    rate = np.broadcast_to(np.asarray(speed, dtype=np.float64), angle.shape)
+    if acceleration is None and np.ptp(rate) > 0.0:
+        raise Refusal(
+            f"mechanism: speed varies from {rate.min():.6g} to {rate.max():.6g} rad/s without an acceleration; "
+            "give it (see acceleration_of), or one constant speed"
+        )
+    change = np.broadcast_to(np.asarray(0.0 if acceleration is None else acceleration), angle.shape)
+    load = np.broadcast_to(np.asarray(pressure, dtype=np.float64), (pumps, angle.size))
+    return ShaftMotion(angle, load, rate, change)

@@ -1,0 +1,108 @@
+"""One pump, solved: `RigidTorque` and `Forces` from pressure and speed over cam angle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from camtorque.config import PumpData
+from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.closed_form import ClosedForm, closed_form_tables
+from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
+from camtorque.mechanism.mounting import Mounting, PumpUnit
+from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
+from camtorque.records import Array, Forces, RigidTorque
+
+
+def acceleration_of(theta: Array, speed: Array) -> Array:
+    """Return alpha = omega d omega / d theta of a speed given over one revolution [rad/s^2].
+
+    Parameters
+    ----------
+    theta : (n_theta,) increasing within one revolution, any spacing [rad]
+    speed : (n_theta,) periodic in it [rad/s]
+    """
+    spline = CubicSpline(np.append(theta, theta[0] + TURN), np.append(speed, speed[0]), bc_type="periodic")
+    return np.asarray(speed) * spline(theta, 1)
+
+
+def solve_rigid(
+    pump: PumpData,
+    law: CamLaw,
+    theta: Array,
+    pressure: Array,
+    speed: Array | float,
+    acceleration: Array | float | None = None,
+    *,
+    method: str = "closed_form",
+    mounting: Mounting | None = None,
+) -> RigidTorque:
+    """Return torque by cause and all forces of one rigid pump on frictionless joints.
+
+    Parameters
+    ----------
+    theta : (n_theta,) cam angle, any spacing [rad]
+    pressure : (n_theta,) on the plunger, gauge [Pa]
+    speed : scalar or (n_theta,) [rad/s]
+    acceleration : scalar or (n_theta,) [rad/s^2]; None where the speed is constant within the revolution
+    method : ``closed_form``, ``recursion`` or ``matrix``: the same numbers at different cost
+    mounting : direction of running, gravity, guide point
+
+    Raises
+    ------
+    Refusal : unknown method, varying speed without acceleration, impossible offset
+
+    Notes
+    -----
+    Where the balance asks the cam to pull, the follower has jumped: ``contact_lost`` is set, contact forces and Hertz
+    stress read 0 there, and bearing and guide carry weight alone. The torque stays that of a follower held on the cam
+    (flight and landing are not modelled); `ClosedForm.jump` gives the speed and angle at which it starts.
+    """
+    mounting = Mounting() if mounting is None else mounting
+    tables = closed_form_tables(pump, law, theta, mounting)
+    run = prescribed_motion(1, theta, pressure, speed, acceleration)
+    if method == "closed_form":
+        outputs = tables.all_outputs(run.pressure[0], run.speed, run.acceleration)
+    else:
+        unit = PumpUnit(pump, law, mounting=mounting)
+        outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
+    return RigidTorque(
+        theta=tables.theta,
+        torque=outputs["torque"],
+        by_cause=tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration),
+        forces=_forces(pump, tables, outputs),
+        lift=tables.kinematics.lift,
+        lift_velocity=tables.kinematics.velocity,
+        lift_acceleration=tables.kinematics.acceleration,
+        contact_lost=bool(np.any(outputs["contact_normal"] <= 0.0)),
+    )
+
+
+def forces_of(
+    pump: PumpData, tables: ClosedForm, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0
+) -> Forces:
+    """Return all forces of the rigid pump from its tables, each (n_theta,)."""
+    return _forces(pump, tables, tables.all_outputs(pressure, speed, acceleration))
+
+
+def _forces(pump: PumpData, tables: ClosedForm, outputs: Mapping[str, Array]) -> Forces:
+    """Return the record; no contact force, and none passed on, where the cam would have to pull."""
+    normal = np.maximum(outputs["contact_normal"], 0.0)
+    pulls = normal <= 0.0
+    lost_x, lost_y = (np.where(pulls, outputs[name], 0.0) for name in ("contact_x", "contact_y"))
+    height = tables.mounting.guide_height
+    lever = 0.0 if height is None else tables.kinematics.centre_height - height
+    hertz = hertz_pressure(tables.hertz_factor, normal)
+    return Forces(
+        contact_normal=normal,
+        contact_tangential=np.where(pulls, 0.0, outputs["contact_tangential"]),
+        bearing_x=outputs["bearing_x"] - lost_x,
+        bearing_y=outputs["bearing_y"] - lost_y,
+        guide=outputs["guide"] + lost_x,
+        guide_moment=outputs["guide_moment"] - lever * lost_x,
+        hertz=hertz,
+        hertz_shear_max=SHEAR_VALUE * hertz,
+        hertz_shear_depth=SHEAR_DEPTH * half_width(pump, hertz, tables.kinematics.relative_radius),
+    )

@@ -1,0 +1,69 @@
+"""What a run and a campaign hand to the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from camtorque.fit import CampaignFit
+from camtorque.records import CamCycles, Finding, FittedTorque, Recording, RigidTorque
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Everything that one run found.
+
+    Attributes
+    ----------
+    timing : seconds by stage; ``report`` and ``total`` are added when the files are written
+    created : ISO-8601 with zone
+    peak_memory_mb : largest resident size of the process so far, nan where the system does not tell
+    """
+
+    recording: Recording
+    cycles: CamCycles
+    rigid: RigidTorque
+    fitted: FittedTorque
+    timing: Mapping[str, float]
+    created: str
+    peak_memory_mb: float = float("nan")
+    seed: int = 0
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Findings of all rooms in the order of the flow, each once."""
+        found = (*self.recording.findings, *self.cycles.findings, *self.fitted.findings)
+        return tuple(dict.fromkeys(found))
+
+
+@dataclass(frozen=True)
+class CampaignEntry:
+    """One recording of a campaign.
+
+    Attributes
+    ----------
+    name : its folder below the campaign's folder
+    id : its name in the joint fit, empty when refused
+    status : ``ok`` or ``refused``
+    error : the reason of a refusal
+    summary : the parts of its result.json that the campaign page shows
+    thumbnail : SVG of measured and modelled torque
+    """
+
+    name: str
+    id: str
+    status: str
+    error: str
+    summary: Mapping[str, object]
+    thumbnail: str = ""
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """All recordings of a campaign and their joint fit (None with fewer than two usable recordings)."""
+
+    entries: tuple[CampaignEntry, ...]
+    joint: CampaignFit | None
+    findings: tuple[Finding, ...]
+    timing: Mapping[str, float]
+    created: str

@@ -1,0 +1,145 @@
+"""cycles.h5 and aligned.h5 by the contract: units, names, dimension scales, checksums; written, then renamed."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from camtorque import __version__
+from camtorque.records import Array, CamCycles, Recording
+from camtorque.report.bundle import RunResult
+
+LARGEST_CHUNK = 1 << 17
+"""Values per chunk: one megabyte of doubles."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One data set: where, values, unit, name; its dimensions follow from its shape and group."""
+
+    path: str
+    values: Any
+    units: str
+    long_name: str
+
+
+def write_cycles(path: Path, result: RunResult) -> None:
+    """Write cycles.h5 of a run: aligned cycles, means, model by cause, forces."""
+    variables = [*_aligned(result.cycles), *_halves(result.cycles), *_model(result), *_forces(result)]
+    _write(path, result.recording, result.cycles, variables)
+
+
+def write_aligned(path: Path, recording: Recording, cycles: CamCycles) -> None:
+    """Write aligned.h5: the aligned cycles and their mean, without a model."""
+    _write(path, recording, cycles, _aligned(cycles))
+
+
+def _write(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
+    partial = path.with_name(f".{path.name}.partial")
+    # from format 1.8 on an attribute (the configuration text) may be longer than 64 kB
+    with h5py.File(partial, "w", libver=("v108", "v110")) as file:
+        _root_attributes(file, recording)
+        theta = _add(file, Variable("theta", cycles.theta, "rad", "cam angle from the zero of the lift table"))
+        index = _add(file, Variable("cycles/index", cycles.index, "1", "cycle number in the recording"))
+        theta.make_scale("theta")
+        index.make_scale("index")
+        for variable in variables:
+            data = _add(file, variable)
+            if data.shape[0] == cycles.index.size and variable.path.startswith("cycles/"):
+                data.dims[0].attach_scale(index)
+            if data.shape[-1] == cycles.theta.size and not (data.ndim == 1 and variable.path.startswith("cycles/")):
+                data.dims[data.ndim - 1].attach_scale(theta)
+    os.replace(partial, path)
+
+
+def _add(file: h5py.File, variable: Variable) -> h5py.Dataset:
+    values = np.asarray(variable.values)
+    width = min(values.shape[-1], LARGEST_CHUNK)
+    rows = max(1, min(values.shape[0], LARGEST_CHUNK // width))
+    chunks = (width,) if values.ndim == 1 else (rows, width)
+    data = file.create_dataset(variable.path, data=values, chunks=chunks, fletcher32=True)
+    data.attrs["units"], data.attrs["long_name"] = variable.units, variable.long_name
+    return data
+
+
+def _root_attributes(file: h5py.File, recording: Recording) -> None:
+    file.attrs["schema"] = "camtorque.cycles/1"
+    file.attrs["version"] = __version__
+    file.attrs["recording"] = recording.config.id
+    file.attrs["configuration"] = recording.config.text
+    file.attrs["inputs"] = json.dumps({str(item.path): item.sha256 for item in recording.inputs})
+    file.attrs["versions"] = json.dumps({"numpy": np.__version__, "h5py": h5py.__version__})
+
+
+def _aligned(cycles: CamCycles) -> list[Variable]:
+    role = np.where(cycles.held_out, b"held_out", b"fitted")
+    rows = [
+        Variable("cycles/role", role, "1", "fitted cycles make the model, held-out ones score it"),
+        Variable("cycles/speed", cycles.speed, "rad/s", "mean cam speed of the cycle"),
+        Variable("cycles/pressure", cycles.pressure, "Pa", "line pressure, gauge"),
+        Variable("mean/pressure", np.mean(cycles.pressure, axis=0), "Pa", "mean line pressure of the used cycles"),
+    ]
+    if cycles.torque is None:
+        return rows
+    several = cycles.index.size > 1
+    std = np.std(cycles.torque, axis=0, ddof=1) if several else np.full(cycles.theta.size, np.nan)
+    return [
+        *rows,
+        Variable("cycles/torque", cycles.torque, "N m", "measured drive torque"),
+        Variable("mean/torque", np.mean(cycles.torque, axis=0), "N m", "mean measured torque of the used cycles"),
+        Variable("mean/torque_std", std, "N m", "standard deviation of the torque over cycles"),
+    ]
+
+
+def _halves(cycles: CamCycles) -> list[Variable]:
+    assert cycles.torque is not None
+    return [
+        Variable("mean/torque_fitted", np.mean(cycles.torque[~cycles.held_out], axis=0), "N m", "mean, fitted cycles"),
+        Variable("mean/torque_held_out", np.mean(cycles.torque[cycles.held_out], axis=0), "N m", "mean, held out"),
+    ]
+
+
+def _model(result: RunResult) -> list[Variable]:
+    fitted, rigid = result.fitted, result.rigid
+    rows = [
+        Variable("model/rigid", rigid.torque, "N m", "rigid multibody torque from the line pressure"),
+        Variable("model/fitted", fitted.torque, "N m", "fitted model, pressure of the fitted cycles"),
+        Variable("model/fitted_held_out", fitted.torque_held_out, "N m", "fitted model, pressure of held-out cycles"),
+        Variable("model/true_angle", fitted.true_angle, "rad", "cam angle after trigger angle, twist and delay"),
+        Variable("model/lift", rigid.lift, "m", "follower lift at the nominal cam angle"),
+        Variable("model/lift_velocity", rigid.lift_velocity, "m/rad", "slope of the lift at the nominal cam angle"),
+    ]
+    rows += [_cause(f"model/by_cause/{name}", values, name) for name, values in fitted.by_cause.items()]
+    rows += [_cause(f"model/rigid_by_cause/{name}", values, name) for name, values in rigid.by_cause.items()]
+    for name, pressure, text in (
+        ("chamber_pressure", fitted.chamber_pressure, "rebuilt pressure on the plunger, gauge"),
+        ("chamber_pressure_std", fitted.chamber_pressure_std, "total standard uncertainty of the chamber pressure"),
+    ):
+        if pressure is not None:
+            rows.append(Variable(f"model/{name}", pressure, "Pa", text))
+    return rows
+
+
+def _cause(path: str, values: Array, name: str) -> Variable:
+    return Variable(path, values, "N m", f"torque by cause: {name.replace('_', ' ')}")
+
+
+def _forces(result: RunResult) -> list[Variable]:
+    forces = result.fitted.forces
+    return [
+        Variable("forces/contact_normal", forces.contact_normal, "N", "normal force between cam and roller"),
+        Variable("forces/contact_tangential", forces.contact_tangential, "N", "tangential force of cam and roller"),
+        Variable("forces/guide", forces.guide, "N", "guide force on the follower"),
+        Variable("forces/guide_moment", forces.guide_moment, "N m", "guide moment about the roller centre"),
+        Variable("forces/bearing_x", forces.bearing_x, "N", "camshaft bearing reaction across the follower"),
+        Variable("forces/bearing_y", forces.bearing_y, "N", "camshaft bearing reaction along the follower"),
+        Variable("forces/hertz", forces.hertz, "Pa", "largest Hertz pressure of the contact"),
+        Variable("forces/hertz_shear_max", forces.hertz_shear_max, "Pa", "largest shear stress below the surface"),
+        Variable("forces/hertz_shear_depth", forces.hertz_shear_depth, "m", "depth of the largest shear stress"),
+    ]

@@ -1,0 +1,102 @@
+"""What closes the gap between the rigid model and the measurement: the share of each cause on both strokes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.fit.metrics import stroke_masks
+from camtorque.records import Array
+from camtorque.report.bundle import RunResult
+
+ANGLE, CHAMBER, RESIDUAL = "cam angle", "plunger pressure", "residual"
+MEANINGS = {
+    ANGLE: "line pressure at the true cam angle: trigger angle, twist, speed within the revolution",
+    CHAMBER: "chamber pressure in the place of line pressure, and the transducer's response to it",
+    "lift_table": "lift within the rounding of its table",
+    "torque_zero": "zero of the transducer within its prior",
+    RESIDUAL: "left over by the fitted model",
+}
+"""What a row stands for where its name alone does not tell."""
+
+
+@dataclass(frozen=True)
+class GapShare:
+    """Part of one cause in measured minus rigid torque [N m].
+
+    Attributes
+    ----------
+    forward : mean over the loaded part of the forward stroke
+    return_stroke : mean over the return stroke
+    return_minimum : where the measured torque is least on the return stroke
+    """
+
+    cause: str
+    meaning: str
+    forward: float
+    return_stroke: float
+    return_minimum: float
+
+
+def gap_curves(result: RunResult) -> dict[str, Array]:
+    """Return cause -> (n_theta,) [N m]; they sum to the mean of all used cycles minus the rigid torque.
+
+    Pressure is told apart by its two reasons: the power balance of a frictionless mechanism makes its torque
+    ``p A y'`` whatever the offset is, so that line pressure at the true cam angle needs no new solution.
+    """
+    assert result.cycles.torque is not None
+    fitted, rigid = result.fitted.by_cause, _grouped(result.rigid.by_cause, result.fitted.by_cause)
+    none = np.zeros_like(result.rigid.torque)
+    curves = {
+        name: fitted.get(name, none) - rigid.get(name, none)
+        for name in dict.fromkeys((*fitted, *rigid))
+        if name != "pressure"
+    }
+    angle = _angle_part(result)
+    pressure = fitted.get("pressure", none) - rigid.get("pressure", none)
+    residual = np.mean(result.cycles.torque, axis=0) - result.fitted.torque
+    return {CHAMBER: pressure - angle, ANGLE: angle, **curves, RESIDUAL: residual}
+
+
+def _grouped(causes: Mapping[str, Array], names: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the rigid causes under the names of the fitted model: ``inertia_cam`` belongs to ``inertia``."""
+    grouped: dict[str, Array] = {}
+    for name, values in causes.items():
+        stem = name.split("_")[0]
+        key = stem if stem in names else name
+        grouped[key] = grouped[key] + values if key in grouped else values
+    return grouped
+
+
+def _angle_part(result: RunResult) -> Array:
+    rigid = result.rigid
+    slope = np.interp(result.fitted.true_angle, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi)
+    load = np.mean(result.cycles.pressure, axis=0) * result.recording.config.pump.plunger_area
+    return load * (slope - rigid.lift_velocity)
+
+
+def loaded_part(result: RunResult) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as the metrics use them."""
+    rigid = result.rigid
+    rise, fall = stroke_masks(rigid.lift, rigid.lift_velocity)
+    return rise & (rigid.torque > 0.2 * np.max(rigid.torque[rise])), fall
+
+
+def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
+    """Return the share of each cause, the largest first, the residual last; causes that are zero are left out."""
+    assert result.cycles.torque is not None
+    forward, fall = loaded_part(result)
+    measured = np.mean(result.cycles.torque, axis=0)
+    lowest = int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+    rows = [
+        GapShare(
+            name, MEANINGS.get(name, ""), float(np.mean(curve[forward])), float(np.mean(curve[fall])),
+            float(curve[lowest]),
+        )
+        for name, curve in gap_curves(result).items()
+        if name == RESIDUAL or np.any(curve != 0.0)
+    ]  # fmt: skip
+    return tuple(sorted(rows, key=lambda row: (row.cause == RESIDUAL, -abs(row.forward) - abs(row.return_stroke))))

@@ -1,0 +1,75 @@
+"""Figures of a sampled posterior: corner plot and predictive band. Drawn only when the posterior was asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from camtorque.fit.posterior import Posterior
+from camtorque.records import Refusal
+from camtorque.report.document import plain, write_json
+from camtorque.report.style import FITTED, MEASURED, STYLE, new_figure
+
+SHOWN = (
+    "trigger_offset", "shaft_compliance", "dead_volume", "valve_opening", "valve_area", "leakage", "end_of_delivery",
+    "bearing_arm", "guide_friction", "torque_zero",
+)  # fmt: skip
+"""Parameters of the corner plot; all of them are in posterior.json."""
+DPI = 110
+
+
+def corner_figure(posterior: Posterior) -> Figure:
+    """Return the corner plot of the parameters that a user asks about first.
+
+    Raises
+    ------
+    Refusal
+        When corner is not installed.
+    """
+    try:
+        import corner
+    except ImportError as error:
+        raise Refusal("posterior: corner is not installed; install `pip install camtorque[posterior]`") from error
+    columns = [k for k, name in enumerate(posterior.names) if name in SHOWN]
+    samples = posterior.samples[:, columns]
+    moving = [k for k in range(samples.shape[1]) if np.ptp(samples[:, k]) > 0.0]
+    labels = [f"{posterior.names[columns[k]]} [{posterior.units[columns[k]]}]" for k in moving]
+    figure = Figure(figsize=(2.0 * len(moving), 2.0 * len(moving)))
+    return corner.corner(samples[:, moving], labels=labels, fig=figure, color=FITTED, show_titles=True)
+
+
+def band_figure(posterior: Posterior) -> Figure:
+    """Return the predictive band of the torque about its median, 2.5 to 97.5 %."""
+    figure = new_figure()
+    axis = figure.axes[0]
+    for low, middle, high in posterior.torque_band.values():
+        angle = np.arange(middle.size) * 360.0 / middle.size
+        axis.fill_between(angle, low - middle, high - middle, color=FITTED, alpha=0.4, label="2.5 to 97.5 %")
+        axis.plot(angle, np.zeros_like(middle), color=MEASURED, lw=0.8, label="median")
+    axis.set(xlabel="cam angle [deg]", ylabel="torque about the median [N m]")
+    axis.legend()
+    return figure
+
+
+def write_posterior(posterior: Posterior, folder: Path) -> dict[str, Any]:
+    """Write posterior.json and its two figures into a run's folder; return the content of the former."""
+    quantiles = np.quantile(posterior.samples, (0.025, 0.16, 0.5, 0.84, 0.975), axis=0)
+    rows = {
+        name: {"unit": unit, "median": q[2], "ci68": [q[1], q[3]], "ci95": [q[0], q[4]]}
+        for name, unit, q in zip(posterior.names, posterior.units, quantiles.T, strict=True)
+    }
+    document = plain({
+        "schema": "camtorque.posterior/1", "parameters": rows, "samples": posterior.samples.shape[0],
+        "acceptance": posterior.acceptance, "autocorrelation_steps": posterior.autocorrelation_steps,
+        "trusted": posterior.trusted,
+    })  # fmt: skip
+    write_json(folder / "posterior.json", document)
+    (folder / "figures").mkdir(exist_ok=True)
+    with mpl.rc_context(STYLE):
+        for name, draw in (("posterior_corner", corner_figure), ("posterior_band", band_figure)):
+            draw(posterior).savefig(folder / "figures" / f"{name}.png", dpi=DPI)
+    return document

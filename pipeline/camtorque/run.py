@@ -1,0 +1,144 @@
+"""THE FLOW for one recording: one call per room."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.align import AlignOptions, align
+from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
+from camtorque.fit.result import fitted_torque
+from camtorque.ingest import read_recording
+from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from camtorque.records import CamCycles, Recording, RigidTorque
+from camtorque.report import RunResult, check_output, output_folder, write_alignment, write_run
+
+try:
+    import resource
+except ImportError:  # not on Windows: the figure is then null
+    resource = None  # type: ignore[assignment]
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a user may choose about a run: options of the alignment and of the fit."""
+
+    align: AlignOptions = field(default_factory=AlignOptions)
+    fit: FitOptions = field(default_factory=FitOptions)
+
+
+@dataclass
+class Stopwatch:
+    """Wall time by stage, told as it goes."""
+
+    progress: Progress
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str, text: str) -> Iterator[None]:
+        """Time one stage."""
+        self.progress(text)
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+
+
+def silent(text: str) -> None:
+    """Say nothing."""
+
+
+def now() -> str:
+    """Return the time as ISO-8601 with zone."""
+    return datetime.now(UTC).astimezone().isoformat(timespec="seconds")
+
+
+def peak_memory_mb() -> float:
+    """Return the largest resident size of this process so far [MB], nan where the system does not tell."""
+    if resource is None:
+        return float("nan")
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
+    """Return the rigid solution for the mean line pressure at the mean speed."""
+    config = recording.config
+    law = lift_law(recording.cam_table)
+    pressure = np.mean(cycles.pressure, axis=0)
+    mounting = Mounting(rotation=config.rotation)
+    return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
+
+
+def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
+    """Return everything about one recording, and what a joint fit needs of it.
+
+    Parameters
+    ----------
+    path : folder with recording.toml, or that file
+    options : choices of the user
+    progress : is told what is being done
+
+    Raises
+    ------
+    Refusal : the recording cannot be used
+    """
+    watch = Stopwatch(progress)
+    with watch.stage("ingest", f"reading {path}"):
+        recording = read_recording(path)
+    with watch.stage("align", "aligning to the cam angle"):
+        cycles = align(recording, options.align)
+    with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
+        rigid = rigid_torque(recording, cycles)
+    with watch.stage("fit", "fitting: which effects, which values, how sure"):
+        prepared = prepare(recording, cycles, rigid)
+        fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)
+    result = RunResult(recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(), seed=options.fit.seed)
+    return result, prepared
+
+
+def run_recording(
+    path: Path, out: Path, options: RunOptions | None = None, progress: Progress = silent
+) -> dict[str, Any]:
+    """Write the report of one recording and return the content of its result.json.
+
+    Parameters
+    ----------
+    path : folder with recording.toml, or that file
+    out : folder to be written; nothing is left of it when the recording is refused
+    options, progress : see `analyse`
+
+    Raises
+    ------
+    Refusal : the recording cannot be used, or ``out`` holds something else
+    """
+    check_output(out)
+    result, _ = analyse(path, options or RunOptions(), progress)
+    progress("writing the report")
+    with output_folder(out) as folder:
+        return write_run(result, folder)
+
+
+def align_recording(
+    path: Path, out: Path, options: AlignOptions | None = None, progress: Progress = silent
+) -> dict[str, Any]:
+    """Write the aligned cycles of a recording, with or without torque, and return the content of align.json.
+
+    Raises
+    ------
+    Refusal : the recording cannot be aligned, or ``out`` holds something else
+    """
+    check_output(out)
+    progress(f"reading {path}")
+    recording = read_recording(path)
+    progress("aligning to the cam angle")
+    cycles = align(recording, options)
+    with output_folder(out) as folder:
+        return write_alignment(recording, cycles, now(), folder)

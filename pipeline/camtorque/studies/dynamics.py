@@ -1,0 +1,196 @@
+"""Chart 2: inverse dynamics of one pump by the package's methods and by the engines of the ``validation`` extra."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from camtorque.mechanism import METHODS, ClosedForm, PumpUnit, closed_form_tables, solve_shaft
+from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
+from camtorque.records import Array
+from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump, uniform
+from camtorque.studies.table import Chart, Point, shortest_times
+
+ANGLES = 3600
+CYCLES = 50
+ENGINE_ANGLES = 300
+LEAST = 1.0e-17
+
+MUJOCO_XML = """<mujoco><compiler inertiafromgeom="false"/><option gravity="0 0 0"><flag contact="disable"/></option>
+<worldbody><body><joint type="hinge" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="{cam_mass!r}" diaginertia="{cam!r} {cam!r} {cam!r}"/></body>
+<body><joint type="slide" axis="0 1 0"/><inertial pos="0 0 0" mass="{rest!r}" diaginertia="1e-6 1e-6 1e-6"/>
+<body><joint type="hinge" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="{roller!r}" diaginertia="{spin!r} {spin!r} {spin!r}"/></body></body>
+</worldbody></mujoco>"""
+
+
+def extended_torque(theta: Array) -> Array:
+    """Return the torque in extended precision, from the polynomials of the law and the equations of the closed form."""
+    law, pump = study_law(), study_pump()
+    wide = np.longdouble
+    angle = theta.astype(wide)
+    piece = np.clip(np.searchsorted(law.knots, theta, side="right") - 1, 0, law.knots.size - 2)
+    local = angle - law.knots.astype(wide)[piece]
+    rows = law.coefficients.astype(wide)[:, piece]
+    order = rows.shape[0] - 1
+    y, y1, y2 = (
+        sum(
+            rows[k] * wide(np.prod(np.arange(order - k, order - k - d, -1))) * local ** (order - k - d)
+            for k in range(order + 1 - d)
+        )
+        for d in range(3)
+    )
+    offset, radius = wide(pump.follower_offset), wide(pump.roller_radius)
+    s = np.sqrt(wide(pump.base_circle_radius + pump.roller_radius) ** 2 - offset**2) + y
+    arc = np.sqrt(s * s + (y1 - offset) ** 2)
+    ratio, slope = 1 - arc / radius, -(s * y1 + (y1 - offset) * y2) / arc / radius
+    squared = wide(SPEED) ** 2
+    axial = wide(pump.spring_preload) + wide(pump.spring_stiffness) * y
+    axial = (
+        axial + wide(pump.plunger_area) * study_pressure(theta).astype(wide) + wide(pump.follower_mass) * y2 * squared
+    )
+    return axial * y1 + wide(pump.roller_inertia or 0.0) * slope * ratio * squared
+
+
+def joint_motion(theta: Array) -> tuple[ClosedForm, Array, Array, Array]:
+    """Return tables, and position, rate and change of cam, follower and roller, (n, 3) each, at constant speed."""
+    tables = closed_form_tables(study_pump(), study_law(), theta)
+    path, one = tables.kinematics, np.ones_like(theta)
+    position = np.column_stack([theta, path.centre_height, 0.0 * theta])
+    rate = SPEED * np.column_stack([one, path.velocity, path.roller_ratio])
+    change = SPEED**2 * np.column_stack([0.0 * one, path.acceleration, path.roller_ratio_slope])
+    return tables, position, rate, change
+
+
+def torque_by_cut(tables: ClosedForm, inverse: Array, pressure: Array) -> Array:
+    """Return the torque from an engine's generalised forces (n, 3): multipliers from follower and roller, then cam."""
+    pump, path = study_pump(), tables.kinematics
+    contact_x, contact_y = path.contact_point
+    arm_x, arm_y = contact_x - path.offset, contact_y - path.centre_height
+    along = inverse[:, 1] + pump.spring_preload + pump.spring_stiffness * path.lift + pump.plunger_area * pressure
+    across = (arm_x * along - inverse[:, 2]) / arm_y
+    return inverse[:, 0] + contact_x * along - contact_y * across
+
+
+def _pinocchio(position: Array, rate: Array, change: Array) -> Callable[[], Array]:
+    import pinocchio as pin
+
+    pump = study_pump()
+    model: Any = pin.Model()
+    cam = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "cam")
+    follower = model.addJoint(0, pin.JointModelPY(), pin.SE3.Identity(), "follower")
+    roller = model.addJoint(follower, pin.JointModelRZ(), pin.SE3.Identity(), "roller")
+    mass, spin = pump.roller_mass or 0.0, pump.roller_inertia or 0.0
+    bodies = ((cam, pump.cam_mass, pump.cam_inertia), (follower, pump.follower_mass - mass, 1e-6), (roller, mass, spin))
+    for joint, weight, inertia in bodies:
+        body = pin.Inertia(weight, np.zeros(3), inertia * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.gravity.linear = np.zeros(3)
+    data = model.createData()
+
+    def run() -> Array:
+        rows = zip(position, rate, change, strict=True)
+        return np.array([pin.rnea(model, data, q, v, a).copy() for q, v, a in rows])
+
+    return run
+
+
+def _mujoco(position: Array, rate: Array, change: Array) -> Callable[[], Array]:
+    import mujoco
+
+    pump = study_pump()
+    mass, spin = pump.roller_mass or 0.0, pump.roller_inertia or 0.0
+    text = MUJOCO_XML.format(
+        cam_mass=pump.cam_mass, cam=pump.cam_inertia, rest=pump.follower_mass - mass, roller=mass, spin=spin
+    )
+    model: Any = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+
+    def run() -> Array:
+        found = []
+        for q, v, a in zip(position, rate, change, strict=True):
+            data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+            mujoco.mj_inverse(model, data)
+            found.append(data.qfrc_inverse.copy())
+        return np.array(found)
+
+    return run
+
+
+ENGINES: dict[str, tuple[str, Callable[[Array, Array, Array], Callable[[], Array]]]] = {
+    "Pinocchio rnea": ("pinocchio", _pinocchio),
+    "MuJoCo mj_inverse": ("mujoco", _mujoco),
+}
+"""Engine -> module and builder; those not installed are left out."""
+
+
+def _by_method(method: str, unit: PumpUnit, theta: Array) -> Array:
+    return solve_shaft([unit], theta, study_pressure(theta), SPEED, method=method).torque
+
+
+def own_candidates(cycles: int) -> dict[str, tuple[Callable[[], Array], int, bool]]:
+    """Return name -> (function that ends in the torque, cycles it solves, whether all forces come with it)."""
+    theta = uniform(ANGLES)
+    pressure, unit = study_pressure(theta), PumpUnit(study_pump(), study_law())
+    tables = closed_form_tables(unit.pump, unit.law, theta)
+    compiled = cycle_tables(unit.pump, tables)
+    rows, speeds = np.tile(pressure, (cycles, 1)), np.full(cycles, SPEED)
+    out = np.empty((8, cycles, ANGLES))
+    single = tables.outputs["torque"].astype(np.float32)
+    rows_single, squared = rows.astype(np.float32), np.float32(SPEED**2)
+    found: dict[str, tuple[Callable[[], Array], int, bool]] = {}
+    for method in METHODS:
+        found[method.replace("_", " ")] = (
+            partial(_by_method, method, unit, theta), 1, True
+        )  # fmt: skip
+    found["tables, compiled, float64"] = (lambda: evaluate_cycles(compiled, rows, speeds, out)[0, 0], cycles, True)
+    found["tables, numpy, torque alone, float64"] = (
+        lambda: tables.evaluate("torque", rows, speeds[:, None])[0], cycles, False
+    )  # fmt: skip
+    found["tables, numpy, torque alone, float32"] = (
+        lambda: (single[0] + single[1] * rows_single + single[2] * squared)[0], cycles, False
+    )  # fmt: skip
+    return found
+
+
+def dynamics_chart(quick: bool) -> Chart:
+    """Return torque error against time per angle."""
+    cycles = 10 if quick else CYCLES
+    theta = uniform(ANGLES)
+    exact = extended_torque(theta)
+    peak = float(np.max(np.abs(exact)))
+    own = own_candidates(cycles)
+    names, runs, counts, errors, full = [], [], [], [], []
+    for name, (run, count, forces) in own.items():
+        names.append(name)
+        runs.append(run)
+        counts.append(count * ANGLES)
+        errors.append(float(np.max(np.abs(run() - exact))) / peak)
+        full.append(forces)
+    few = theta[:: ANGLES // ENGINE_ANGLES]
+    tables, position, rate, change = joint_motion(few)
+    for name, (module, builder) in ENGINES.items():
+        if importlib.util.find_spec(module) is None:
+            continue
+        engine = builder(position, rate, change)
+        torque = torque_by_cut(tables, engine(), study_pressure(few))
+        names.append(name)
+        runs.append(engine)
+        counts.append(few.size)
+        errors.append(float(np.max(np.abs(torque - exact[:: ANGLES // ENGINE_ANGLES]))) / peak)
+        full.append(False)
+    costs = shortest_times(runs, 2 if quick else 7)
+    points = tuple(
+        Point(name, "", max(error, LEAST), cost / count, name == "tables, compiled, float64", forces)
+        for name, error, cost, count, forces in zip(names, errors, costs, counts, full, strict=True)
+    )
+    note = (
+        "reference: extended precision; the front is that of solutions with all forces (engines give generalised "
+        "forces only, called from Python; their motion comes prepared)"
+    )
+    return Chart("dynamics", "Inverse dynamics", "torque error / peak", "time per cam angle [s]", points, note)

@@ -1,0 +1,119 @@
+"""Chart 1: what the angle grid, its interpolation and the lift table cost and lose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
+
+from camtorque.mechanism import CamLaw, closed_form_tables, cubic_law, kinematics, quintic_law, smoothing_law
+from camtorque.mechanism.spectral import spectral_law
+from camtorque.records import Array, CamTable
+from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump, uniform
+from camtorque.studies.table import Chart, Point, shortest_times
+
+DEFAULT_GRID = 3600
+DEFAULT_INTERPOLATION = "cubic periodic"
+GRIDS = (180, 360, 720, 1800, 3600, 7200, 18000)
+CHECKS = 20011
+"""Angles at which the interpolated curve is compared: a prime, so that no grid hits them."""
+TABLE_STEPS = (0.25, 0.5, 1.0, 2.0, 5.0)
+RESOLUTIONS = (0.0, 1.0e-7, 1.0e-6, 1.0e-5)
+LEAST = 1.0e-16
+"""Errors below are drawn here: rounding of a double."""
+
+
+def _closed(theta: Array, values: Array) -> tuple[Array, Array]:
+    return np.append(theta, theta[0] + 2.0 * np.pi), np.append(values, values[0])
+
+
+INTERPOLANTS: dict[str, Callable[[Array, Array], Callable[[Array], Array]]] = {
+    "linear": lambda x, y: lambda at: np.interp(at, *_closed(x, y)),
+    "PCHIP": lambda x, y: PchipInterpolator(*_closed(x, y)),
+    "cubic periodic": lambda x, y: CubicSpline(*_closed(x, y), bc_type="periodic"),
+    "quintic": lambda x, y: make_interp_spline(*_closed(x, y), k=5, bc_type="periodic"),
+}
+"""Curve between grid points: name -> builder."""
+
+
+def torque_on(theta: Array, law: CamLaw) -> Array:
+    """Return the rigid torque of the study pump [N m]."""
+    tables = closed_form_tables(study_pump(), law, theta)
+    return tables.evaluate("torque", study_pressure(theta), SPEED)
+
+
+def grid_chart(quick: bool) -> Chart:
+    """Return torque error between grid points against the cost of tables, torque and curve."""
+    law = study_law()
+    check = uniform(CHECKS)
+    exact = torque_on(check, law)
+    peak = float(np.max(np.abs(exact)))
+    runs, errors, labels = [], [], []
+    for name, builder in INTERPOLANTS.items():
+        for n_theta in GRIDS[:5] if quick else GRIDS:
+
+            def run(n_theta: int = n_theta, builder: Callable[..., Callable[[Array], Array]] = builder) -> Array:
+                theta = uniform(n_theta)
+                return builder(theta, torque_on(theta, law))(check)
+
+            runs.append(run)
+            errors.append(max(float(np.max(np.abs(run() - exact))) / peak, LEAST))
+            labels.append((name, n_theta))
+    costs = shortest_times(runs, 2 if quick else 5)
+    points = tuple(
+        Point(name, f"{360.0 / n:g} deg", error, cost, name == DEFAULT_INTERPOLATION and n == DEFAULT_GRID)
+        for (name, n), error, cost in zip(labels, errors, costs, strict=True)
+    )
+    note = f"largest error of the torque over its peak at {CHECKS} angles; reference: the analytic law at these angles"
+    return Chart("grid", "Angle grid and interpolation", "torque error / peak", "time of one curve [s]", points, note)
+
+
+LAWS: dict[str, Callable[[CamTable], CamLaw]] = {
+    "cubic": cubic_law,
+    "quintic": quintic_law,
+    "smoothing": smoothing_law,
+    "spectral": spectral_law,
+}
+QUANTITIES = ("torque", "acceleration", "Hertz stress")
+
+
+def law_errors(law: CamLaw, exact: CamLaw, theta: Array) -> tuple[float, float, float]:
+    """Return the largest errors of torque, y'' and Hertz stress over their peaks; infinite where a law is undercut."""
+    pump, pressure = study_pump(), study_pressure(theta)
+    sides = []
+    for item in (law, exact):
+        tables = closed_form_tables(pump, item, theta)
+        path = kinematics(pump, item, theta)
+        hertz = tables.hertz(pressure, SPEED)
+        sides.append((tables.evaluate("torque", pressure, SPEED), path.acceleration, hertz))
+    errors = [float(np.max(np.abs(found - true)) / np.max(np.abs(true))) for found, true in zip(*sides, strict=True)]
+    return tuple(error if np.isfinite(error) else np.inf for error in errors)  # type: ignore[return-value]
+
+
+def table_charts(quick: bool) -> tuple[Chart, ...]:
+    """Return one chart per quantity: error against the points of the lift table, by method and rounding."""
+    exact, theta = study_law(), uniform(3607)
+    steps = TABLE_STEPS[1:4] if quick else TABLE_STEPS
+    points: dict[str, list[Point]] = {name: [] for name in QUANTITIES}
+    for resolution in RESOLUTIONS:
+        for name, builder in LAWS.items():
+            if name == "smoothing" and resolution == 0.0:
+                continue  # an exact table is not smoothed: quintic
+            for step in steps:
+                table = rounded_table(exact, step, resolution)
+                found = law_errors(builder(table), exact, theta)
+                family = f"{name}, {resolution * 1e6:g} um" if resolution else f"{name}, exact"
+                for quantity, error in zip(QUANTITIES, found, strict=True):
+                    marked = name == "smoothing" and resolution == 1.0e-6 and step == 1.0
+                    points[quantity].append(
+                        Point(family, f"{step:g} deg", error, 360.0 / step, marked, resolution == 1.0e-6)
+                    )
+    note = "the front is that of tables rounded to 1 um; a method that interpolates differentiates the rounding twice"
+    return tuple(
+        Chart(
+            f"lift_table_{quantity.split()[0].lower()}", f"Lift table: {quantity}", f"{quantity} error / peak",
+            "points of the lift table", tuple(points[quantity]), note, True,
+        )
+        for quantity in QUANTITIES
+    )  # fmt: skip

@@ -1,0 +1,272 @@
+"""Stability maps of the driveline: stiff and soft shafts, steps over the pump event, constraint drift."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from camtorque.mechanism import closed_form_tables, kinematics
+from camtorque.records import Array
+from camtorque.studies.case import knotted_law, study_pump, uniform
+from camtorque.studies.driveline import adaptive, at_angles, elastic, harmonic
+from camtorque.studies.integrators import (
+    SCHEMES,
+    TABLE,
+    TURN,
+    Shaft,
+    alpha_accelerations,
+    collocation,
+    load_rows,
+    march_periodic,
+)
+from camtorque.studies.table import Cell, StabilityMap
+from camtorque.studies.verdicts import Outcome, cell
+
+CHECK = uniform(2003)
+GAPS = (1.0e-5, 1.0e-2)
+LIMITS = (1.0e-3, 5.0e-2)
+"""Error of the torque over its peak up to which a solution works, and up to which it still serves a sketch."""
+STEPS = 3600
+STABLE: dict[str, float] = {"explicit Euler": 0.0, "symplectic Euler": 2.0, "Heun": 0.0, "RK4": 2.785}
+"""Largest omega h without damping (Hairer & Wanner II, Section IV.2)."""
+
+
+def _error(found: tuple[Array, ...], reference: Array) -> float:
+    if not np.all(np.isfinite(found[1])) or np.any(np.diff(found[0]) <= 0.0):
+        return float("inf")
+    return float(np.max(np.abs(at_angles(found[0], found[1], check=CHECK) - reference)) / np.max(np.abs(reference)))
+
+
+def _reference(shaft: Shaft) -> Array | None:
+    theta, torque, success = collocation(shaft, 720, 6)
+    return at_angles(theta, torque, check=CHECK) if success else None
+
+
+def least_steps(scheme: str, shaft: Shaft) -> int:
+    """Return the steps per revolution that linear theory asks for at the least inertia.
+
+    The largest h at which both roots of the amplification of ``J x'' + c x' + k x = 0`` stay within the unit circle.
+    """
+    inertia = float(np.min(load_rows(uniform(720))[2]))
+    matrix = np.array([[0.0, 1.0], [-shaft.stiffness / inertia, -shaft.damping / inertia]])
+    low, high = 10.0, 1.0e7
+    for _ in range(60):
+        middle = np.sqrt(low * high)
+        stable = _radius(scheme, matrix * (TURN / shaft.speed / middle)) <= 1.0 + 1e-12
+        low, high = (low, middle) if stable else (middle, high)
+    return round(high)
+
+
+def _radius(scheme: str, z: Array) -> float:
+    """Return the spectral radius of one step with h A = z (the units of the state do not matter to it)."""
+    one, square = np.eye(2), z @ z
+    if scheme == "symplectic Euler":
+        kick = np.array([[1.0, 0.0], [z[1, 0], 1.0 + z[1, 1]]])
+        step = np.array([[1.0, z[0, 1]], [0.0, 1.0]]) @ kick
+    else:
+        step = {
+            "explicit Euler": one + z,
+            "Heun": one + z + square / 2.0,
+            "RK4": one + z + square / 2.0 + square @ z / 6.0 + square @ square / 24.0,
+        }[scheme]
+    return float(np.max(np.abs(np.linalg.eigvals(step))))
+
+
+def _march(table: Array, scheme: str, shaft: Shaft, reference: Array) -> Outcome:
+    theta, torque, bounded = march_periodic(table, shaft, scheme, STEPS)
+    theory = f"; linear theory asks for {least_steps(scheme, shaft)} steps/rev" if scheme in STABLE else ""
+    if not bounded:
+        raise ArithmeticError(f"runs away (overflow){theory}")
+    return _error((theta, torque), reference), ""
+
+
+def stiffness_map(quick: bool) -> StabilityMap:
+    """Return schemes with 3600 steps per revolution and the package's solver over the stiffness of the shaft."""
+    table, cells = load_rows(uniform(TABLE)), []
+    for stiffness in (1e2, 1e4, 1e6) if quick else (3e1, 1e2, 1e3, 1e4, 1e5, 1e6):
+        shaft, name = Shaft(stiffness=stiffness), f"k = {stiffness:g} N m/rad"
+        reference = _reference(shaft)
+        if reference is None:
+            name += " (the cam stalls: no periodic orbit with forward motion)"
+        for scheme in SCHEMES:
+            found = (
+                cell(name, scheme, partial(_march, table, scheme, shaft, reference), LIMITS)
+                if reference is not None
+                else cell(name, scheme, partial(_stalled, table, scheme, shaft), LIMITS)
+            )
+            cells.append(found)
+        cells.append(_package(name, shaft, reference))
+        cells.append(_collocated(name, shaft, reference))
+    note = "c = 0.5 N m s/rad, 500 rpm, five turns from rest; error of the shaft torque over its peak"
+    return StabilityMap(
+        "driveline_stiffness", f"Stiff and soft shafts, {STEPS} steps per revolution", tuple(cells), note
+    )
+
+
+def _stalled(table: Array, scheme: str, shaft: Shaft) -> Outcome:
+    theta, _, bounded = march_periodic(table, shaft, scheme, STEPS)
+    if not bounded:
+        raise ArithmeticError("runs away (overflow)")
+    return (1.0, "cam angle not monotone") if np.any(np.diff(theta) <= 0.0) else (1.0, "")
+
+
+def _package(name: str, shaft: Shaft, reference: Array | None) -> Cell:
+    def attempt() -> Outcome:
+        found = elastic(shaft, 3600)
+        return (_error(found, reference) if reference is not None else 1.0), ""
+
+    return cell(name, "predict (elastic shaft)", attempt, LIMITS, default=True)
+
+
+def _collocated(name: str, shaft: Shaft, reference: Array | None) -> Cell:
+    def attempt() -> Outcome:
+        theta, torque, success = collocation(shaft, 360, 4)
+        if not success or reference is None:
+            raise ArithmeticError("the cam comes to a stand inside the revolution")
+        return _error((theta, torque), reference), ""
+
+    return cell(name, "collocation in cam angle", attempt, LIMITS)
+
+
+def event_map(quick: bool) -> StabilityMap:
+    """Return whether adaptive solvers, from rest, with and without a largest step, see every pump event."""
+    table, shaft = load_rows(uniform(TABLE)), Shaft()
+    reference = _reference(shaft)
+    assert reference is not None
+    cells = []
+    for method in ("RK45", "Radau", "BDF", "LSODA"):
+        for tolerance in (1e-5,) if quick else (1e-3, 1e-5, 1e-7):
+            for capped in (True, False):
+
+                def attempt(method: str = method, tolerance: float = tolerance, capped: bool = capped) -> Outcome:
+                    theta, torque, success = adaptive(table, shaft, method, tolerance, capped)
+                    if not success:
+                        raise ArithmeticError("solve_ivp: success = False")
+                    return _error((theta, torque), reference), ""
+
+                step = "max_step 5 deg" if capped else "max_step free"
+                cells.append(cell(f"rtol {tolerance:g}, {step}", f"scipy {method}", attempt, LIMITS))
+    for name in dict.fromkeys(item.condition for item in cells):
+        cells.append(
+            cell(
+                name,
+                "predict (elastic shaft)",
+                lambda: (_error(elastic(shaft, 3600), reference), ""),
+                LIMITS,
+                default=True,
+            )
+        )
+        cells.append(
+            cell(
+                name,
+                "linear harmonic",
+                lambda: (_error(harmonic(load_rows(uniform(3600)), shaft), reference), ""),
+                LIMITS,
+            )
+        )
+    note = "fourth turn from rest; on the base circle the shaft is at rest and a free step grows over the next lift"
+    return StabilityMap("pump_event", "Stepping over the pump event", tuple(cells), note)
+
+
+def drift(gain: float, turns: int, steps: int) -> float:
+    """Return the gap of the closed loop over the lift for the cut joint held by force.
+
+    Index 3 reduced to accelerations, ``y'' = Y'' omega^2 - 2 a g' - a^2 g`` with ``g = y - Y(theta)`` (Baumgarte
+    1972), by RK4 at constant cam speed; minimal coordinates have g = 0 by construction.
+    """
+    law, omega = knotted_law(), Shaft().speed
+    h = TURN / omega / steps
+    grid = uniform(2 * steps)
+    lift, slope, curve = law.derivatives(grid, 2)
+    y, v, widest = 0.0, 0.0, 0.0
+
+    def rate(place: int, y: float, v: float) -> float:
+        k = place % (2 * steps)
+        return float(curve[k] * omega**2 - 2.0 * gain * (v - slope[k] * omega) - gain**2 * (y - lift[k]))
+
+    for n in range(turns * steps):
+        i = 2 * n
+        a1 = rate(i, y, v)
+        v2 = v + 0.5 * h * a1
+        a2 = rate(i + 1, y + 0.5 * h * v, v2)
+        v3 = v + 0.5 * h * a2
+        a3 = rate(i + 1, y + 0.5 * h * v2, v3)
+        v4 = v + h * a3
+        a4 = rate(i + 2, y + h * v3, v4)
+        y, v = y + h * (v + 2 * v2 + 2 * v3 + v4) / 6.0, v + h * (a1 + 2 * a2 + 2 * a3 + a4) / 6.0
+        if not abs(y) < 1.0:
+            raise ArithmeticError("runs away (overflow)")
+        gap = y - lift[(i + 2) % (2 * steps)]
+        widest = max(widest, abs(gap))
+    return widest / float(np.max(lift))
+
+
+def _drift(gain: float, turns: int, steps: int) -> Outcome:
+    return drift(gain, turns, steps), ""
+
+
+def _loop_gap(steps: int) -> Outcome:
+    """Return by how much the package's contact point misses the roller's surface, over the lift."""
+    path = kinematics(study_pump(), knotted_law(), uniform(steps))
+    contact_x, contact_y = path.contact_point
+    reach = np.hypot(contact_x - path.offset, contact_y - path.centre_height)
+    return float(np.max(np.abs(reach - path.roller_radius)) / np.max(path.lift)), ""
+
+
+def drift_map(quick: bool) -> StabilityMap:
+    """Return the drift of the cut joint over Baumgarte's gain and the steps, beside minimal coordinates."""
+    turns, cells = 5 if quick else 20, []
+    for steps in (90, 360) if quick else (90, 360, 1440):
+        name = f"{steps} steps/rev, {turns} turns"
+        for gain in (0.0, 10.0, 300.0, 3000.0):
+            method = "index 3, no stabilisation" if gain == 0.0 else f"Baumgarte, gain {gain:g}/s"
+            cells.append(cell(name, method, partial(_drift, gain, turns, steps), GAPS, "gap / lift"))
+        cells.append(cell(name, "minimal coordinates", partial(_loop_gap, steps), GAPS, "gap / lift", True))
+    note = "largest gap between roller and cam over the lift; in minimal coordinates lift is a function of cam angle"
+    return StabilityMap("constraint_drift", "Cut joint held by force", tuple(cells), note)
+
+
+FAST = 6.0
+"""Times the study's speed, a dry pump: inertia is then more than half of the contact force."""
+
+
+def _force(acceleration: Array, lift: Array) -> Array:
+    pump = study_pump()
+    return pump.spring_preload + pump.spring_stiffness * lift + pump.follower_mass * acceleration
+
+
+def _multiplier(rho: float, steps: int, turns: int) -> Outcome:
+    """Return the error of the contact force over its peak, from the multiplier of the cut joint."""
+    speed = FAST * Shaft().speed
+    lift, slope, curve = knotted_law().derivatives(uniform(steps), 2)
+    start = float(slope[0] * speed), float(curve[0] * speed**2)
+    found = _force(alpha_accelerations(lift, TURN / speed / steps, turns, rho, start), lift)
+    exact = _force(curve * speed**2, lift)
+    return float(np.max(np.abs(found - exact)) / np.max(exact)), ""
+
+
+def _minimal(steps: int) -> Outcome:
+    """Return the same for the package's force, in minimal coordinates."""
+    speed, theta = FAST * Shaft().speed, uniform(steps)
+    lift, _, curve = knotted_law().derivatives(theta, 2)
+    found = closed_form_tables(study_pump(), knotted_law(), theta).evaluate("contact_y", np.zeros(steps), speed)
+    exact = _force(curve * speed**2, lift)
+    return float(np.max(np.abs(found - exact)) / np.max(exact)), ""
+
+
+def multiplier_map(quick: bool) -> StabilityMap:
+    """Return the contact force by generalized-alpha on the cut joint (index 3), beside minimal coordinates."""
+    cells = []
+    for steps in (90, 360) if quick else (90, 360, 720, 1440, 3600):
+        for turns in (1, 20):
+            name = f"{steps} steps/rev, {turns} turns"
+            for rho in (1.0, 0.9, 0.8, 0.5):
+                attempt = partial(_multiplier, rho, steps, turns)
+                cells.append(cell(name, f"generalized-alpha, rho {rho:g}", attempt, LIMITS, "force error"))
+            cells.append(cell(name, "minimal coordinates", partial(_minimal, steps), LIMITS, "force error", True))
+    note = (
+        "dry pump at 3000 rpm; error of the contact force over its peak; the position of the joint is exact, its force "
+        "is the multiplier, which rho = 1 lets oscillate for ever and rho < 1 damps to first order at every knot"
+    )
+    return StabilityMap("cut_joint_force", "Force of the cut joint, index 3", tuple(cells), note)

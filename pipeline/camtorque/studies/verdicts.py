@@ -1,0 +1,45 @@
+"""From an attempt to a verdict: a refusal is loud, a finding makes an error known, an unknown error is silent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from camtorque.records import Refusal
+from camtorque.studies.table import Cell
+
+Outcome = tuple[float, str]
+"""Error on a scale that the caller chooses, and what the user is told beside the number ('' for nothing)."""
+
+
+def judge(error: float, told: str, good: float, bad: float, shown: str) -> tuple[str, str]:
+    """Return verdict and detail of a number: below ``good`` it works, below ``bad`` or told it degrades."""
+    text = f"{shown} {error:.1e}" + (f"; told: {told}" if told else "")
+    if error <= good:
+        return "works", text
+    if error <= bad or told:
+        return "degrades", text
+    return "fails silently", text
+
+
+def cell(
+    condition: str,
+    method: str,
+    attempt: Callable[[], Outcome],
+    limits: tuple[float, float],
+    shown: str = "error",
+    default: bool = False,
+) -> Cell:
+    """Return the verdict on one attempt; ``limits`` are the errors up to which it works and degrades.
+
+    A `Refusal` fails loudly with its text; so do the errors that numerical libraries raise.
+    """
+    try:
+        error, told = attempt()
+    except (Refusal, ValueError, ArithmeticError) as problem:
+        return Cell(condition, method, "fails loudly", str(problem).splitlines()[0], default)
+    return Cell(condition, method, *judge(error, told, *limits, shown), default=default)
+
+
+def silent_defaults(cells: Sequence[Cell]) -> tuple[Cell, ...]:
+    """Return the cells in which a default fails without a word; there must be none."""
+    return tuple(item for item in cells if item.default and item.verdict == "fails silently")

@@ -1,0 +1,165 @@
+"""Conversions at the border. Inside, everything is SI and radians; the nomenclature is in `NOMENCLATURE`."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.records import Refusal
+
+BAR = 1.0e5
+"""Pascal per bar."""
+RPM = 2.0 * np.pi / 60.0
+"""Radian per second per revolution per minute."""
+DEGREE = np.pi / 180.0
+"""Radian per degree."""
+ATMOSPHERE = 101_325.0
+"""Standard atmosphere [Pa], taken off the reading of an absolute sensor."""
+POUND_FORCE = 4.448_221_615_260_5
+"""Newton per pound-force (exact)."""
+INCH = 0.0254
+"""Metre per inch (exact)."""
+
+BORDER_UNITS: dict[str, tuple[str, float]] = {
+    "V": ("voltage", 1.0),
+    "mV": ("voltage", 1.0e-3),
+    "uV": ("voltage", 1.0e-6),
+    "kV": ("voltage", 1.0e3),
+    "Pa": ("pressure", 1.0),
+    "kPa": ("pressure", 1.0e3),
+    "MPa": ("pressure", 1.0e6),
+    "GPa": ("pressure", 1.0e9),
+    "hPa": ("pressure", 1.0e2),
+    "bar": ("pressure", BAR),
+    "mbar": ("pressure", 1.0e-3 * BAR),
+    "psi": ("pressure", POUND_FORCE / INCH**2),
+    "N/mm2": ("pressure", 1.0e6),
+    "atm": ("pressure", ATMOSPHERE),
+    "N m": ("torque", 1.0),
+    "kN m": ("torque", 1.0e3),
+    "mN m": ("torque", 1.0e-3),
+    "N cm": ("torque", 1.0e-2),
+    "N mm": ("torque", 1.0e-3),
+    "lbf in": ("torque", POUND_FORCE * INCH),
+    "lbf ft": ("torque", POUND_FORCE * 12.0 * INCH),
+    "s": ("time", 1.0),
+    "ms": ("time", 1.0e-3),
+    "us": ("time", 1.0e-6),
+    "ns": ("time", 1.0e-9),
+    "min": ("time", 60.0),
+    "h": ("time", 3600.0),
+    "m": ("length", 1.0),
+    "mm": ("length", 1.0e-3),
+    "um": ("length", 1.0e-6),
+    "nm": ("length", 1.0e-9),
+    "in": ("length", INCH),
+    "rad": ("angle", 1.0),
+    "deg": ("angle", DEGREE),
+    "Hz": ("frequency", 1.0),
+    "kHz": ("frequency", 1.0e3),
+    "MHz": ("frequency", 1.0e6),
+}
+"""Unit at the border -> (dimension, factor to SI)."""
+
+SPELLINGS: dict[str, str] = {
+    "Nm": "N m",
+    "N*m": "N m",
+    "N.m": "N m",
+    "kNm": "kN m",
+    "mNm": "mN m",
+    "Ncm": "N cm",
+    "Nmm": "N mm",
+    "lbf.in": "lbf in",
+    "lbf*in": "lbf in",
+    "in lbf": "lbf in",
+    "lbf.ft": "lbf ft",
+    "lbf*ft": "lbf ft",
+    "ft lbf": "lbf ft",
+    "N/mm^2": "N/mm2",
+    "N/mm²": "N/mm2",
+    "Volt": "V",
+    "volt": "V",
+    "volts": "V",
+    "sec": "s",
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+}
+"""Other spellings that mean one thing only."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One line of the nomenclature."""
+
+    name: str
+    symbol: str
+    unit: str
+    zero: str
+    positive: str
+
+
+NOMENCLATURE: tuple[Quantity, ...] = (
+    Quantity("theta", "theta_1", "rad", "zero of the lift table (start of lift)", "direction of running"),
+    Quantity("trigger angle", "theta_t", "rad", "as theta", "cam angle at which the tooth passes, delay taken off"),
+    Quantity("torque", "tau", "N m", "no torque in the drive shaft", "the motor drives the pump"),
+    Quantity("pressure", "p", "Pa", "atmosphere (gauge)", "above atmosphere"),
+    Quantity("chamber pressure", "p_c", "Pa", "atmosphere (gauge)", "above atmosphere"),
+    Quantity("lift", "y", "m", "base circle", "away from the cam axis"),
+    Quantity("follower velocity", "y'", "m/rad", "at rest", "away from the cam axis"),
+    Quantity("follower acceleration", "y''", "m/rad^2", "uniform motion", "away from the cam axis"),
+    Quantity("follower offset", "e", "m", "guide through the cam axis", "towards +X1, relieves the rise"),
+    Quantity("pressure angle", "phi", "rad", "normal along the guide", "tan(phi) = (y' - e)/s"),
+    Quantity("cam speed", "omega", "rad/s", "standstill", "direction of running"),
+    Quantity("contact force", "F_n", "N", "no contact", "compression"),
+    Quantity("guide force", "F_g", "N", "no side force", "on the follower, towards +X1"),
+    Quantity("Hertz stress", "p_0", "Pa", "no contact", "compression"),
+    Quantity("twist", "phi_s", "rad", "no torque in the shaft", "the cam lags the drive"),
+    Quantity("time", "t", "s", "the logger's own", "t_logger = offset + (1 + skew) t"),
+    Quantity("delay", "t_d", "s", "no delay", "the channel shows an event late"),
+    Quantity("trigger voltage", "U", "V", "open input", "towards the pulse"),
+    Quantity("residual", "r", "N m", "model meets measurement", "measured - model"),
+)
+"""Every quantity once: name, symbol of the paper, unit inside, where its zero is, which way is positive."""
+
+
+def tidy_unit(unit: str) -> str:
+    """Return the one spelling of a unit: blanks, brackets and the two micro signs smoothed."""
+    text = unit.strip().strip("[]()").replace("µ", "u").replace("μ", "u").replace("·", " ").replace("⋅", " ")
+    text = " ".join(text.split())
+    return SPELLINGS.get(text, text)
+
+
+def is_known_unit(unit: str) -> bool:
+    """Tell whether a unit is in the border table."""
+    return tidy_unit(unit) in BORDER_UNITS
+
+
+def unit_factor(unit: str, dimension: str, where: str) -> float:
+    """Return the factor from a border unit to SI.
+
+    Raises
+    ------
+    Refusal
+        when the unit is unknown or of another dimension; a unit is never guessed
+    """
+    tidy = tidy_unit(unit)
+    known = [name for name, (kind, _) in BORDER_UNITS.items() if kind == dimension]
+    if tidy not in BORDER_UNITS:
+        raise Refusal(
+            f"{where}: unknown unit {unit!r}{did_you_mean(tidy, known)}; a {dimension} unit is expected "
+            f"({', '.join(known)})"
+        )
+    kind, factor = BORDER_UNITS[tidy]
+    if kind != dimension:
+        raise Refusal(f"{where}: unit {unit!r} is a {kind}, expected a {dimension} unit ({', '.join(known)})")
+    return factor
+
+
+def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
+    """Return ", did you mean 'x'?" for the nearest known word, or an empty string."""
+    lowered = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), list(lowered), n=1, cutoff=0.5)
+    return f", did you mean {lowered[near[0]]!r}?" if near else ""

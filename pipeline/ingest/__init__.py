@@ -1,7 +1,0 @@
-"""Files -> Recording: one reader per format, sensors and certificates, the cam table, the check of a recording."""
-
-from pipeline.ingest.check import RecordingSummary, check_recording, summarise_recording
-from pipeline.ingest.readers import READERS
-from pipeline.ingest.recording import read_recording
-
-__all__ = ["READERS", "RecordingSummary", "check_recording", "read_recording", "summarise_recording"]
