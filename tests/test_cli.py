@@ -6,10 +6,15 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from camtorque import __version__, cli
+from camtorque.commands import COMMANDS, check, options, run, texts
+from camtorque.commands.arguments import EFFECTS, SHELLS
+from camtorque.commands.outcome import Outcome
+from camtorque.fit.problem import FIT_EFFECTS
 from camtorque.records import Refusal
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
@@ -71,8 +76,107 @@ def test_unknown_unit(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_unknown_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path / "o"), "--effects", "magic"]
-    assert cli.main(arguments) == 2
-    assert "--effects: found magic, expected some of" in one_line(capsys)
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments)
+    assert "--effects: found magic, expected some of chamber" in one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ("run r --tolerance 7", "--tolerance: found '7', expected a number above 0 to 0.01"),
+        ("run r --tolerance nan", "--tolerance: found 'nan'"),
+        ("run r --n-theta 12", "--n-theta: found '12', expected a whole number from 36"),
+        ("run r --n-theta 7.5", "--n-theta: found '7.5', expected a whole number"),
+        ("run r --posterior -3", "--posterior: found '-3', expected a whole number from 0"),
+        ("campaign d --out o --workers 0", "--workers: found '0', expected a whole number from 1"),
+        ("predict p --speed -5", "--speed: found '-5', expected a number above 0"),
+        ("predict p --speed fast", "--speed: found 'fast'"),
+        ("run r --effects ,", "--effects: found no name"),
+    ],
+)
+def test_options_are_bounded(capsys: pytest.CaptureFixture[str], arguments: str, text: str) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments.split())
+    assert text in one_line(capsys)
+
+
+def test_help_names_every_effect(capsys: pytest.CaptureFixture[str]) -> None:
+    assert set(EFFECTS) == set(FIT_EFFECTS)
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["run", "--help"])
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in EFFECTS)
+
+
+def test_missing_extra_is_refused_before_anything_is_read(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(options, "find_spec", lambda name: None)
+    assert cli.main(["run", "no such folder", "--posterior", "100"]) == 2
+    assert "found no package emcee, corner, expected the extra 'posterior'" in one_line(capsys)
+
+
+def test_output_that_cannot_be_written_is_refused_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    assert cli.main(["run", "no such folder", "--out", str(tmp_path / "file" / "o")]) == 2
+    assert "on the way, expected folders" in one_line(capsys)
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert cli.main(["run", "no such folder", "--out", str(tmp_path / "o")]) == 2
+    assert "cannot be written to" in one_line(capsys)
+
+
+def test_a_run_writes_beside_the_other_reports() -> None:
+    assert run.default_out(Path("raw/night/run_7")) == Path("reports/run_7")
+    assert run.default_out(Path("raw/night/run_7/recording.toml")) == Path("reports/run_7")
+
+
+def test_check_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
+    doc = json.loads(capsys.readouterr().out)
+    assert doc["schema"] == "camtorque.check/1"
+    assert [row["quantity"] for row in doc["channels"]] == ["torque", "pressure", "trigger"]
+    assert {"code", "severity", "text", "where"} == set(doc["findings"][0])
+
+
+def test_notes_are_counted_and_warnings_shown() -> None:
+    rows = [{"severity": s, "text": s.upper(), "where": ""} for s in ("info", "warning", "info")]
+    assert texts.loud_findings(rows) == ["warning   WARNING", "info      2 notes on the page"]
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_completion_names_commands_and_options(capsys: pytest.CaptureFixture[str], shell: str) -> None:
+    assert cli.main(["completion", shell]) == 0
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in COMMANDS)
+    assert "speed-accuracy" in printed
+    assert "posterior" in printed
+
+
+@pytest.mark.parametrize(
+    ("typed", "wanted"), [("ru", "run"), ("run --post", "--posterior"), ("study sp", "speed-accuracy")]
+)
+def test_bash_completes(capsys: pytest.CaptureFixture[str], typed: str, wanted: str) -> None:
+    cli.main(["completion", "bash"])
+    words = ["camtorque", *typed.split()]
+    script = capsys.readouterr().out + f"COMP_WORDS=({' '.join(words)})\nCOMP_CWORD={len(words) - 1}\n_camtorque\n"
+    done = subprocess.run(["bash", "-c", script + 'echo "${COMPREPLY[@]}"'], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == wanted
+
+
+def test_progress_is_for_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def works(_: object, tell: Callable[[str], None]) -> Outcome:
+        tell("half done")
+        return Outcome("done", {})
+
+    monkeypatch.setattr(check, "execute", works)
+    assert cli.main(["check", "x"]) == 0
+    assert capsys.readouterr() == ("done\n", "")
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert cli.main(["check", "x"]) == 0
+    assert capsys.readouterr() == ("done\n", "camtorque: half done\n")
 
 
 def test_foreign_output_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,10 +211,10 @@ def test_campaign_of_refused_recordings_says_why(copy: Path, capsys: pytest.Capt
 def test_every_error_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: BaseException, status: int, text: str
 ) -> None:
-    def fails(_: object) -> int:
+    def fails(*_: object) -> Outcome:
         raise error
 
-    monkeypatch.setitem(cli.COMMANDS, "check", (fails, "", cli.COMMANDS["check"][2]))
+    monkeypatch.setattr(check, "execute", fails)
     assert cli.main(["check", "x"]) == status
     printed = capsys.readouterr().err
     assert text in printed
@@ -119,7 +223,7 @@ def test_every_error_is_one_line(
 
 def test_wrong_arguments_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        cli.main(["run", "somewhere"])
+        cli.main(["align", "somewhere"])
     assert "--out" in one_line(capsys)
 
 
@@ -158,7 +262,7 @@ def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: py
 
 def test_tolerance_of_a_run_is_a_finding() -> None:
     parsed = cli.build_parser().parse_args(["run", "r", "--out", "o", "--quiet", "--tolerance", "1e-4"])
-    (note,) = cli._options(parsed).align.notes
+    (note,) = options.run_options(parsed, cli.silent).align.notes
     assert note.code == "grid_error"
 
 

@@ -25,6 +25,7 @@ from camtorque.report import (
     write_run,
 )
 from camtorque.run import Progress, RunOptions, analyse, now, silent
+from camtorque.threads import on_one_thread
 
 CONFIG_NAME = "recording.toml"
 SUMMARY_KEYS = ("metrics", "effects", "losses", "chamber", "forces")
@@ -162,6 +163,7 @@ def _in_order(found: dict[str, Path], done: dict[str, Outcome]) -> tuple[tuple[C
     return tuple(entry for entry, _ in outcomes), [prepared for _, prepared in outcomes if prepared is not None]
 
 
+@on_one_thread
 def _joint(usable: Sequence[Prepared], options: FitOptions) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or names that repeat cannot be fitted together."""
     if len(usable) < 2:

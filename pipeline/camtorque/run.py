@@ -19,6 +19,7 @@ from camtorque.ingest import read_recording
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from camtorque.records import CamCycles, Recording, RigidTorque
 from camtorque.report import RunResult, check_output, output_folder, write_alignment, write_run
+from camtorque.threads import on_one_thread
 
 try:
     import resource
@@ -77,6 +78,7 @@ def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
     return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
 
 
+@on_one_thread
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
     """Return everything about one recording, and what a joint fit needs of it.
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from camtorque.grid_choice import GRID_ERRORS, choose_grid, grid_note
 from camtorque.records import Refusal
-from camtorque.studies import choose_grid, grid_note, run_speed_accuracy, run_stability
-from camtorque.studies.choices import GRID_ERRORS
+from camtorque.studies import run_speed_accuracy, run_stability
 from camtorque.studies.speed_accuracy import CHARTS
 from camtorque.studies.stability import MAPS
 from camtorque.studies.table import FRONT_FACTOR, front_factor, read_charts, read_maps

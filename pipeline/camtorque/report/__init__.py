@@ -11,7 +11,7 @@ write         `write_run`, `write_alignment`, `write_campaign`
 
 from camtorque.report.bundle import CampaignEntry, CampaignResult, RunResult
 from camtorque.report.figures import FIGURES
-from camtorque.report.folder import check_output, output_folder
+from camtorque.report.folder import check_output, check_writable, output_folder
 from camtorque.report.overview_figures import thumbnail
 from camtorque.report.write import write_alignment, write_campaign, write_prediction, write_run
 
@@ -21,6 +21,7 @@ __all__ = [
     "CampaignResult",
     "RunResult",
     "check_output",
+    "check_writable",
     "output_folder",
     "thumbnail",
     "write_alignment",

@@ -29,6 +29,23 @@ def check_output(target: Path) -> None:
             f"--out {target}: found a folder with other files in it, expected a new one or an earlier report; "
             "choose another name"
         )
+    check_writable(target)
+
+
+def check_writable(target: Path) -> None:
+    """Refuse a folder that cannot be written, before anything is computed for it.
+
+    Raises
+    ------
+    Refusal : the nearest folder that exists is a file or may not be written to
+    """
+    above = target.resolve()
+    while not above.exists():
+        above = above.parent
+    if not above.is_dir():
+        raise Refusal(f"--out {target}: found a file {above} on the way, expected folders; choose another name")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise Refusal(f"--out {target}: found that {above} cannot be written to, expected a folder of yours")
 
 
 def _is_own(folder: Path) -> bool:

@@ -1,0 +1,150 @@
+"""Every option of the command line with its bounds. Imports nothing heavy: `--help` reads this alone."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+EFFECTS = (
+    "chamber",
+    "trigger",
+    "driveline",
+    "sensor",
+    "friction",
+    "damping",
+    "spring",
+    "lift",
+    "controller",
+    "coupling",
+)
+"""Names that `--effects` takes; a test holds them to those of the fit."""
+STUDIES = ("speed-accuracy", "stability")
+SHELLS = ("bash", "zsh", "fish")
+LARGEST_TOLERANCE = 0.01
+"""The coarsest grid of the speed-accuracy study is off by less than this share of the peak torque."""
+FASTEST_RPM = 30000.0
+LEAST_GRID, LARGEST_GRID = 36, 36000
+
+
+def number(low: float, high: float = float("inf"), above: bool = False) -> Callable[[str], float]:
+    """Return a reader of numbers from ``low`` (``above``: greater than it) to ``high``."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not (low < value <= high if above else low <= value <= high):
+            raise argparse.ArgumentTypeError(f"found {text!r}, expected a number {_range(low, high, above)}")
+        return value
+
+    return read
+
+
+def whole(low: int, high: float = float("inf")) -> Callable[[str], int]:
+    """Return a reader of whole numbers from ``low`` to ``high``."""
+
+    def read(text: str) -> int:
+        digits = text.strip().removeprefix("-").removeprefix("+")
+        if not digits.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"found {text!r}, expected a whole number {_range(low, high, False)}")
+        return int(text)
+
+    return read
+
+
+def _range(low: float, high: float, above: bool) -> str:
+    start = f"above {low:g}" if above else f"from {low:g}"
+    return start if high == float("inf") else f"{start} to {high:g}"
+
+
+def effect_names(text: str) -> tuple[str, ...]:
+    """Read a list of effects, separated by commas."""
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    unknown = [name for name in names if name not in EFFECTS]
+    if unknown or not names:
+        found = ", ".join(unknown) or "no name"
+        raise argparse.ArgumentTypeError(f"found {found}, expected some of {', '.join(EFFECTS)}")
+    return names
+
+
+def _recording(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder with recording.toml, or that file")
+
+
+def _out(parser: argparse.ArgumentParser, required: bool = True, otherwise: str = "") -> None:
+    text = "folder to be written" + (f" (default {otherwise})" if otherwise else "")
+    parser.add_argument("--out", type=Path, required=required, metavar="DIR", help=text)
+
+
+def _grid(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--n-theta", type=whole(LEAST_GRID, LARGEST_GRID), metavar="N", help="points of the angle grid (default 3600)"
+    )
+
+
+def _tolerance(parser: argparse._ActionsContainer) -> None:
+    text = f"wanted error of the angle grid, share of the peak torque, at most {LARGEST_TOLERANCE:g}"
+    parser.add_argument("--tolerance", type=number(0.0, LARGEST_TOLERANCE, above=True), metavar="SHARE", help=text)
+
+
+def _fit(parser: argparse.ArgumentParser) -> None:
+    _grid(parser)
+    _tolerance(parser)
+    text = f"effects that are offered (default: all): {', '.join(EFFECTS)}"
+    parser.add_argument("--effects", type=effect_names, metavar="A,B,...", help=text)
+    parser.add_argument("--no-ladder", action="store_true", help="keep every offered effect, needed or not")
+
+
+def check(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `check`."""
+    _recording(parser)
+
+
+def align(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `align`."""
+    _recording(parser)
+    _out(parser)
+    _grid(parser)
+
+
+def run(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `run`."""
+    _recording(parser)
+    _out(parser, required=False, otherwise="reports/NAME, NAME being the recording's folder")
+    _fit(parser)
+    parser.add_argument(
+        "--posterior", type=whole(0), default=0, metavar="STEPS", help="sample the posterior by chains of that length"
+    )
+    parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="of the random numbers (default 0)")
+
+
+def campaign(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `campaign`."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder with recordings at or below it")
+    _out(parser)
+    _fit(parser)
+    parser.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: as many as processors)")
+
+
+def predict(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `predict`."""
+    speeds = number(0.0, FASTEST_RPM, above=True)
+    parser.add_argument("pump", type=Path, metavar="PUMP", help="pump file, see docs/predict.md")
+    parser.add_argument("--speed", type=speeds, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
+    parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
+    _out(parser, required=False, otherwise="none: the table alone")
+    _tolerance(parser)
+
+
+def study(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `study`."""
+    parser.add_argument("name", choices=STUDIES, metavar="NAME", help=" or ".join(STUDIES))
+    _out(parser)
+    parser.add_argument("--quick", action="store_true", help="a coarse version within about a minute")
+
+
+def completion(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `completion`."""
+    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))

@@ -1,0 +1,52 @@
+"""Arguments of the fit -> options of a run; whatever would fail after minutes is refused first."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.util import find_spec
+
+from camtorque.align import AlignOptions
+from camtorque.commands.outcome import Tell
+from camtorque.fit import FitOptions
+from camtorque.fit.prepare import LEAST_GRID
+from camtorque.grid_choice import grid_note
+from camtorque.records import Refusal
+from camtorque.run import RunOptions
+
+
+def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
+    """Return the options of `run` and `campaign`.
+
+    Raises
+    ------
+    Refusal : a grid and a tolerance together; an optional package that a choice needs is missing
+    """
+    steps, seed = getattr(arguments, "posterior", 0), getattr(arguments, "seed", 0)
+    if steps:
+        require(("emcee", "corner"), "--posterior", "posterior")
+    return RunOptions(_align(arguments, tell), FitOptions(arguments.effects, not arguments.no_ladder, steps, seed))
+
+
+def _align(arguments: argparse.Namespace, tell: Tell) -> AlignOptions:
+    if arguments.tolerance is None:
+        return AlignOptions() if arguments.n_theta is None else AlignOptions(n_theta=arguments.n_theta)
+    if arguments.n_theta is not None:
+        raise Refusal("--tolerance, --n-theta: found both, expected one of them; the tolerance chooses the grid")
+    n_theta, note = grid_note(arguments.tolerance, LEAST_GRID)
+    tell(note.text)
+    return AlignOptions(n_theta=n_theta, notes=(note,))
+
+
+def require(packages: tuple[str, ...], what: str, extra: str) -> None:
+    """Refuse a choice whose optional packages are not installed.
+
+    Raises
+    ------
+    Refusal : a package is missing; the message names the extra that brings it
+    """
+    missing = [name for name in packages if find_spec(name) is None]
+    if missing:
+        raise Refusal(
+            f"{what}: found no package {', '.join(missing)}, expected the extra {extra!r}; "
+            f"pip install 'camtorque[{extra}]'"
+        )

@@ -1,0 +1,65 @@
+"""Tables and findings for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def run_table(doc: Mapping[str, Any]) -> str:
+    """Return the content of result.json as a compact table."""
+    recording, metrics = doc["recording"], doc["metrics"]
+    lines = [
+        f"{recording['name']}  {recording['speed_rpm']:.1f} rpm, {recording['cycles_used']} of "
+        f"{recording['cycles_found']} cycles used",
+        "",
+        f"{'':22}{'RMS':>16}{'forward gap':>14}{'return minimum':>17}",
+    ]
+    for name, label in (("rigid", "rigid model"), ("fitted_held_out_cycles", "fitted (held-out)")):
+        row = metrics[name]
+        lines.append(
+            f"{label:22}{row['rms_nm']:7.3f} N m{row['rms_percent_of_peak']:6.2f} %"
+            f"{row['forward_gap_percent']:+11.2f} %{row['return_min_model_nm']:13.2f} N m"
+        )
+    lines.append(f"{'measured':22}{'':32}{metrics['rigid']['return_min_measured_nm']:13.2f} N m")
+    trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
+    lines += ["", f"effects   {', '.join(doc['effects']) or 'none'}"]
+    lines.append(f"trigger   {_value(trigger, 'deg')}, nominal {trigger['nominal']:.2f}")
+    if chamber and chamber["peak_bar"]:
+        lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar')}")
+    parts = [f"{k.replace('_', ' ')} {losses[k]:.2f}" for k in ("pressure", "friction", "damping") if k in losses]
+    lines.append(f"work      {losses['input']:.2f} J/rev = {', '.join(parts)}; open {losses['closure_percent']:+.2f} %")
+    return "\n".join([*lines, *loud_findings(doc["findings"])])
+
+
+def _value(estimate: Mapping[str, Any], unit: str) -> str:
+    error = estimate["stderr"]
+    return f"{estimate['value']:.2f} {unit}" if error is None else f"{estimate['value']:.2f} ± {error:.2f} {unit}"
+
+
+def campaign_table(doc: Mapping[str, Any]) -> str:
+    """Return the content of campaign.json as a compact table."""
+    lines = [f"{'recording':24}{'rpm':>8}{'rigid RMS':>12}{'fitted':>9}{'joint':>9}{'left out':>10}"]
+    left = {row["name"]: row["metrics"] for row in doc["held_out"] if row["mode"] == "own_zero_and_end"}
+    for row in doc["recordings"]:
+        if row["status"] != "ok":
+            lines.append(f"{row['name']:24}refused: {row['error']}")
+            continue
+        shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
+                  (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), left.get(row["id"])]  # fmt: skip
+        texts = [f"{m['rms_percent_of_peak']:.2f} %" if m else "-" for m in shares]
+        lines.append(f"{row['name']:24}{row['speed_rpm']:8.1f}{texts[0]:>12}{texts[1]:>9}{texts[2]:>9}{texts[3]:>10}")
+    return "\n".join([*lines, *loud_findings(doc["findings"])])
+
+
+def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one line per finding."""
+    return [f"{row['severity']:8}  {row['text']}" + (f" [{row['where']}]" if row["where"] else "") for row in findings]
+
+
+def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one line per warning and error; notes are counted, they stand on the page."""
+    loud = [row for row in findings if row["severity"] != "info"]
+    notes = len(findings) - len(loud)
+    tail = [f"info      {notes} {'note' if notes == 1 else 'notes'} on the page"] if notes else []
+    return [*finding_lines(loud), *tail]
