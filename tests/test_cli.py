@@ -266,13 +266,22 @@ def test_tolerance_of_a_run_is_a_finding() -> None:
     assert note.code == "grid_error"
 
 
-def test_help_does_not_import_the_rooms() -> None:
-    code = "import sys; from camtorque import cli; cli.build_parser(); print('numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
-
-
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="0"):
         cli.main(["--version"])
     assert __version__ in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("module", "unwanted"),
+    [
+        ("camtorque.cli", {"numpy"}),
+        ("camtorque.commands.check", {"pandas", "matplotlib", "numba", "scipy.signal"}),
+        ("camtorque.commands.run", {"pandas", "lmfit", "asammdf", "emcee", "camtorque.studies"}),
+        ("camtorque.commands.predict", {"pandas", "camtorque.studies"}),
+    ],
+)
+def test_a_command_imports_what_it_needs_alone(module: str, unwanted: set[str]) -> None:
+    code = f"import sys, {module}; print(*(name for name in {sorted(unwanted)} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

@@ -18,21 +18,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
-LEFT = {"units", "records", "config", "config_pump", "config_toml", "toml_table", "grid_choice", "threads", "__init__"}
-ORDER = [
-    "left",
-    "ingest",
-    "align",
-    "mechanism",
-    "laws",
-    "fit",
-    "report",
-    "run",
-    "campaign",
-    "studies",
-    "commands",
-    "cli",
-]
+CONFIGURATION = {"config", "config_pump", "config_toml", "toml_table"}
+LEFT = {"units", "records", "grid_choice", "plain", "threads", "__init__", *CONFIGURATION}
+ROOMS = ["ingest", "align", "mechanism", "laws", "fit", "report"]
+ORDER = ["left", *ROOMS, "run", "campaign", "studies", "commands", "cli"]
 LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter"}
 """Heavy optional packages that may be imported inside a function."""
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from camtorque.config_toml import FORMAT_ALIASES, TABLES, load_recording_config
 from camtorque.ingest import READERS
+from camtorque.ingest.readers import reader_of
 from camtorque.ingest.sensors import SHEET_KEYS
 from camtorque.ingest.signature import NAMES
 from camtorque.records import Refusal
@@ -164,3 +165,8 @@ def test_every_key_is_documented():
     text = (CALIBRATION.parent / "docs" / "recording_toml.md").read_text(encoding="utf-8")
     keys = {key for name, table in TABLES.items() if name for key in table} | set(SHEET_KEYS)
     assert {key for key in keys if f"`{key}`" not in text} == set()
+
+
+@pytest.mark.parametrize("file_format", READERS)
+def test_every_format_has_a_reader(file_format: str) -> None:
+    assert callable(reader_of(file_format))

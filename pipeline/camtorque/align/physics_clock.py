@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import correlate
+from scipy.fft import irfft, next_fast_len, rfft
 
 from camtorque.align.angle import TWO_PI, CamAngle
 from camtorque.align.channels import align_channels, covered
@@ -103,10 +103,17 @@ def _coarse_offset(pair: Pair) -> float:
     )
     even = np.arange(round((known_time[-1] - known_time[0]) * COARSE_RATE)) / COARSE_RATE
     known = np.interp(known_start + even, known_time, known * weight)
-    raw = correlate(own - own.mean(), known - known.mean(), mode="full", method="fft")
+    raw = _correlation(own - own.mean(), known - known.mean())
     # Not divided by the overlap: of equal peaks, one per revolution, the longest overlap is taken first.
     lag = int(np.argmax(raw)) - (known.size - 1)
     return own_start + lag / COARSE_RATE - known_start
+
+
+def _correlation(own: Array, known: Array) -> Array:
+    """Return the full cross-correlation, lags from ``1 - known.size`` on (scipy.signal takes long to import)."""
+    n = own.size + known.size - 1
+    length = next_fast_len(n, real=True)
+    return irfft(rfft(own, length) * rfft(known[::-1], length), length)[:n]
 
 
 def _velocity_at(pair: Pair, time: Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.ingest import RecordingSummary, summarise_recording
-from camtorque.report.document import plain
+from camtorque.plain import plain
 from camtorque.units import BAR
 
 SHOWN = {"torque": ("N m", 1.0), "pressure": ("bar", 1.0 / BAR)}

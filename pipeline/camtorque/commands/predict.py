@@ -10,8 +10,8 @@ from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
+from camtorque.plain import plain
 from camtorque.report import check_output, write_prediction
-from camtorque.report.document import plain
 from camtorque.units import RPM
 
 

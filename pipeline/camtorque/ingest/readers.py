@@ -1,21 +1,26 @@
-"""One line per format. `camtorque.config_toml.FORMAT_ALIASES` maps the bench's words to these names."""
+"""One line per format, its module loaded when a recording needs it: pandas alone takes longer than reading a log.
+
+`camtorque.config_toml.FORMAT_ALIASES` maps the bench's words to these names.
+"""
 
 from __future__ import annotations
 
-from camtorque.ingest.catman import read_catman
-from camtorque.ingest.csv_log import read_csv
-from camtorque.ingest.hdf5 import read_hdf5
-from camtorque.ingest.mat import read_mat
-from camtorque.ingest.mf4 import read_mf4
-from camtorque.ingest.raw import Reader
-from camtorque.ingest.tdms import read_tdms
+from importlib import import_module
 
-READERS: dict[str, Reader] = {
-    "csv": read_csv,
-    "tdms": read_tdms,
-    "mf4": read_mf4,
-    "hdf5": read_hdf5,
-    "mat": read_mat,
-    "catman": read_catman,
+from camtorque.ingest.raw import Reader
+
+READERS: dict[str, str] = {
+    "csv": "camtorque.ingest.csv_log:read_csv",
+    "tdms": "camtorque.ingest.tdms:read_tdms",
+    "mf4": "camtorque.ingest.mf4:read_mf4",
+    "hdf5": "camtorque.ingest.hdf5:read_hdf5",
+    "mat": "camtorque.ingest.mat:read_mat",
+    "catman": "camtorque.ingest.catman:read_catman",
 }
-"""Name of a format -> its reader."""
+"""Name of a format -> module and function of its reader."""
+
+
+def reader_of(file_format: str) -> Reader:
+    """Return the reader of a format."""
+    module, function = READERS[file_format].split(":")
+    return getattr(import_module(module), function)

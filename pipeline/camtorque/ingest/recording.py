@@ -13,7 +13,7 @@ from camtorque.config_toml import load_recording_config
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.hashes import input_file
 from camtorque.ingest.raw import RawChannel, RawFile
-from camtorque.ingest.readers import READERS
+from camtorque.ingest.readers import reader_of
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor, with_idle_zero
 from camtorque.ingest.signature import check_content
 from camtorque.records import Channel, Finding, Recording, Refusal, SensorCalibration
@@ -71,7 +71,7 @@ def _said_once(*findings: Finding) -> tuple[Finding, ...]:
 
 def _read_files(config: RecordingConfig) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:
     """Read each file once for all its channels."""
-    reader = READERS[config.file_format]
+    reader = reader_of(config.file_format)
     raw: dict[ChannelSpec, RawChannel] = {}
     findings: list[Finding] = []
     for file in dict.fromkeys(spec.path for spec in config.channels):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -13,25 +12,13 @@ from typing import Any
 import numpy as np
 
 from camtorque import __version__
+from camtorque.plain import plain
 from camtorque.records import AngleError, Estimate, FittedTorque, ParameterEstimate, Recording
 from camtorque.report.bundle import RunResult
 from camtorque.report.gaps import gap_shares
 from camtorque.units import BAR, DEGREE, RPM
 
 SCHEMA = "camtorque.result/1"
-
-
-def plain(value: Any) -> Any:
-    """Return JSON-ready values: numpy to Python, tuples to lists, numbers that are not finite to None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, Path) else value
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from camtorque.fit.posterior import Posterior
+from camtorque.plain import plain
 from camtorque.records import Refusal
-from camtorque.report.document import plain, write_json
+from camtorque.report.document import write_json
 from camtorque.report.style import FITTED, MEASURED, STYLE, new_figure
 
 SHOWN = (

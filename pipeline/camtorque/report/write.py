@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 from camtorque import __version__
 from camtorque.align import alignment_summary
 from camtorque.mechanism.predict import Prediction, prediction_document
+from camtorque.plain import plain
 from camtorque.records import CamCycles, Recording
 from camtorque.report.bundle import CampaignResult, RunResult
 from camtorque.report.campaign_figures import CAMPAIGN_FIGURES, campaign_drawing, can_draw
 from camtorque.report.cycles_file import write_aligned, write_cycles
-from camtorque.report.document import inputs_document, parameters_document, plain, result_document, write_json
+from camtorque.report.document import inputs_document, parameters_document, result_document, write_json
 from camtorque.report.figures import FIGURES, drawn_svg
 from camtorque.report.folder import output_folder
 from camtorque.report.overview_figures import aligned_cycles
