@@ -31,7 +31,7 @@ from mechanism_cases import analytic_law, paper_pump
 
 MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 PUMP_COUNTS = (1, 2, 4, 8, 16, 32, 64)
-MOST_PUMPS = {"matrix": 16, "elastic shaft": 32}
+MOST_PUMPS = {"denoc": 16, "elastic shaft": 32}
 """Left out beyond: dense shaft matrices of 64 lobes take seconds."""
 
 
@@ -109,7 +109,7 @@ def candidates(cycles, size):
     speed = random.uniform(30.0, 120.0, cycles)
     pump, law, mounting = paper_pump(follower_offset=2e-3), analytic_law(), Mounting(guide_height=0.06)
     tables = closed_form_tables(pump, law, theta, mounting)
-    compiled = cycle_tables(pump, tables)
+    compiled = cycle_tables(tables)
     out = np.zeros((8, cycles, size))
     units = [PumpUnit(pump, law, mounting=mounting)]
     few = 2

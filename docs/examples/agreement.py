@@ -63,7 +63,7 @@ def inverse_dynamics_rows() -> None:
                 motion_of = (run.theta, run.pressure, run.speed, run.acceleration)
                 ours = solve_shaft(units, *motion_of)
                 found = {m: difference(ours, list(solve_shaft(units, *motion_of, method=m).outputs)) for m in METHODS}
-                del found["closed_form"]
+                del found["closed"]
                 found["Newton-Euler from scratch"] = difference(ours, from_scratch(units, run))
                 found |= {name: agreement(name, units, run, ours) for name in engines}
                 speed = "varying" if varying else "constant"

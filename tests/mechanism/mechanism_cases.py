@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.config import PumpData
-from camtorque.mechanism import Mounting
+from camtorque.mechanism import Friction, Mounting
 from camtorque.mechanism.sections import dwell, flank, section_law
 
 DEGREE = np.pi / 180.0
@@ -121,11 +121,13 @@ def contact_geometry(pump, law, mounting, theta):
     return centre, normal, ratio
 
 
-def newton_euler(pump, law, mounting, theta, pressure, speed, acceleration):
+def newton_euler(pump, law, mounting, theta, pressure, speed, acceleration, friction=None):
     """Return all outputs at one angle from the nine free-body equations of cam, roller and follower, solved at once.
 
-    Nothing is shared with the package but the polynomial of the lift.
+    Nothing is shared with the package but the polynomial of the lift. Friction opposes sliding in guide, bearing and
+    pin, in proportion to the contact load: lambda_y |tan phi| on the guide, lambda_y / cos phi on bearing and pin.
     """
+    friction = Friction() if friction is None else friction
     turn = mounting.rotation
     gravity_x, gravity_y = turn * mounting.gravity[0], mounting.gravity[1]
     centre, normal, ratio = contact_geometry(pump, law, mounting, theta)
@@ -148,6 +150,10 @@ def newton_euler(pump, law, mounting, theta, pressure, speed, acceleration):
     matrix[6, [3, 5]], right[6] = [1.0, -1.0], -moving * gravity_x
     matrix[7, 6], right[7] = -1.0, moving * (rise - gravity_y) + axial
     matrix[8, 4] = 1.0
+    load, sine, cosine = np.array([n[1], t[1]]), -n[0], n[1]
+    matrix[7, [7, 8]] -= friction.guide * abs(sine / cosine) * np.sign(np.round(velocity, 9)) * load
+    matrix[5, [7, 8]] -= friction.pin_arm / cosine * np.sign(ratio(0.0)) * load
+    matrix[2, [7, 8]] -= friction.bearing_arm / cosine * load
     torque, bearing_x, bearing_y, guide, moment, pin_x, pin_y, fn, ft = np.linalg.solve(matrix, right)
     lever = o2[1] - mounting.guide_height
     return {

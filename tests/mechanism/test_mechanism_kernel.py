@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.mechanism import closed_form_tables
-from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles
+from camtorque.mechanism import Friction, closed_form_tables
+from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles, solve_cycles
 from mechanism_cases import CASES, analytic_law, case
 
 LAW = analytic_law()
 
 
+@pytest.mark.parametrize("friction", [Friction(), Friction(0.1, 2e-4, 3e-5)])
 @pytest.mark.parametrize("name", CASES)
-def test_compiled_pass_is_the_closed_form(name):
+def test_compiled_pass_is_the_closed_form(name, friction):
     pump, mounting, run = case(name)
-    tables = closed_form_tables(pump, LAW, run.theta, mounting)
+    tables = closed_form_tables(pump, LAW, run.theta, mounting, friction)
     pressure = run.pressure * np.array([[1.0], [0.3], [0.0]])
     speed = np.array([40.0, 90.0, 400.0])
-    result = evaluate_cycles(cycle_tables(pump, tables), pressure, speed)
+    result = evaluate_cycles(cycle_tables(tables), pressure, speed)
+    direct = solve_cycles(pump, LAW, run.theta, pressure, speed, mounting, friction)
+    for row in range(len(CYCLE_OUTPUTS)):
+        scale = np.max(np.abs(result[row])) + 1e-3 * np.max(np.abs(result[1]))
+        assert np.max(np.abs(direct[row] - result[row])) < 1e-12 * scale, CYCLE_OUTPUTS[row]
     for row, output in enumerate(CYCLE_OUTPUTS[:-1]):
         expected = tables.evaluate(output, pressure, speed[:, None])
         # rounding, on the scale of the forces that are added up to it
@@ -31,7 +36,7 @@ def test_compiled_pass_is_the_closed_form(name):
 
 def test_preallocated_result_is_written_in_place():
     pump, mounting, run = case("on axis, constant speed")
-    compiled = cycle_tables(pump, closed_form_tables(pump, LAW, run.theta, mounting))
+    compiled = cycle_tables(closed_form_tables(pump, LAW, run.theta, mounting))
     out = np.zeros((8, 1, run.theta.size))
     assert evaluate_cycles(compiled, run.pressure[None], np.array([50.0]), out) is out
     assert np.any(out != 0.0)
@@ -39,7 +44,7 @@ def test_preallocated_result_is_written_in_place():
 
 def test_wrong_shapes_are_named():
     pump, mounting, run = case("on axis, constant speed")
-    compiled = cycle_tables(pump, closed_form_tables(pump, LAW, run.theta, mounting))
+    compiled = cycle_tables(closed_form_tables(pump, LAW, run.theta, mounting))
     with pytest.raises(ValueError, match="tables have 97 angles"):
         evaluate_cycles(compiled, np.zeros((2, 96)), np.ones(2))
     with pytest.raises(ValueError, match="out has shape"):

@@ -2,20 +2,21 @@
 
 ::
 
-    CamTable, sections -> CamLaw -> kinematics -> closed_form_tables -> solve_rigid -> RigidTorque
-                                                  denoc, recursion   the same numbers, link by link
-                                                  shaft, elastic     several pumps on one shaft, rigid or with springs
-                                                  kernel             many cycles in one compiled pass
-                                                  predict            a pump without a recording
+    CamTable, sections -> CamLaw -> kinematics, friction -> torque -> solve_rigid -> RigidTorque
+                                    denoc, recursion   the same numbers, link by link, without friction
+                                    shaft, elastic     several pumps on one shaft, rigid or with springs
+                                    kernel             many cycles in one compiled pass
+                                    predict            a pump without a recording
 """
 
 from camtorque.mechanism.cam import LIFT_METHODS, CamLaw, cubic_law, lift_law, quintic_law, smoothing_law
-from camtorque.mechanism.closed_form import CAUSES, OUTPUTS, ClosedForm, closed_form_tables
 from camtorque.mechanism.contact import ContactLoss
+from camtorque.mechanism.friction import Friction, contact_load, jamming_friction
 from camtorque.mechanism.kinematics import Kinematics, kinematics
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
 from camtorque.mechanism.shaft import METHODS, ShaftForces, solve_shaft
 from camtorque.mechanism.solve import acceleration_of, forces_of, solve_rigid
+from camtorque.mechanism.torque import CAUSES, OUTPUTS, ClosedForm, closed_form_tables
 
 __all__ = [
     "CAUSES",
@@ -25,6 +26,7 @@ __all__ = [
     "CamLaw",
     "ClosedForm",
     "ContactLoss",
+    "Friction",
     "Kinematics",
     "Mounting",
     "PumpUnit",
@@ -33,8 +35,10 @@ __all__ = [
     "acceleration_of",
     "assumed_roller",
     "closed_form_tables",
+    "contact_load",
     "cubic_law",
     "forces_of",
+    "jamming_friction",
     "kinematics",
     "lift_law",
     "quintic_law",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -15,32 +16,35 @@ from camtorque.records import Array, CamTable, Refusal, freeze_arrays
 TURN = 2.0 * np.pi
 
 
-@njit(cache=True)
-def _evaluate(knots, coefficients, uniform, theta, out):  # type: ignore[no-untyped-def]
-    """Write derivatives 0, 1, ... of the piecewise polynomial into the rows of ``out`` (Horner's rule per sample)."""
-    n_pieces = knots.size - 1
-    order = coefficients.shape[0]
-    n_rows = out.shape[0]
-    values = np.empty(n_rows)
+@njit(cache=True, fastmath={"contract", "nsz"})
+def _evaluate(knots, coefficients, theta, out):  # type: ignore[no-untyped-def]
+    """Write derivatives 0 to 3, as many as ``out`` has rows, of the pieces (m, order) by Horner's rule.
+
+    Angles mostly come in order, so that the piece of the one before is the first guess, and the next one the second.
+    """
+    n_pieces, order = coefficients.shape
+    piece = 0
     for i in range(theta.size):
-        turns = np.floor((theta[i] - knots[0]) / 6.283185307179586)
-        angle = theta[i] - turns * 6.283185307179586
-        if uniform:
-            piece = int((angle - knots[0]) * n_pieces / 6.283185307179586)
-        else:
-            piece = np.searchsorted(knots, angle, side="right") - 1
-        piece = min(max(piece, 0), n_pieces - 1)
+        angle = theta[i] - np.floor((theta[i] - knots[0]) / 6.283185307179586) * 6.283185307179586
+        if not knots[piece] <= angle < knots[piece + 1]:
+            piece = piece + 1 if piece + 1 < n_pieces else 0
+            if not knots[piece] <= angle < knots[piece + 1]:
+                piece = min(max(np.searchsorted(knots, angle, side="right") - 1, 0), n_pieces - 1)
         x = angle - knots[piece]
-        values[:] = 0.0
-        for k in range(order):
-            for row in range(n_rows - 1, 0, -1):
-                values[row] = values[row] * x + values[row - 1]
-            values[0] = values[0] * x + coefficients[k, piece]
-        factorial = 1.0
-        for row in range(n_rows):
-            if row > 1:
-                factorial *= row
-            out[row, i] = factorial * values[row]
+        c = coefficients[piece]
+        y, first, second, third = c[0], 0.0, 0.0, 0.0
+        for k in range(1, order):
+            third = third * x + second
+            second = second * x + first
+            first = first * x + y
+            y = y * x + c[k]
+        out[0, i] = y
+        if out.shape[0] > 1:
+            out[1, i] = first
+        if out.shape[0] > 2:
+            out[2, i] = 2.0 * second
+        if out.shape[0] > 3:
+            out[3, i] = 6.0 * third
 
 
 @dataclass(frozen=True)
@@ -82,15 +86,18 @@ class CamLaw:
         return self.derivatives(theta, derivative)[derivative]
 
     def derivatives(self, theta: Array, highest: int = 3) -> Array:
-        """Return derivatives 0 to ``highest`` in one pass, (highest + 1, *theta.shape)."""
+        """Return derivatives 0 to ``highest`` (at most 3) in one pass, (highest + 1, *theta.shape)."""
+        if not 0 <= highest <= 3:
+            raise ValueError(f"cam law: derivative {highest}, expected 0 to 3")
         angle = np.ascontiguousarray(theta, dtype=np.float64)
         out = np.empty((highest + 1, angle.size))
-        _evaluate(self.knots, self.coefficients, self._uniform(), angle.reshape(-1), out)
+        _evaluate(self.knots, self._by_piece, angle.reshape(-1), out)
         return out.reshape((highest + 1, *angle.shape))
 
-    def _uniform(self) -> bool:
-        """Return whether the pieces are equally wide: then the piece of an angle is a division, not a search."""
-        return bool(np.ptp(np.diff(self.knots)) < 1e-12)
+    @cached_property
+    def _by_piece(self) -> Array:
+        """The coefficients of a piece side by side, as the evaluation reads them, (m, order)."""
+        return np.ascontiguousarray(self.coefficients.T)
 
     @property
     def lift(self) -> float:

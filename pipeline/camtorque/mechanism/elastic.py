@@ -24,9 +24,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import NoConvergence, newton_krylov
 
 from camtorque.mechanism.cam import TURN
-from camtorque.mechanism.closed_form import closed_form_tables
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Refusal, freeze_arrays
 
 Complex = NDArray[np.complex128]
@@ -106,7 +106,9 @@ def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping:
     curve = _periodic(theta, load)
 
     def rows(angle: Array) -> Array:
-        table = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting).outputs["torque"]
+        table = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting, unit.friction).outputs[
+            "torque"
+        ]
         return np.stack([table[0] + table[1] * curve(np.mod(angle, TURN)), table[2], table[3]])
 
     orbit = solve_orbit(rows, _elements(unit), STAGES, (float(stiffness[0]), float(damping[0]), speed))
@@ -138,7 +140,10 @@ class _Shaft:
         self.frequency = speed * np.fft.rfftfreq(load.shape[1], 1.0 / load.shape[1])
         self.curves = [_periodic(self.theta, row) for row in load]
         self.inertia = np.array(
-            [np.mean(closed_form_tables(u.pump, u.law, self.theta, u.mounting).outputs["torque"][3]) for u in units]
+            [
+                np.mean(closed_form_tables(u.pump, u.law, self.theta, u.mounting, u.friction).outputs["torque"][3])
+                for u in units
+            ]
         )
 
     def answer(self, twist: Array) -> Array:
@@ -225,7 +230,7 @@ def _lobe_torque(
     rows = []
     for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
         angle = theta + ahead
-        tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting)
+        tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting, unit.friction)
         rows.append(tables.evaluate("torque", curve(angle), rate, change))
     return np.array(rows)
 

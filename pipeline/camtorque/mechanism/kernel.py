@@ -1,9 +1,8 @@
 """The closed form for many cycles in one compiled pass: eight outputs at the speed of memory.
 
-Each output of `closed_form` needs up to four table rows; written out, they share six numbers per angle, and the other
-lengths follow from these by a multiplication. A sample costs some twenty multiplications and one root; writing the
-results is what takes the time. (With nine rows, reading the tables from the second-level cache cost 0.3 of the copy
-more; two cycles per pass, or tiles of the angle, cost more still: docs/mechanism_speed.md.)
+Where the tables are made once, the outputs of an angle share six numbers, and the other lengths follow from these by a
+multiplication: writing the results is what takes the time. (With nine rows, reading the tables from the second-level
+cache cost 0.3 of the copy more; two cycles per pass, or tiles of the angle, cost more still: docs/mechanism_speed.md.)
 """
 
 from __future__ import annotations
@@ -14,9 +13,12 @@ import numpy as np
 from numba import njit
 
 from camtorque.config import PumpData
-from camtorque.mechanism.closed_form import ClosedForm
-from camtorque.mechanism.kinematics import base_height
-from camtorque.mechanism.mounting import moving_mass
+from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.contact import contact_modulus
+from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain
+from camtorque.mechanism.kinematics import path_at
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.torque import ClosedForm, Constants, constants_of, joint_forces, solve_angle
 from camtorque.records import Array, freeze_arrays
 
 CYCLE_OUTPUTS = (
@@ -38,56 +40,41 @@ class CycleTables:
 
     Attributes
     ----------
-    rows : (6, n_theta) lift, inertia forces m y'' of follower and I_r q' / r_r of roller per omega^2, tan phi, sec phi,
-        Hertz factor
-    constants : plunger area, force at zero lift, spring rate, s at zero lift, offset in the running frame, roller
-        radius, height of the guide point (nan: the roller centre), sign of rotation, forces of gravity on bearing x,
-        bearing y and guide
+    rows : (6, n_theta) lift, y'' over what guide friction leaves of 1, tangential inertia per omega^2, tan phi,
+        sec phi, Hertz factor
+    gain : (n_theta,) of the contact load by guide friction; None without friction
+    constants : of the closed form
     """
 
     rows: Array
-    constants: tuple[float, ...]
+    gain: Array | None
+    constants: Constants
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
 
 
-def cycle_tables(pump: PumpData, tables: ClosedForm) -> CycleTables:
+def cycle_tables(tables: ClosedForm) -> CycleTables:
     """Return what the compiled pass reads from the tables of a pump."""
-    path, mounting = tables.kinematics, tables.mounting
-    mass, (gravity_x, gravity_y) = moving_mass(pump, mounting), mounting.gravity
+    path, c = tables.kinematics, tables.constants
     rows = np.stack(
         [
             path.lift,
-            tables.outputs["contact_y"][2],
-            tables.outputs["contact_tangential"][2],
+            c.mass * path.acceleration,
+            c.roller_inertia * path.roller_ratio_slope / c.radius,
             path.tan_pressure_angle,
             path.pitch_arc / path.centre_height,
             tables.hertz_factor,
         ]
     )
-    constants = (
-        pump.plunger_area,
-        pump.spring_preload - mass * gravity_y,
-        pump.spring_stiffness,
-        base_height(pump),
-        path.offset,
-        pump.roller_radius,
-        np.nan if mounting.guide_height is None else mounting.guide_height,
-        float(mounting.rotation),
-        -pump.cam_mass * gravity_x,
-        -pump.cam_mass * gravity_y,
-        -mass * gravity_x,
-    )
-    return CycleTables(rows, tuple(float(value) for value in constants))
+    gain = None if tables.friction.none else guide_gain(path.tan_pressure_angle, path.velocity, c.guide_friction)
+    return CycleTables(rows, gain, c)
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})
-def _evaluate(rows, constants, pressure, speed, out):  # type: ignore[no-untyped-def]
+def _tabulated(rows, gain, c, pressure, speed, out):  # type: ignore[no-untyped-def]
     lift, inertia, roller, tangent, secant, factor = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
-    area, at_rest, stiffness, base, offset, radius, guide_height, turn, weight_x, weight_y, weight_guide = constants
-    # about the roller centre the lever is (s - s): the same loop with both factors 0
-    to_guide, from_axis = (0.0, 0.0) if np.isnan(guide_height) else (guide_height, 1.0)
+    at_rest, arm = c.preload + c.weight, c.pin_arm / c.radius
     for cycle in range(pressure.shape[0]):
         squared = speed[cycle] * speed[cycle]
         load = pressure[cycle]
@@ -95,21 +82,23 @@ def _evaluate(rows, constants, pressure, speed, out):  # type: ignore[no-untyped
         bearing_x, bearing_y, guide = out[3, cycle], out[4, cycle], out[5, cycle]
         moment, hertz = out[6, cycle], out[7, cycle]
         for i in range(load.size):
-            along = at_rest + stiffness * lift[i] + area * load[i] + inertia[i] * squared
+            along = at_rest + c.stiffness * lift[i] + c.area * load[i] + inertia[i] * squared
             across = roller[i] * squared
-            height = base + lift[i]
-            force = along * secant[i] - across * tangent[i]
-            side = turn * (across * secant[i] - along * tangent[i])
-            reaction = weight_guide - side
-            # y' = e + s tan phi, and the roller's share of the torque is F_t (r_r - L) with L = s sec phi
-            torque[i] = along * (offset + height * tangent[i]) + across * (radius - height * secant[i])
-            normal[i] = force
-            tangential[i] = across
-            bearing_x[i] = side + weight_x
-            bearing_y[i] = along + weight_y
-            guide[i] = reaction
-            moment[i] = (to_guide - from_axis * height) * reaction
-            hertz[i] = factor[i] * np.sqrt(max(force, 0.0))
+            if gain is not None:
+                along = along * gain[i]
+                across = across - arm * secant[i] * along
+            height = c.base + lift[i]
+            # y' = e + s tan phi
+            slope = c.offset + height * tangent[i]
+            values = joint_forces(c, 1.0, along, across, 0.0, 0.0, height, slope, tangent[i], secant[i])
+            torque[i] = values[0]
+            normal[i] = values[1]
+            tangential[i] = values[2]
+            bearing_x[i] = values[5]
+            bearing_y[i] = values[6]
+            guide[i] = values[7]
+            moment[i] = values[8]
+            hertz[i] = factor[i] * np.sqrt(max(values[1], 0.0))
 
 
 def evaluate_cycles(tables: CycleTables, pressure: Array, speed: Array, out: Array | None = None) -> Array:
@@ -125,12 +114,61 @@ def evaluate_cycles(tables: CycleTables, pressure: Array, speed: Array, out: Arr
     -------
     (8, n_cycles, n_theta) in the order of `CYCLE_OUTPUTS`; ``contact_normal`` keeps its sign where contact is lost
     """
-    n_theta = tables.rows.shape[1]
+    result = _room(tables.rows.shape[1], pressure, speed, out)
+    _tabulated(tables.rows, tables.gain, tables.constants, pressure, speed, result)
+    return result
+
+
+def _room(n_theta: int, pressure: Array, speed: Array, out: Array | None) -> Array:
+    """Return where to write, after a check of all shapes."""
     if pressure.ndim != 2 or pressure.shape[1] != n_theta or speed.shape != (pressure.shape[0],):
         raise ValueError(f"cycles: pressure {pressure.shape}, speed {speed.shape}; tables have {n_theta} angles")
     shape = (len(CYCLE_OUTPUTS), *pressure.shape)
     result = np.empty(shape) if out is None else out
     if result.shape != shape:
         raise ValueError(f"cycles: out has shape {result.shape}, expected {shape}")
-    _evaluate(tables.rows, tables.constants, pressure, speed, result)
+    return result
+
+
+@njit(cache=True, fastmath={"contract", "nsz"})
+def _from_lift(c, factor, lift, pressure, speed, out):  # type: ignore[no-untyped-def]
+    squared = speed * speed
+    for i in range(pressure.size):
+        y, slope, curve = lift[0, i], lift[1, i], lift[2, i]
+        path = path_at(y, slope, curve, c.base, c.offset, c.radius)
+        values = solve_angle(c, 1.0, pressure[i], squared, 0.0, y, slope, curve, path)
+        out[0, i] = values[0]
+        out[1, i] = values[1]
+        out[2, i] = values[2]
+        out[3, i] = values[5]
+        out[4, i] = values[6]
+        out[5, i] = values[7]
+        out[6, i] = values[8]
+        relative = 1.0 - c.radius * path[5]
+        out[7, i] = factor * np.sqrt(max(values[1], 0.0) / relative) if relative > 0.0 else np.nan
+
+
+def solve_cycles(
+    pump: PumpData,
+    law: CamLaw,
+    theta: Array,
+    pressure: Array,
+    speed: Array,
+    mounting: Mounting | None = None,
+    friction: Friction = NO_FRICTION,
+    out: Array | None = None,
+) -> Array:
+    """Return the same from the lift law on, for cycles that have each its own angles.
+
+    Parameters
+    ----------
+    theta : (n_cycles, n_theta) cam angles of each cycle, or (n_theta,) for all [rad]
+    pressure, speed, out : see `evaluate_cycles`
+    """
+    constants = constants_of(pump, Mounting() if mounting is None else mounting, friction)
+    angles = np.broadcast_to(theta, pressure.shape)
+    result = _room(angles.shape[1], pressure, speed, out)
+    factor = float(np.sqrt(contact_modulus(pump) / (np.pi * pump.roller_width * pump.roller_radius)))
+    for cycle, row in enumerate(angles):
+        _from_lift(constants, factor, law.derivatives(row, 2), pressure[cycle], speed[cycle], result[:, cycle])
     return result

@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from camtorque.config import PumpData
@@ -107,6 +108,25 @@ def base_height(pump: PumpData) -> float:
     return float(np.sqrt(distance**2 - pump.follower_offset**2))
 
 
+@njit(cache=True, fastmath={"contract", "nsz"})
+def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-def]
+    """Return s, tan phi, 1 / cos phi, q = 1 - L / r_r, q' and kappa at one cam angle from y, y', y''."""
+    height = base + y
+    lever = slope - offset
+    arc = np.sqrt(height * height + lever * lever)
+    curvature = (height * height + lever * (2.0 * slope - offset) - height * curve) / (arc * arc * arc)
+    ratio_slope = -(height * slope + lever * curve) / (arc * radius)
+    return height, lever / height, arc / height, 1.0 - arc / radius, ratio_slope, curvature
+
+
+@njit(cache=True)
+def _paths(lift, base, offset, radius, out):  # type: ignore[no-untyped-def]
+    for i in range(lift.shape[1]):
+        values = path_at(lift[0, i], lift[1, i], lift[2, i], base, offset, radius)
+        for row in range(6):
+            out[row, i] = values[row]
+
+
 def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> Kinematics:
     """Return the kinematics of a pump at any cam angles.
 
@@ -119,24 +139,22 @@ def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> 
     ------
     Refusal : offset too large
     """
-    angle = np.asarray(theta, dtype=np.float64)
-    lift, velocity, acceleration = law.derivatives(angle, 2)
+    angle = np.array(theta, dtype=np.float64)
     offset, radius = rotation * pump.follower_offset, pump.roller_radius
-    height = base_height(pump) + lift
-    lever = velocity - offset
-    arc = np.sqrt(height * height + lever * lever)
-    arc_slope = (height * velocity + lever * acceleration) / arc
-    curvature = (height**2 + lever * (2.0 * velocity - offset) - height * acceleration) / arc**3
+    lift = law.derivatives(angle, 2)
+    rows = np.empty((6, angle.size))
+    _paths(lift.reshape(3, -1), base_height(pump), offset, radius, rows)
+    height, tangent, secant, ratio, ratio_slope, curvature = rows.reshape((6, *angle.shape))
     return Kinematics(
-        theta=angle.copy(),
-        lift=lift,
-        velocity=velocity,
-        acceleration=acceleration,
+        theta=angle,
+        lift=lift[0],
+        velocity=lift[1],
+        acceleration=lift[2],
         centre_height=height,
-        pitch_arc=arc,
-        tan_pressure_angle=lever / height,
-        roller_ratio=1.0 - arc / radius,
-        roller_ratio_slope=-arc_slope / radius,
+        pitch_arc=height * secant,
+        tan_pressure_angle=tangent,
+        roller_ratio=ratio,
+        roller_ratio_slope=ratio_slope,
         pitch_curvature=curvature,
         relative_radius=radius * (1.0 - radius * curvature),
         offset=offset,

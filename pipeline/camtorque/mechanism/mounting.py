@@ -8,6 +8,7 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.friction import NO_FRICTION, Friction
 
 STEEL_DENSITY = 7850.0
 """Density of bearing steel 100Cr6 [kg/m^3] (EN ISO 683-17 sheets: 7800 to 7850)."""
@@ -69,9 +70,10 @@ def moving_mass(pump: PumpData, mounting: Mounting) -> float:
 
 @dataclass(frozen=True)
 class PumpUnit:
-    """One pump on a shaft: its data, its cam, and by how much its lobe lags the first [rad]."""
+    """One pump on a shaft: its data, its cam, by how much its lobe lags the first [rad], and its friction."""
 
     pump: PumpData
     law: CamLaw
     phase: float = 0.0
     mounting: Mounting = Mounting()
+    friction: Friction = NO_FRICTION

@@ -11,7 +11,6 @@ from scipy.interpolate import PchipInterpolator
 
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw, lift_law
-from camtorque.mechanism.closed_form import closed_form_tables
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
@@ -20,6 +19,7 @@ from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Finding, Refusal, RigidTorque, freeze_arrays
 from camtorque.units import BAR, DEGREE, RPM
 

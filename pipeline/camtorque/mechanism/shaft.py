@@ -1,4 +1,4 @@
-"""Several pumps on one rigid shaft by each of the three methods; one pump is a shaft with one lobe."""
+"""Several pumps on one rigid shaft by each of `METHODS`; one pump is a shaft with one lobe."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.mechanism import denoc, recursion
-from camtorque.mechanism.closed_form import closed_form_tables
+from camtorque.mechanism.friction import refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, kinematics
 from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.torque import OUTPUTS, constants_of, solve_lift
 from camtorque.records import Array, Refusal, freeze_arrays
 
 
@@ -32,7 +33,7 @@ class ShaftForces:
     ----------
     torque : (n_theta,) at the drive end [N m]
     section_torque : (n_pumps, n_theta) in the shaft just before each lobe, drive end first [N m]
-    outputs : per pump, name of `closed_form.OUTPUTS` -> (n_theta,); its ``torque`` is the share of that lobe
+    outputs : per pump, name of `torque.OUTPUTS` -> (n_theta,); its ``torque`` is the share of that lobe
     """
 
     torque: Array
@@ -147,24 +148,27 @@ def _assemble(
     return ShaftForces(section[0], section, outputs)
 
 
-def solve_by_tables(units: Units, motion: ShaftMotion) -> ShaftForces:
-    """Solve every pump by its closed form."""
+def solve_closed(units: Units, motion: ShaftMotion) -> ShaftForces:
+    """Solve every pump by the closed form, the only method that knows friction."""
     outputs = []
     for unit, pressure in zip(units, motion.pressure, strict=True):
-        tables = closed_form_tables(unit.pump, unit.law, motion.theta - unit.phase, unit.mounting)
-        outputs.append(tables.all_outputs(pressure, motion.speed, motion.acceleration))
+        path = kinematics(unit.pump, unit.law, motion.theta - unit.phase, unit.mounting.rotation)
+        refuse_jammed(path, unit.friction)
+        lift = np.stack([path.lift, path.velocity, path.acceleration])
+        constants = constants_of(unit.pump, unit.mounting, unit.friction)
+        solved = solve_lift(constants, lift, pressure, motion.speed, motion.acceleration)
+        outputs.append(dict(zip(OUTPUTS, solved, strict=True)))
     section = np.cumsum([out["torque"] for out in outputs][::-1], axis=0)[::-1]
     return ShaftForces(section[0], section, tuple(outputs))
 
 
 METHODS: dict[str, Callable[[Units, ShaftMotion], ShaftForces]] = {
-    "closed_form": solve_by_tables,
+    "closed": solve_closed,
     "recursion": solve_by_recursion,
-    "matrix": solve_by_matrix,
+    "denoc": solve_by_matrix,
 }
-"""Three ways to the same numbers. Solved once, the recursion is the cheapest; the tables of the closed form serve any
-number of cycles and loads, which is what alignment, fit and sweeps need, so they are the default
-(docs/mechanism_speed.md)."""
+"""Three ways to the same numbers: the closed form that everything else uses, the recursion over the links, and the
+matrices of the source paper (docs/mechanism_speed.md). The latter two are frictionless, as the paper is."""
 
 
 def solve_shaft(
@@ -174,7 +178,7 @@ def solve_shaft(
     speed: Array | float,
     acceleration: Array | float | None = None,
     *,
-    method: str = "closed_form",
+    method: str = "closed",
 ) -> ShaftForces:
     """Return torque and forces of several pumps on one rigid shaft.
 
@@ -188,10 +192,13 @@ def solve_shaft(
 
     Raises
     ------
-    Refusal : unknown method, no pump, or a varying speed without its acceleration
+    Refusal : unknown method, no pump, friction with a frictionless method, a follower that jams, or a varying speed
+        without its acceleration
     """
     if method not in METHODS:
         raise Refusal(f"mechanism: method {method!r} is unknown, expected one of {', '.join(METHODS)}")
+    if method != "closed" and not all(unit.friction.none for unit in units):
+        raise Refusal(f"mechanism: method {method!r} is frictionless, found friction; use 'closed', or leave it out")
     if len(units) == 0:
         raise Refusal("mechanism: a shaft without pumps, expected at least one; name the pumps on the shaft")
     return METHODS[method](units, prescribed_motion(len(units), theta, pressure, speed, acceleration))

@@ -9,10 +9,11 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import TURN, CamLaw
-from camtorque.mechanism.closed_form import ClosedForm, closed_form_tables
 from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
+from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
+from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array, Forces, RigidTorque
 
 
@@ -36,10 +37,11 @@ def solve_rigid(
     speed: Array | float,
     acceleration: Array | float | None = None,
     *,
-    method: str = "closed_form",
+    method: str = "closed",
     mounting: Mounting | None = None,
+    friction: Friction = NO_FRICTION,
 ) -> RigidTorque:
-    """Return torque by cause and all forces of one rigid pump on frictionless joints.
+    """Return torque by cause and all forces of one rigid pump.
 
     Parameters
     ----------
@@ -47,12 +49,13 @@ def solve_rigid(
     pressure : (n_theta,) on the plunger, gauge [Pa]
     speed : scalar or (n_theta,) [rad/s]
     acceleration : scalar or (n_theta,) [rad/s^2]; None where the speed is constant within the revolution
-    method : ``closed_form``, ``recursion`` or ``matrix``: the same numbers at different cost
+    method : one of `METHODS`: the same numbers at different cost
     mounting : direction of running, gravity, guide point
+    friction : of guide, bearings and pin; the source paper has none
 
     Raises
     ------
-    Refusal : unknown method, varying speed without acceleration, impossible offset
+    Refusal : see `solve_shaft`; impossible offset
 
     Notes
     -----
@@ -61,13 +64,10 @@ def solve_rigid(
     (flight and landing are not modelled); `ClosedForm.jump` gives the speed and angle at which it starts.
     """
     mounting = Mounting() if mounting is None else mounting
-    tables = closed_form_tables(pump, law, theta, mounting)
+    tables = closed_form_tables(pump, law, theta, mounting, friction)
     run = prescribed_motion(1, theta, pressure, speed, acceleration)
-    if method == "closed_form":
-        outputs = tables.all_outputs(run.pressure[0], run.speed, run.acceleration)
-    else:
-        unit = PumpUnit(pump, law, mounting=mounting)
-        outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
+    unit = PumpUnit(pump, law, mounting=mounting, friction=friction)
+    outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
     return RigidTorque(
         theta=tables.theta,
         torque=outputs["torque"],

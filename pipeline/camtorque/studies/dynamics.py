@@ -138,7 +138,7 @@ def own_candidates(cycles: int) -> dict[str, tuple[Callable[[], Array], int, boo
     theta = uniform(ANGLES)
     pressure, unit = study_pressure(theta), PumpUnit(study_pump(), study_law())
     tables = closed_form_tables(unit.pump, unit.law, theta)
-    compiled = cycle_tables(unit.pump, tables)
+    compiled = cycle_tables(tables)
     rows, speeds = np.tile(pressure, (cycles, 1)), np.full(cycles, SPEED)
     out = np.empty((8, cycles, ANGLES))
     single = tables.outputs["torque"].astype(np.float32)

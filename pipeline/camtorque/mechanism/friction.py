@@ -1,0 +1,110 @@
+"""Friction of guide, camshaft bearings and roller pin as arguments of the closed form, and the jamming of the follower.
+
+Each is in proportion to the load on its joint. The guide's feeds back: its side force comes from the contact force
+that it raises, so that the contact load is the frictionless one over ``1 - mu |tan phi| sign y'``, which jams on the
+rise as ``mu |tan phi|`` goes to 1 and can do so nowhere else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from camtorque.mechanism.kinematics import Kinematics
+from camtorque.records import Array, Refusal
+
+SMOOTH_SLOPE = 2.0e-5
+"""Slope of the lift over which the sign of the sliding velocity turns smoothly [m/rad]; a flank has some 1e-2."""
+SMOOTH_TANGENT = 1.0e-6
+"""tan(phi) over which its magnitude is smooth, for derivatives."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction coefficients of a pump; all 0 is the frictionless mechanism of the source paper.
+
+    Attributes
+    ----------
+    guide : coefficient between follower and guide
+    bearing_arm : coefficient times radius of the camshaft bearings [m]
+    pin_arm : coefficient times radius of the roller's pin [m]
+    """
+
+    guide: float = 0.0
+    bearing_arm: float = 0.0
+    pin_arm: float = 0.0
+
+    def __post_init__(self) -> None:
+        if min(self.guide, self.bearing_arm, self.pin_arm) < 0.0:
+            raise ValueError(f"friction: found {self}, expected coefficients of 0 or more")
+
+    @property
+    def none(self) -> bool:
+        """Whether the mechanism is frictionless."""
+        return self == Friction()
+
+
+NO_FRICTION = Friction()
+
+
+@njit(cache=True)
+def guide_share(tangent, slope):  # type: ignore[no-untyped-def]
+    """Return |tan phi| sign y', the share of the contact load that a unit of guide friction takes."""
+    size = np.sqrt(tangent * tangent + SMOOTH_TANGENT * SMOOTH_TANGENT)
+    return size * slope / np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
+
+
+@njit(cache=True)
+def guide_gain(tangent, slope, friction):  # type: ignore[no-untyped-def]
+    """Return the contact load over the frictionless one."""
+    return 1.0 / (1.0 - friction * guide_share(tangent, slope))
+
+
+def contact_load(axial: Any, tan_pressure_angle: Array, velocity: Array, guide_friction: float) -> Array:
+    """Return the contact load along the follower, lambda_y [N].
+
+    Parameters
+    ----------
+    axial : spring, fluid, inertia and weight along the follower [N], broadcast against the angles
+    tan_pressure_angle, velocity : (n_theta,) tan(phi), y' [m/rad]
+
+    Raises
+    ------
+    Refusal : the follower jams
+    """
+    share = guide_share(tan_pressure_angle, velocity)
+    if guide_friction * np.max(share, initial=0.0) >= 1.0:
+        raise _jammed(guide_friction, float(np.max(share)), "")
+    return np.asarray(axial / (1.0 - guide_friction * share), dtype=np.float64)
+
+
+def jamming_friction(path: Kinematics) -> tuple[float, float]:
+    """Return the least guide friction that jams the follower, and the cam angle [rad]; inf, nan where nothing rises."""
+    share = guide_share(path.tan_pressure_angle, path.velocity)
+    worst = int(np.argmax(share))
+    if not share[worst] > 0.0:
+        return float("inf"), float("nan")
+    return float(1.0 / share[worst]), float(path.theta[worst])
+
+
+def refuse_jammed(path: Kinematics, friction: Friction) -> None:
+    """Refuse a guide friction at which the follower jams.
+
+    Raises
+    ------
+    Refusal : mu |tan phi| reaches 1 on the rise
+    """
+    limit, theta = jamming_friction(path)
+    if friction.guide >= limit:
+        raise _jammed(friction.guide, 1.0 / limit, f" at {np.rad2deg(theta):.1f} degrees of cam angle")
+
+
+def _jammed(coefficient: float, share: float, where: str) -> Refusal:
+    return Refusal(
+        f"guide friction {coefficient:.3g}: the follower jams in its guide{where}, where the tangent of the pressure "
+        f"angle is {share:.3g} on the rise, expected a friction below {1.0 / share:.3g} on this cam; lower it, or "
+        "check offset, base circle and lift table"
+    )
