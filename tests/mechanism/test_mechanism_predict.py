@@ -210,6 +210,22 @@ def test_pressure_angle_beyond_45_degrees_is_told():
     assert "jams the follower" in found["steep_flank"]
 
 
+def test_friction_that_jams_is_that_of_the_rise_however_steep_the_return(tmp_path):
+    # a follower jams while it is pushed out; on its return friction helps the cam
+    path = pump_file(
+        tmp_path,
+        ("base_circle_radius_m = 0.020", "base_circle_radius_m = 0.012"),
+        ("angle_deg = 60.0", "angle_deg = 120.0"),
+        ("angle_deg = 55.0", "angle_deg = 35.0"),
+        ("angle_deg = 225.0", "angle_deg = 185.0"),
+    )
+    prediction = predict(load_pump_config(path), [50.0])
+    rise = prediction.kinematics.tan_pressure_angle.max()
+    assert -prediction.kinematics.tan_pressure_angle.min() > 1.0 > rise
+    text = {item.code: item.text for item in prediction.findings}["steep_flank"]
+    assert f"a guide friction of {1.0 / rise:.2g} jams the follower on its rise" in text
+
+
 @pytest.mark.parametrize(
     ("theta_deg", "bar", "told"),
     [

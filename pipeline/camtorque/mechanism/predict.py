@@ -13,6 +13,7 @@ from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw, lift_law
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
+from camtorque.mechanism.friction import jamming_friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
 from camtorque.mechanism.outliers import outlying_points
@@ -206,9 +207,10 @@ def _findings(
     steepest = int(np.argmax(np.abs(path.tan_pressure_angle)))
     steep = abs(float(path.tan_pressure_angle[steepest]))
     if steep > 1.0:
+        limit, _ = jamming_friction(path)
         text = (
             f"the pressure angle reaches {np.degrees(np.arctan(steep)):.1f} degrees: the side force on the guide is "
-            f"{steep:.2g} times the force along it, and a guide friction of {1.0 / steep:.2g} jams the follower"
+            f"{steep:.2g} times the force along it; a guide friction of {limit:.2g} jams the follower on its rise"
         )
         found.append(Finding("steep_flank", "warning", text, f"{np.rad2deg(path.theta[steepest]):.1f} deg"))
     if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
