@@ -19,7 +19,8 @@ PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "toml_table"}
-LEFT = {"units", "records", "grid_choice", "plain", "threads", "__init__", *CONFIGURATION}
+PROCESS = {"caches", "stopping", "system"}
+LEFT = {"units", "records", "grid_choice", "plain", "threads", "__init__", *CONFIGURATION, *PROCESS}
 ROOMS = ["ingest", "align", "mechanism", "laws", "fit", "report"]
 ORDER = ["left", *ROOMS, "run", "campaign", "studies", "commands", "cli"]
 LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter"}

@@ -18,13 +18,13 @@ from camtorque.records import Array, CamCycles, Finding, Recording, Refusal
 from camtorque.report import (
     CampaignEntry,
     CampaignResult,
-    check_output,
     output_folder,
     thumbnail,
     write_campaign,
     write_run,
 )
 from camtorque.run import Progress, RunOptions, analyse, now, silent
+from camtorque.stopping import end_workers
 from camtorque.threads import on_one_thread
 
 CONFIG_NAME = "recording.toml"
@@ -112,7 +112,6 @@ def run_campaign(
     ------
     Refusal : there is no recording, or ``out`` holds something else; a refused recording does not stop the others
     """
-    check_output(out)
     options = options or RunOptions()
     found = find_recordings(folder)
     start = time.perf_counter()
@@ -143,10 +142,14 @@ def _mapped(
     # fresh processes: threads of numerical libraries do not survive a fork
     with ProcessPoolExecutor(min(workers, len(found)), multiprocessing.get_context("spawn")) as pool:
         jobs = {pool.submit(run_one, name, path, out / name, options): name for name, path in found.items()}
-        for job in as_completed(jobs):
-            outcome = _outcome(job, jobs[job])
-            progress(f"{jobs[job]}: {outcome[0].status}")
-            yield jobs[job], outcome
+        try:
+            for job in as_completed(jobs):
+                outcome = _outcome(job, jobs[job])
+                progress(f"{jobs[job]}: {outcome[0].status}")
+                yield jobs[job], outcome
+        except BaseException:
+            end_workers()
+            raise
 
 
 def _outcome(job: Future[Outcome], name: str) -> Outcome:

@@ -1,23 +1,25 @@
 """The `camtorque` command: reads its arguments, has one command done, prints. The only room that prints.
 
 Exit status: 0 done, 1 a campaign with refused recordings (or findings of severity error in `check`), 2 refused,
-3 a value outside its limits, 70 an unexpected error, 130 stopped by the user.
+3 a value outside its limits, 70 an unexpected error, 130 stopped by Ctrl-C, 143 terminated.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
 from camtorque import __version__
 from camtorque.commands import COMMANDS
 from camtorque.commands.outcome import Outcome
+from camtorque.stopping import stoppable
+from camtorque.system import forget, no_tracebacks, silence_output, told, usable_streams
 
 REFUSED, UNEXPECTED, STOPPED = 2, 70, 130
 
@@ -47,7 +49,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def tell(text: str) -> None:
     """Print a line of progress."""
-    print(f"camtorque: {text}", file=sys.stderr, flush=True)
+    with suppress(OSError):  # nobody listens any more; the result is still wanted
+        print(f"camtorque: {text}", file=sys.stderr, flush=True)
 
 
 def silent(text: str) -> None:
@@ -57,8 +60,8 @@ def silent(text: str) -> None:
 def execute(parsed: argparse.Namespace) -> int:
     """Have one command done, print what it found and return the exit status."""
     # progress is for a person who waits; a log file or a pipe gets the result alone
-    told = tell if sys.stderr.isatty() and not parsed.quiet else silent
-    outcome: Outcome = import_module(COMMANDS[parsed.command].module).execute(parsed, told)
+    progress = tell if sys.stderr.isatty() and not parsed.quiet else silent
+    outcome: Outcome = import_module(COMMANDS[parsed.command].module).execute(parsed, progress)
     if getattr(parsed, "json", False):
         print(json.dumps(outcome.document, ensure_ascii=False, allow_nan=False))
     elif outcome.text:
@@ -73,16 +76,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ----------
     arguments : without the program's name; None for those of the process
     """
+    usable_streams()
     parsed = build_parser().parse_args(arguments)
-    if not parsed.debug:
-        warnings.simplefilter("ignore")
+    if parsed.debug:
+        return _status(parsed)
+    warnings.simplefilter("ignore")
+    with no_tracebacks():
+        return _status(parsed)
+
+
+def _status(parsed: argparse.Namespace) -> int:
+    """Run one command and return the exit status, whatever happens."""
     try:
-        return execute(parsed)
-    except KeyboardInterrupt:
-        return STOPPED
+        with stoppable():
+            status = execute(parsed)
+            sys.stdout.flush()
+            return status
+    except KeyboardInterrupt as stop:
+        return getattr(stop, "status", STOPPED)
     except BrokenPipeError:
-        # the reader of our output (a pager) has gone; keep the interpreter from complaining at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        silence_output()
         return 0
     except Exception as error:
         return _failed(error, parsed)
@@ -92,20 +105,16 @@ def _failed(error: Exception, parsed: argparse.Namespace) -> int:
     """Say in one line what went wrong."""
     from camtorque.records import Refusal
 
-    if isinstance(error, Refusal):
-        print(f"camtorque {parsed.command}: {' '.join(str(error).split())}", file=sys.stderr)
-        return REFUSED
-    if parsed.debug:
+    refused = isinstance(error, Refusal)
+    if parsed.debug and not refused:
         raise error
-    text = " ".join(str(error).split())
-    if isinstance(error, OSError):
-        print(f"camtorque {parsed.command}: {text}; check the path and its permissions", file=sys.stderr)
-        return REFUSED
-    print(
-        f"camtorque {parsed.command}: unexpected {type(error).__name__}: {text}; run again with --debug and report it",
-        file=sys.stderr,
-    )
-    return UNEXPECTED
+    text = str(error) if refused else "; ".join(told(error))
+    with suppress(OSError):
+        print(f"camtorque {parsed.command}: {' '.join(text.split())}", file=sys.stderr)
+    forget(error)
+    if getattr(error, "filename", "") is None:
+        silence_output()  # most likely the standard output itself, such as a full disk
+    return REFUSED if refused or isinstance(error, OSError | MemoryError) else UNEXPECTED
 
 
 if __name__ == "__main__":

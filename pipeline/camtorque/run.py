@@ -18,7 +18,7 @@ from camtorque.fit.result import fitted_torque
 from camtorque.ingest import read_recording
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from camtorque.records import CamCycles, Recording, RigidTorque
-from camtorque.report import RunResult, check_output, output_folder, write_alignment, write_run
+from camtorque.report import RunResult, output_folder, write_alignment, write_run
 from camtorque.threads import on_one_thread
 
 try:
@@ -121,10 +121,9 @@ def run_recording(
     ------
     Refusal : the recording cannot be used, or ``out`` holds something else
     """
-    check_output(out)
-    result, _ = analyse(path, options or RunOptions(), progress)
-    progress("writing the report")
     with output_folder(out) as folder:
+        result, _ = analyse(path, options or RunOptions(), progress)
+        progress("writing the report")
         return write_run(result, folder)
 
 
@@ -137,10 +136,9 @@ def align_recording(
     ------
     Refusal : the recording cannot be aligned, or ``out`` holds something else
     """
-    check_output(out)
-    progress(f"reading {path}")
-    recording = read_recording(path)
-    progress("aligning to the cam angle")
-    cycles = align(recording, options)
     with output_folder(out) as folder:
+        progress(f"reading {path}")
+        recording = read_recording(path)
+        progress("aligning to the cam angle")
+        cycles = align(recording, options)
         return write_alignment(recording, cycles, now(), folder)

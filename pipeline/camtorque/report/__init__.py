@@ -11,7 +11,7 @@ write         `write_run`, `write_alignment`, `write_campaign`
 
 from camtorque.report.bundle import CampaignEntry, CampaignResult, RunResult
 from camtorque.report.figures import FIGURES
-from camtorque.report.folder import check_output, check_writable, output_folder
+from camtorque.report.folder import check_output, check_writable, output_files, output_folder
 from camtorque.report.overview_figures import thumbnail
 from camtorque.report.write import write_alignment, write_campaign, write_prediction, write_run
 
@@ -22,6 +22,7 @@ __all__ = [
     "RunResult",
     "check_output",
     "check_writable",
+    "output_files",
     "output_folder",
     "thumbnail",
     "write_alignment",

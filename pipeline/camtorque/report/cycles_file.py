@@ -14,7 +14,10 @@ import numpy as np
 from camtorque import __version__
 from camtorque.records import Array, CamCycles, Recording
 from camtorque.report.bundle import RunResult
+from camtorque.report.folder import reserve
 
+ROOM_FOR_THE_REST = 1 << 20
+"""Bytes for attributes and indices."""
 LARGEST_CHUNK = 1 << 17
 """Values per chunk: one megabyte of doubles."""
 
@@ -42,6 +45,7 @@ def write_aligned(path: Path, recording: Recording, cycles: CamCycles) -> None:
 
 def _write(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
     partial = path.with_name(f".{path.name}.partial")
+    reserve(partial, sum(np.asarray(variable.values).nbytes for variable in variables) + ROOM_FOR_THE_REST)
     # from format 1.8 on an attribute (the configuration text) may be longer than 64 kB
     with h5py.File(partial, "w", libver=("v108", "v110")) as file:
         _root_attributes(file, recording)

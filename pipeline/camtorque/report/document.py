@@ -25,7 +25,8 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     """Write a document under a temporary name, then rename it; NaN is never written."""
     partial = path.with_name(f".{path.name}.partial")
     text = json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False)
-    partial.write_text(text + "\n", encoding="utf-8")
+    # a path may hold bytes that are no text; escaped, they are JSON again
+    partial.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
     os.replace(partial, path)
 
 

@@ -1,18 +1,37 @@
-"""Output folders: written under a temporary name beside the target, then renamed; nothing half-written."""
+"""Output folders: written under a temporary name beside the target, then renamed; nothing half-written.
+
+The temporary folder carries a lock that ends with its process: a second run into the same target is refused, what a
+killed run left is cleared away by the next one.
+"""
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import json
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from camtorque.records import Refusal
+from camtorque.stopping import removed_when_stopped
+from camtorque.system import told
+
+try:
+    import fcntl
+except ImportError:  # not on Windows: two runs into one folder are then not told apart
+    fcntl = None  # type: ignore[assignment]
 
 MARKERS = ("result.json", "campaign.json", "align.json", "predict.json")
 """A folder that holds one of these with a schema of this product may be replaced."""
+LEAST_SPACE = 20_000_000
+"""Free bytes below which nothing is begun: a report needs a few megabytes, twice for a moment."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+LOCK = ".lock"
+LONGEST_NAME = 200
+"""Bytes of a file name beyond which a hidden neighbour of that name could be too long for the disk."""
 
 
 def check_output(target: Path) -> None:
@@ -65,35 +84,186 @@ def output_folder(target: Path) -> Iterator[Path]:
 
     Parameters
     ----------
-    target : the folder to be written; an earlier output of this command is replaced
+    target : the folder to be written; an earlier output of this command is replaced, and kept where the block fails
 
     Raises
     ------
-    Refusal : see `check_output`
+    Refusal : see `check_output`; another run writes there; the place cannot be written, is full or went away
     """
     check_output(target)
-    target = target.resolve()
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.partial-{os.getpid()}")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir()
-    try:
+    with _written_beside(target) as partial:
         yield partial
-        _replace(partial, target)
+        _replace(partial, target.resolve())
+
+
+@contextmanager
+def output_files(target: Path) -> Iterator[Path]:
+    """Give a temporary folder whose files are moved into the target when the block ends without an error.
+
+    For outputs that share a folder with others, such as the charts of two studies.
+
+    Raises
+    ------
+    Refusal : another run writes there; the place cannot be written, is full or went away
+    """
+    with _written_beside(target) as partial:
+        yield partial
+        target.mkdir(exist_ok=True)
+        for file in sorted(partial.iterdir()):
+            if file.name != LOCK:
+                os.replace(file, target / file.name)
+
+
+@contextmanager
+def _written_beside(target: Path) -> Iterator[Path]:
+    """Give an empty hidden neighbour of the target that is gone after the block, with the parents made for it."""
+    partial = hidden(target.resolve(), "partial")
+    made: list[Path] = []
+    try:
+        made = _made_parents(partial.parent)
+        _need_space(target, partial.parent)
+        restore_earlier(target.resolve())
+        lock = _claimed(target, partial)
+        try:
+            with removed_when_stopped(partial):
+                yield partial
+        finally:
+            os.close(lock)
+            shutil.rmtree(partial, ignore_errors=True)
+    except (OSError, RuntimeError) as error:  # HDF5 tells of a full disk by a RuntimeError
+        if not _is_about(error, partial):
+            raise
+        raise Refusal(cannot_write(f"--out {target}", error)) from error
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()  # only where it is empty: nothing was written
+
+
+def _is_about(error: Exception, partial: Path) -> bool:
+    """Tell whether an error belongs to what was written, not to a file that was read."""
+    place = getattr(error, "filename", None)
+    named = str(partial) in str(error) or (place is not None and str(partial).startswith(str(place)))
+    return named or getattr(error, "errno", None) in FULL
+
+
+def reserve(path: Path, size: int) -> None:
+    """Make sure that the disk takes a file of so many bytes: HDF5 cannot end in good order after a write that failed.
+
+    Raises
+    ------
+    OSError : disk, quota or largest size of a file are too small
+    """
+    with path.open("wb") as file:
+        try:
+            os.posix_fallocate(file.fileno(), 0, size)
+        except AttributeError:
+            return  # not on every system
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+
+
+def cannot_write(what: str, error: Exception) -> str:
+    """Return one line on an error of the system while something was written.
+
+    Parameters
+    ----------
+    what : the option and its path
+    """
+    if isinstance(error, FileNotFoundError):
+        return f"{what}: the folder that was being written went away; run again when nothing removes it"
+    reason, advice = told(error)
+    return f"{what}: cannot be written ({reason}); {advice}; an earlier report there is kept"
+
+
+def hidden(target: Path, kind: str) -> Path:
+    """Return the hidden neighbour of a target: ``partial`` is being written, ``earlier`` waits to be replaced."""
+    name = os.fsencode(target.name)
+    stem = target.name if len(name) <= LONGEST_NAME else hashlib.sha256(name).hexdigest()
+    return target.with_name(f".{stem}.{kind}")
+
+
+def restore_earlier(target: Path) -> None:
+    """Put back a result that a run killed between two renames left aside, or clear away what it did not clear."""
+    earlier = hidden(target, "earlier")
+    if earlier.is_dir() and not target.exists():
+        earlier.rename(target)
+    shutil.rmtree(earlier, ignore_errors=True)
+
+
+def _made_parents(folder: Path) -> list[Path]:
+    """Make a folder with its parents; return those that were missing, outermost first."""
+    missing = [place for place in (folder, *folder.parents) if not place.exists()][::-1]
+    folder.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def _need_space(target: Path, folder: Path) -> None:
+    free = shutil.disk_usage(folder).free
+    if free < LEAST_SPACE:
+        raise Refusal(
+            f"--out {target}: found {free / 1e6:.1f} MB of free space, expected at least {LEAST_SPACE / 1e6:.0f} MB; "
+            "free some space and run again"
+        )
+
+
+def _claimed(target: Path, partial: Path) -> int:
+    """Return the lock of the temporary folder, which is empty then.
+
+    Raises
+    ------
+    Refusal : another process holds it
+    """
+    while True:
+        partial.mkdir(exist_ok=True)
+        try:
+            lock = os.open(partial / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+        except FileNotFoundError:
+            continue  # the run that held it has just finished
+        if not locked(lock):
+            os.close(lock)
+            raise Refusal(f"--out {target}: another run is writing there; wait for its end or choose another name")
+        if _is_file(lock, partial / LOCK):
+            break
+        os.close(lock)
+    for left in partial.iterdir():
+        if left.name != LOCK:
+            shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
+    return lock
+
+
+def locked(descriptor: int) -> bool:
+    """Take the lock of an open file, which ends with the process; False where another process has it."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # a file system without locks: better to write than to refuse for ever
+    return True
+
+
+def _is_file(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except OSError:
+        return False
 
 
 def _replace(partial: Path, target: Path) -> None:
     """Rename the finished folder; an earlier one stays aside until the new one is in place."""
-    if not target.exists():
-        partial.rename(target)
-        return
-    earlier = target.with_name(f".{target.name}.earlier-{os.getpid()}")
-    target.rename(earlier)
+    earlier = hidden(target, "earlier")
+    if target.exists():
+        target.rename(earlier)
     try:
         partial.rename(target)
-    except OSError:
-        earlier.rename(target)
+    except BaseException:
+        if earlier.exists():
+            earlier.rename(target)
         raise
+    # only now: without its lock the folder would be cleared by the next run
+    (target / LOCK).unlink()
     shutil.rmtree(earlier, ignore_errors=True)

@@ -28,6 +28,8 @@ from camtorque.report.predict_page import prediction_page
 from camtorque.report.style import svg_text
 
 DPI = 150
+ESCAPED = "backslashreplace"
+"""A path may hold bytes that are no text; pages show them escaped."""
 
 
 def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
@@ -46,7 +48,7 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
         write_posterior(posterior, folder)
     doc = result_document(result)
     page = run_page(doc, result.fitted.ladder, drawings, result.recording.config.text)
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    (folder / "report.html").write_text(page, encoding="utf-8", errors=ESCAPED)
     spent = time.perf_counter() - start
     timing = {**result.timing, "report": spent, "total": sum(result.timing.values()) + spent}
     doc = result_document(replace(result, timing=timing))
@@ -64,7 +66,7 @@ def _drawing(name: str, result: RunResult, folder: Path) -> dict[str, Any]:
 
 def _save(figure: Figure, svg: str, folder: Path, name: str) -> None:
     folder.mkdir(exist_ok=True)
-    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    (folder / f"{name}.svg").write_text(svg, encoding="utf-8", errors=ESCAPED)
     # the SVG laid the figure out already; doing so again costs as much as drawing it
     figure.set_layout_engine("none")
     figure.savefig(folder / f"{name}.png", dpi=DPI, metadata={"Software": None})
@@ -83,7 +85,9 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
     svg = svg_text(figure, "aligned_cycles")
     _save(figure, svg, folder / "figures", "aligned_cycles")
     drawing = {"title": "One revolution", "caption": "Mean over the used cycles and their scatter.", "svg": svg}
-    (folder / "align.html").write_text(align_page(doc, [drawing], recording.config.text), encoding="utf-8")
+    (folder / "align.html").write_text(
+        align_page(doc, [drawing], recording.config.text), encoding="utf-8", errors=ESCAPED
+    )
     write_json(folder / "align.json", doc)
     return doc
 
@@ -114,7 +118,7 @@ def _campaign_drawings(result: CampaignResult, folder: Path) -> list[dict[str, A
 def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
     """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
     with output_folder(target) as folder:
-        (folder / "predict.html").write_text(prediction_page(prediction, title), encoding="utf-8")
+        (folder / "predict.html").write_text(prediction_page(prediction, title), encoding="utf-8", errors=ESCAPED)
         write_json(folder / "predict.json", plain(prediction_document(prediction)))
 
 

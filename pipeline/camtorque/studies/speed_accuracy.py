@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from camtorque.records import Refusal
+from camtorque.report import output_files
 from camtorque.report.study_figures import save_study_figure
 from camtorque.studies.driveline import driveline_chart
 from camtorque.studies.dynamics import dynamics_chart
@@ -58,10 +59,10 @@ def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES
         No example recordings.
     """
     need_examples(examples)
-    out.mkdir(parents=True, exist_ok=True)
-    charts = [chart for build in CHARTS.values() for chart in build(examples, quick)]
-    content = document("speed-accuracy", charts, quick)
-    paths = [write_document(out / "speed_accuracy.json", content)]
-    for part in content["parts"]:
-        paths += save_study_figure(part, out)
-    return paths
+    with output_files(out) as folder:
+        charts = [chart for build in CHARTS.values() for chart in build(examples, quick)]
+        content = document("speed-accuracy", charts, quick)
+        paths = [write_document(folder / "speed_accuracy.json", content)]
+        for part in content["parts"]:
+            paths += save_study_figure(part, folder)
+    return [out / path.name for path in paths]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from camtorque.report import output_files
 from camtorque.report.study_figures import save_study_figure
 from camtorque.studies.speed_accuracy import EXAMPLES, need_examples
 from camtorque.studies.stability_align import align_map
@@ -41,9 +42,9 @@ def run_stability(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> 
         No example recordings.
     """
     need_examples(examples)
-    out.mkdir(parents=True, exist_ok=True)
-    content = document("stability", [build(quick, examples) for build in MAPS.values()], quick)
-    paths = [write_document(out / "stability.json", content)]
-    for part in content["parts"]:
-        paths += save_study_figure(part, out)
-    return paths
+    with output_files(out) as folder:
+        content = document("stability", [build(quick, examples) for build in MAPS.values()], quick)
+        paths = [write_document(folder / "stability.json", content)]
+        for part in content["parts"]:
+            paths += save_study_figure(part, folder)
+    return [out / path.name for path in paths]

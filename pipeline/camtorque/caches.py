@@ -1,0 +1,53 @@
+"""Where numba and matplotlib keep their caches: without a writable place the one does not load, the other warns."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+PLACES = {"NUMBA_CACHE_DIR": "numba", "MPLCONFIGDIR": "matplotlib"}
+"""Environment variable -> folder below the private one."""
+
+
+def find_caches(package: Path) -> None:
+    """Point the caches to a private temporary folder where neither the package nor the home folder can be written.
+
+    Parameters
+    ----------
+    package : folder of this package; numba keeps compiled functions beside the source where it can
+    """
+    if _home_is_writable():
+        return
+    private = _private_folder()
+    for name, folder in PLACES.items():
+        beside = name == "NUMBA_CACHE_DIR" and os.access(package, os.W_OK)
+        if private is not None and name not in os.environ and not beside:
+            (private / folder).mkdir(exist_ok=True)
+            os.environ[name] = str(private / folder)
+
+
+def _home_is_writable() -> bool:
+    """Tell whether the folders of the user's cache and settings can be written, made where they are missing."""
+    try:
+        home = Path.home()
+        for variable, name in (("XDG_CACHE_HOME", ".cache"), ("XDG_CONFIG_HOME", ".config")):
+            folder = Path(os.environ.get(variable) or home / name)
+            folder.mkdir(parents=True, exist_ok=True)
+            if not os.access(folder, os.W_OK | os.X_OK):
+                return False
+    except (OSError, RuntimeError):
+        return False
+    return True
+
+
+def _private_folder() -> Path | None:
+    """Return a temporary folder that nobody else can write: cached functions are code; None without any."""
+    try:
+        folder = Path(tempfile.gettempdir()) / f"camtorque-caches-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        own = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o077)
+        return folder if own and not folder.is_symlink() else Path(tempfile.mkdtemp(prefix="camtorque-caches-"))
+    except OSError:
+        return None

@@ -1,0 +1,106 @@
+"""Ctrl-C and termination: what is unfinished is removed, workers are ended, the process leaves within two seconds.
+
+Python runs its signal handlers between two of its own instructions, so a long call of compiled code would hold them
+back. A thread therefore hears of the signal too and ends the process itself when the main thread is not done in time.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+GRACE = 1.0
+"""Seconds that the main thread has to end in good order."""
+
+_last_steps: list[Callable[[], None]] = []
+
+
+class Stopped(KeyboardInterrupt):
+    """The user or the system ended the process; ``status`` is what it leaves with."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"stopped by {signal.Signals(number).name}")
+        self.status = 128 + number
+
+
+@contextmanager
+def before_leaving(step: Callable[[], None]) -> Iterator[None]:
+    """Have a step taken when the process is stopped inside the block and cannot end in good order."""
+    _last_steps.append(step)
+    try:
+        yield
+    finally:
+        _last_steps.remove(step)
+
+
+@contextmanager
+def removed_when_stopped(folder: Path) -> Iterator[None]:
+    """Have an unfinished folder removed when the process is stopped inside the block."""
+
+    def remove() -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+
+    with before_leaving(remove):
+        yield
+
+
+def end_workers() -> None:
+    """Kill the worker processes that this process started."""
+    for child in multiprocessing.active_children():
+        child.kill()
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Turn the first signal into `Stopped`, and leave in any case soon after it; only in the main thread.
+
+    Once a signal came the process ends within `GRACE`, even where threads of a library would keep it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    handler = _raise_once()
+    earlier = {number: signal.signal(number, handler) for number in SIGNALS}
+    earlier_writer = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    threading.Thread(target=_watch, args=(reader,), daemon=True, name="stop watch").start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(earlier_writer)
+        for number, former in earlier.items():
+            signal.signal(number, former)
+        os.close(writer)
+
+
+def _raise_once() -> Callable[[int, Any], None]:
+    """Return a handler that raises at the first signal; a second one must not interrupt the tidying up."""
+    heard: list[int] = []
+
+    def handle(number: int, frame: Any) -> None:
+        heard.append(number)
+        if len(heard) == 1:
+            raise Stopped(number)
+
+    return handle
+
+
+def _watch(reader: int) -> None:
+    """Wait for a signal, then give the main thread its time and leave."""
+    while data := os.read(reader, 1):
+        if data[0] in SIGNALS:
+            time.sleep(GRACE)
+            for step in [end_workers, *reversed(_last_steps)]:
+                step()
+            os._exit(128 + data[0])
+    os.close(reader)

@@ -1,0 +1,167 @@
+"""Output folders under faults: one line each, an older result is kept, nothing is left behind."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections import namedtuple
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from camtorque.records import Refusal
+from camtorque.report import folder as folder_module
+from camtorque.report import output_files, output_folder
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
+OLD = '{"schema": "camtorque.result/1"}'
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Path:
+    """A folder with an older result."""
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "result.json").write_text(OLD)
+    return tmp_path / "out"
+
+
+def left(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_two_runs_into_one_folder(target: Path) -> None:
+    with output_folder(target) as folder:
+        (folder / "result.json").write_text(OLD)
+        with pytest.raises(Refusal, match="another run is writing there"), output_folder(target):
+            pass
+        assert left(folder) == [".lock", "result.json"]
+    assert left(target.parent) == ["out"]
+    assert left(target) == ["result.json"]
+
+
+def test_what_a_killed_run_left_is_cleared_away(target: Path) -> None:
+    partial = target.with_name(".out.partial")
+    (partial / "figures").mkdir(parents=True)
+    (partial / "cycles.h5").touch()
+    target.rename(target.with_name(".out.earlier"))
+    with output_folder(target) as folder:
+        assert left(folder) == [".lock"]
+        assert left(target) == ["result.json"], "killed between two renames: the older result is put back"
+    assert left(target.parent) == ["out"]
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
+def test_a_full_disk_keeps_the_older_result(target: Path, code: int) -> None:
+    with pytest.raises(Refusal, match=r"cannot be written .* and run again"), output_folder(target):
+        raise OSError(code, os.strerror(code))
+    assert left(target.parent) == ["out"]
+    assert (target / "result.json").read_text() == OLD
+
+
+def test_a_full_disk_is_told_though_hdf5_has_no_number_for_it(target: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+        with pytest.raises(Refusal, match=r"--out .*out: cannot be written \(File too large"):  # noqa: SIM117
+            with output_folder(target) as folder, h5py.File(folder / "a.h5", "w") as file:
+                file["a"] = np.zeros(100_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert left(target.parent) == ["out"]
+
+
+def test_too_little_space_is_told_before_anything_is_read(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: usage(1, 1, 3_000_000))
+    command = pytest.raises(Refusal, match=r"found 3.0 MB of free space, expected at least 20 MB")
+    with command, output_folder(target):
+        raise AssertionError("nothing may be computed")
+
+
+def test_a_read_only_place_is_told_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(self))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(Refusal, match=r"Read-only file system.*choose a place that can be written"):  # noqa: SIM117
+        with output_folder(tmp_path / "out"):
+            raise AssertionError("nothing may be computed")
+
+
+def test_a_file_in_the_way_of_the_parents(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(Refusal, match="on the way"), output_folder(tmp_path / "file" / "below" / "out"):
+        pass
+
+
+def test_an_output_that_went_away(target: Path) -> None:
+    with pytest.raises(Refusal, match="went away"), output_folder(target) as folder:  # noqa: PT012
+        shutil.rmtree(folder)
+        (folder / "result.json").write_text(OLD)
+    assert left(target) == ["result.json"]
+
+
+def test_an_error_of_another_file_is_not_blamed_on_the_output(target: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"log\.csv"), output_folder(target):
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "/data/log.csv")
+
+
+def test_parents_made_for_a_failing_run_are_removed(tmp_path: Path) -> None:
+    with pytest.raises(Refusal, match="no"), output_folder(tmp_path / "a" / "b" / "out"):
+        raise Refusal("no")
+    assert left(tmp_path) == []
+
+
+def test_a_replacement_that_fails_puts_the_older_result_back(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rename = Path.rename
+
+    def interrupted(self: Path, other: Path) -> Path:
+        if self.name == ".out.partial":
+            raise KeyboardInterrupt
+        return rename(self, other)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), output_folder(target):
+        pass
+    assert left(target.parent) == ["out"]
+    assert (target / "result.json").read_text() == OLD
+
+
+def test_a_name_at_the_limit_of_the_disk(tmp_path: Path) -> None:
+    with output_folder(tmp_path / ("é" * 127)) as folder:
+        (folder / "x").touch()
+    assert left(tmp_path / ("é" * 127)) == ["x"]
+    with pytest.raises((Refusal, OSError), match=r"name too long"), output_folder(tmp_path / ("é" * 128)):
+        pass
+
+
+def test_files_join_those_of_another_output(target: Path) -> None:
+    with output_files(target) as folder:
+        (folder / "chart.png").touch()
+    assert left(target) == ["chart.png", "result.json"]
+    with pytest.raises(Refusal, match="no"), output_files(target) as folder:  # noqa: PT012
+        (folder / "half.png").touch()
+        raise Refusal("no")
+    assert left(target) == ["chart.png", "result.json"]
+    assert left(target.parent) == ["out"]
+
+
+def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
+    code = (
+        "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (200_000, resource.RLIM_INFINITY))\n"
+        "from camtorque import cli\nsys.exit(cli.main(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "align", EXAMPLES / "A_1250rpm", "--out", target, "--quiet"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "cannot be written (File too large" in line
+    assert left(target.parent) == ["out"]
+    assert folder_module.LOCK not in left(target)
