@@ -1,8 +1,8 @@
 """A pump without a recording: its TOML file -> `PumpConfig`, checked, in SI and radians.
 
-The ``[pump]`` table is that of a bench recording; ``[cam]``, ``[mounting]`` and ``[shaft]`` are the product's own, so
-an unknown key is refused. Documented in docs/predict.md. The lift table that the file may name is read by
-`camtorque.ingest.pump_file.read_pump`.
+The ``[pump]`` table is that of a bench recording; ``[cam]``, ``[mounting]``, ``[shaft]`` and ``[friction]`` are
+the product's own, so an unknown key is refused. Documented in docs/predict.md. The lift table that the file may name is
+read by `camtorque.ingest.pump_file.read_pump`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from camtorque.units import DEGREE, did_you_mean
 SCHEMA = "camtorque-pump/1"
 ROTATIONS = {"positive": 1, "negative": -1}
 MILLIMETRE = 1.0e-3
+MICROMETRE = 1.0e-6
 CAM_TABLE_KEYS = ("cam_table", "cam_table_angle_column", "cam_table_lift_column")
 TABLES: dict[str, tuple[str, ...]] = {
-    "": ("schema", "pump", "cam", "mounting", "shaft"),
+    "": ("schema", "pump", "cam", "mounting", "shaft", "friction"),
     "pump": (
         "id",
         "note",
@@ -50,6 +51,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     "cam.sections": ("kind", "angle_deg", "rise_mm", "nose_radius_mm"),
     "mounting": ("rotation", "gravity_m_per_s2", "spring_mass_kg", "guide_height_m"),
     "shaft": ("phases_deg", "stiffness_N_m_per_rad", "damping_N_m_s_per_rad"),
+    "friction": ("guide", "bearing_arm_um", "pin_arm_um"),
 }
 """Every key of a pump file."""
 
@@ -74,6 +76,7 @@ class PumpConfig:
     sections, sections_start : the cam as sections, from this angle [rad]; empty where there is a lift table
     rotation, gravity, spring_mass, guide_height : see `camtorque.mechanism.mounting.Mounting`
     phases : lag of each pump's lobe on the shaft [rad]
+    friction : guide coefficient, bearing and pin arm [-, m, m], see `camtorque.mechanism.friction.Friction`
     shaft_stiffness, shaft_damping : of each piece of shaft between lobes [N m/rad, N m s/rad]; inf for a rigid shaft
     """
 
@@ -90,6 +93,7 @@ class PumpConfig:
     shaft_stiffness: float
     shaft_damping: float
     cam_table: CamTable | None = None
+    friction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,9 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     if root.text("schema") != SCHEMA:
         raise Refusal(f"{root.where('schema')}: found {values['schema']!r}, expected {SCHEMA!r}")
     pump, cam = root.table("pump"), root.table("cam", optional=True)
-    mounting, shaft = root.table("mounting", optional=True), root.table("shaft", optional=True)
-    for table, name in ((pump, "pump"), (cam, "cam"), (mounting, "mounting"), (shaft, "shaft")):
+    mounting, shaft, friction = (root.table(name, optional=True) for name in ("mounting", "shaft", "friction"))
+    tables = {"pump": pump, "cam": cam, "mounting": mounting, "shaft": shaft, "friction": friction}
+    for name, table in tables.items():
         _known_keys(table.values, name, file)
     if pump.has("cam_table") == cam.has("sections"):
         raise Refusal(f"{file}: expected either cam_table in [pump] or [[cam.sections]]; give one of them")
@@ -130,6 +135,11 @@ def load_pump_config(path: Path | str) -> PumpConfig:
         sections_start=cam.number("start_deg", default=0.0) * DEGREE,
         **_mounting(mounting),
         **_shaft(shaft),
+        friction=(
+            friction.number("guide", default=0.0, least=0.0, below=1.0),
+            friction.number("bearing_arm_um", default=0.0, least=0.0) * MICROMETRE,
+            friction.number("pin_arm_um", default=0.0, least=0.0) * MICROMETRE,
+        ),
     )
 
 

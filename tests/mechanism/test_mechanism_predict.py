@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.commands import arguments
 from camtorque.config_pump import PressureCurve, load_pump_config
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
-from camtorque.mechanism import solve_rigid
+from camtorque.mechanism import METHODS, solve_rigid
 from camtorque.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
 from camtorque.records import Refusal
 from camtorque.units import RPM
@@ -65,6 +66,29 @@ def test_prediction_is_the_rigid_solution():
     assert np.allclose(prediction.shaft_torque[1], alone.torque, rtol=1e-12, atol=1e-12)
 
 
+def test_every_method_predicts_the_same_torque_without_friction():
+    curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
+    assert set(arguments.METHODS) == set(METHODS)
+    found = {m: predict(load_pump_config(PAPER), [50.0], curve, n_theta=360, method=m) for m in METHODS}
+    for method in ("recursion", "denoc"):
+        assert np.allclose(found[method].shaft_torque, found["closed"].shaft_torque, rtol=0.0, atol=1e-10)
+
+
+def test_friction_of_the_pump_file_adds_to_torque_and_forces(tmp_path):
+    curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
+    table = "[friction]\nguide = 0.1\nbearing_arm_um = 200\npin_arm_um = 30\n[mounting]"
+    config = load_pump_config(pump_file(tmp_path, ("[mounting]", table)))
+    assert config.friction == pytest.approx((0.1, 2e-4, 3e-5))
+    rough, smooth = (predict(c, [50.0], curve).pumps[0] for c in (config, load_pump_config(PAPER)))
+    # the causes that are not friction stay what they were
+    assert np.allclose(rough.by_cause["pressure"], smooth.by_cause["pressure"], rtol=1e-12, atol=1e-12)
+    gain = np.max(rough.torque - smooth.torque) / np.max(smooth.torque)
+    assert 0.04 < gain < 0.08
+    assert np.max(rough.forces.contact_normal) > 1.03 * np.max(smooth.forces.contact_normal)
+    with pytest.raises(Refusal, match="method 'denoc' is frictionless, found friction"):
+        predict(config, [50.0], curve, method="denoc")
+
+
 def test_document_is_json_with_null_for_what_never_happens():
     document = prediction_document(predict(load_pump_config(PAPER), [50.0]))
     text = json.dumps(document, allow_nan=False)
@@ -104,6 +128,8 @@ def test_pumps_on_one_shaft_elastic_or_rigid(tmp_path):
     alone = predict(load_pump_config(PAPER), [50.0], curve).shaft_torque
     assert np.mean(torque[0]) == pytest.approx(3.0 * np.mean(alone), rel=1e-6)
     assert np.max(np.abs(torque[0] - torque[1])) < 5e-3 * np.max(torque[0])
+    with pytest.raises(Refusal, match="method 'denoc' knows rigid shafts only, found a stiffness"):
+        predict(load_pump_config(elastic), [50.0], curve, method="denoc")
 
 
 def test_lift_table_is_read_with_its_resolution(tmp_path):
@@ -158,6 +184,7 @@ REFUSED = [
     (("[pump]", "[pump"), "is not valid TOML"),
     (("[pump]", '[pump]\ncam_table = "x.csv"'), "expected either cam_table in"),
     (("[cam]   ", "[cam]\nstart_degrees = 3\n#"), "did you mean 'start_deg'"),
+    (("[mounting]", "[friction]\nguide = 1.5\n[mounting]"), r"guide: found 1\.5, expected a number >= 0 and < 1"),
     (("[mounting]", "[weather]\n[mounting]"), "unknown key 'weather'"),
 ]
 

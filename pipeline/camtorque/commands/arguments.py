@@ -20,6 +20,8 @@ EFFECTS = (
 )
 """Names that `--effects` takes; a test holds them to those of the fit."""
 STUDIES = ("speed-accuracy", "stability")
+METHODS = ("closed", "recursion", "denoc")
+"""Ways to solve the mechanics; a test holds them to those of the mechanism."""
 SHELLS = ("bash", "zsh", "fish")
 LARGEST_TOLERANCE = 0.01
 """The coarsest grid of the speed-accuracy study is off by less than this share of the peak torque."""
@@ -134,6 +136,7 @@ def predict(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("pump", type=Path, metavar="PUMP", help="pump file, see docs/predict.md")
     parser.add_argument("--speed", type=speeds, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
+    parser.add_argument("--method", choices=METHODS, default="closed", metavar="NAME", help=" or ".join(METHODS))
     _out(parser, required=False, otherwise="none: the table alone")
     _tolerance(parser)
 

@@ -35,7 +35,8 @@ def _prediction(arguments: argparse.Namespace) -> Prediction:
     if arguments.tolerance is not None:
         n_theta, note = grid_note(arguments.tolerance)
         notes = (*notes, note)
-    prediction = predict(config, [speed * RPM for speed in arguments.speed], pressure, n_theta=n_theta)
+    speeds = [speed * RPM for speed in arguments.speed]
+    prediction = predict(config, speeds, pressure, n_theta=n_theta, method=arguments.method)
     return replace(prediction, findings=(*notes, *prediction.findings))
 
 

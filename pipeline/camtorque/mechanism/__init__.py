@@ -9,13 +9,16 @@
                                     predict            a pump without a recording
 """
 
-from camtorque.mechanism.cam import LIFT_METHODS, CamLaw, cubic_law, lift_law, quintic_law, smoothing_law
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.friction import Friction, contact_load, jamming_friction
+from camtorque.mechanism.interpolants import cubic_law, quintic_law, smoothing_law
 from camtorque.mechanism.kinematics import Kinematics, kinematics
+from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
 from camtorque.mechanism.shaft import METHODS, ShaftForces, solve_shaft
 from camtorque.mechanism.solve import acceleration_of, forces_of, solve_rigid
+from camtorque.mechanism.spectral import spectral_law
 from camtorque.mechanism.torque import CAUSES, OUTPUTS, ClosedForm, closed_form_tables
 
 __all__ = [
@@ -45,4 +48,5 @@ __all__ = [
     "smoothing_law",
     "solve_rigid",
     "solve_shaft",
+    "spectral_law",
 ]

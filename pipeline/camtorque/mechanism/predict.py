@@ -10,11 +10,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from camtorque.config_pump import PressureCurve, PumpConfig
-from camtorque.mechanism.cam import TURN, CamLaw, lift_law
+from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
-from camtorque.mechanism.friction import jamming_friction
+from camtorque.mechanism.friction import Friction, jamming_friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
+from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
@@ -104,6 +105,7 @@ def predict(
     *,
     lift_method: str = "smoothing",
     n_theta: int = SAMPLES,
+    method: str = "closed",
 ) -> Prediction:
     """Return torque, forces and Hertz stress of a pump at several speeds.
 
@@ -113,23 +115,28 @@ def predict(
     speeds : cam speeds, positive [rad/s]
     pressure : on the plunger over cam angle, the same at every speed; None for a dry pump (spring and inertia only)
     n_theta : points of the angle grid
+    method : one of `shaft.METHODS`
 
     Raises
     ------
-    Refusal : no speed, a speed that is not positive, a cam that cannot be built
+    Refusal : no speed, a speed that is not positive, a cam that cannot be built, friction with a frictionless method
     """
     speed = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
     if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
         raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
     law, mounting = cam_of(config, lift_method), mounting_of(config)
     theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
-    units = [PumpUnit(config.pump, law, phase, mounting) for phase in config.phases]
+    friction = Friction(*config.friction)
+    units = [PumpUnit(config.pump, law, phase, mounting, friction) for phase in config.phases]
     curve = PressureCurve(np.array([0.0, np.pi]), np.zeros(2)) if pressure is None else pressure
     load = np.stack([pressure_at(curve, theta - phase) for phase in config.phases])
     own = pressure_at(curve, theta)
-    tables = closed_form_tables(config.pump, law, theta, mounting)
-    torque = np.stack([_shaft_torque(config, units, theta, load, value) for value in speed])
-    pumps = tuple(solve_rigid(config.pump, law, theta, own, value, mounting=mounting) for value in speed)
+    tables = closed_form_tables(config.pump, law, theta, mounting, friction)
+    torque = np.stack([_shaft_torque(config, units, theta, load, value, method) for value in speed])
+    pumps = tuple(
+        solve_rigid(config.pump, law, theta, own, value, mounting=mounting, friction=friction, method=method)
+        for value in speed
+    )
     roller = assumed_roller(config.pump)
     return Prediction(
         theta=theta,
@@ -150,10 +157,14 @@ def predict(
     )
 
 
-def _shaft_torque(config: PumpConfig, units: list[PumpUnit], theta: Array, load: Array, speed: float) -> Array:
+def _shaft_torque(
+    config: PumpConfig, units: list[PumpUnit], theta: Array, load: Array, speed: float, method: str
+) -> Array:
     """Return the torque at the drive end of a rigid or an elastic shaft [N m]."""
     if np.isinf(config.shaft_stiffness):
-        return solve_shaft(units, theta, load, speed).torque
+        return solve_shaft(units, theta, load, speed, method=method).torque
+    if method != "closed":
+        raise Refusal(f"{config.path}: method {method!r} knows rigid shafts only, found a stiffness; use 'closed'")
     stiffness = np.full(len(units), config.shaft_stiffness)
     return solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping)).torque
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
 
-from camtorque.mechanism.cam import TURN, CamLaw, smoothing_law
+from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.interpolants import smoothing_law
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import Array, CamTable
 

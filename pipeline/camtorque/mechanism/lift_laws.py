@@ -1,0 +1,38 @@
+"""The registry of lift laws: how a table becomes a law. A new law is one function of a table and one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.interpolants import cubic_law, quintic_law, smoothing_law
+from camtorque.mechanism.spectral import spectral_law
+from camtorque.records import CamTable, Refusal
+
+LEAST_POINTS = 12
+"""Fewer points in a revolution leave a spline of order 6 with a pure guess between them."""
+
+LIFT_METHODS: dict[str, Callable[[CamTable], CamLaw]] = {
+    "smoothing": smoothing_law,
+    "spectral": spectral_law,
+    "quintic": quintic_law,
+    "cubic": cubic_law,
+}
+"""``smoothing`` is the default for forces and Hertz stress, where y'' counts; ``spectral`` is for the torque of a fit,
+where y' counts (docs/lift_laws.md); the other two interpolate, and a rounded table ruins their y''."""
+
+
+def lift_law(table: CamTable, method: str = "smoothing") -> CamLaw:
+    """Return the lift law of a table by one of `LIFT_METHODS`.
+
+    Raises
+    ------
+    Refusal : unknown method, or a table too short for it
+    """
+    if method not in LIFT_METHODS:
+        raise Refusal(f"lift law: method {method!r} is unknown, expected one of {', '.join(LIFT_METHODS)}")
+    if table.theta.size < LEAST_POINTS:
+        raise Refusal(
+            f"lift table: {table.theta.size} points in one revolution, expected at least {LEAST_POINTS}; measure finer"
+        )
+    return LIFT_METHODS[method](table)
