@@ -21,7 +21,7 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 CONFIGURATION = {"config", "config_pump", "config_toml", "toml_table"}
 PROCESS = {"caches", "stopping", "system"}
 LEFT = {"units", "records", "grid_choice", "plain", "threads", "__init__", *CONFIGURATION, *PROCESS}
-ROOMS = ["ingest", "align", "mechanism", "laws", "fit", "report"]
+ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report"]
 ORDER = ["left", *ROOMS, "run", "campaign", "studies", "commands", "cli"]
 LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter"}
 """Heavy optional packages that may be imported inside a function."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from align_truth import TWO_PI, LogClock, Rig, Samples, angle_error_deg, lift_of, make, pressure_of, torque_of
 from camtorque.align import align
-from camtorque.align.logger_time import pause_intervals, sample_positions, sample_times
 from camtorque.records import Recording, Refusal
+from camtorque.signal.logger_time import pause_intervals, sample_positions, sample_times
 
 CLOCK = LogClock(-0.42, 65e-6, 0.35)
 

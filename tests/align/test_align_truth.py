@@ -18,7 +18,7 @@ from align_truth import (
 )
 from camtorque.align import AlignOptions, align
 from camtorque.align.budget import RESAMPLING_DEG
-from camtorque.align.triggers import find_edges
+from camtorque.signal.edges import find_edges
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,7 +55,7 @@ def test_angle_is_recovered_at_unequal_rates(torque_rate: float, pressure_rate: 
     nominal=st.floats(0.0, 359.0),
     delay_us=st.floats(0.0, 900.0),
     switching_us=st.floats(0.0, 200.0),
-    flank_us=st.floats(5.0, 400.0),
+    flank_us=st.floats(20.0, 400.0),  # a shorter one is known to a sample only: 0.4 degrees at 1411 rpm
 )
 def test_angle_is_recovered_whatever_the_mounting_and_delays(
     rpm: float, start: float, nominal: float, delay_us: float, switching_us: float, flank_us: float
@@ -177,7 +177,7 @@ def test_synchronised_loggers_keep_their_own_start() -> None:
 def test_edge_times_are_right_within_their_standard_error(rate: float, best_us: float) -> None:
     rig = Rig(trigger_noise=0.03, duration=8.0, trigger_rate=rate)
     channel = trigger_channel(rig)
-    edges = find_edges(channel, make(rig).config.trigger, rig.shaft.speed)
+    edges = find_edges(channel, "rising")
     truth = rig.pulse_times() + rig.switching_delay
     nearest = truth[np.argmin(np.abs(edges.time[:, None] - truth[None, :]), axis=1)]
     error = edges.time - nearest

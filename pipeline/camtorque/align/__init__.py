@@ -1,11 +1,10 @@
 """Recording -> CamCycles: trigger edges, clocks, cam angle, aligned cycles, cut-flow, angle error budget.
 
-triggers, edge_time    volts -> edge times, half height, sub-sample
 pulses, jumps          edge times -> pulses, repaired and numbered; clock jumps
 clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure
 timebase               the three above for a whole recording
 angle, resample        pulses -> cam angle -> uniform grid
-channels, damage       one pass over each channel
+channels               one pass over each channel
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
 quality, jitter        which cycles are used, and why not
 budget, summary        angle error budget; plain numbers for a file

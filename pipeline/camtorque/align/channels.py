@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from camtorque.align.angle import TWO_PI, CamAngle
 from camtorque.align.clocks import Clock
-from camtorque.align.logger_time import sample_positions
 from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
 from camtorque.align.resample import align_block, choose_rule, empty_rows
 from camtorque.records import Array, Channel
+from camtorque.signal.logger_time import sample_positions
 
 MARGIN = 3
 """Samples beyond the ends of a cycle that interpolation and bin borders may touch."""

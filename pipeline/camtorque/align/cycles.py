@@ -19,6 +19,7 @@ from camtorque.align.channels import AlignedChannel, align_channels, covered
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings
 from camtorque.align.jitter import refuse_jitter
+from camtorque.align.jumps import EDGE_NOISES
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts
@@ -48,7 +49,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     cycles = angle.candidate_cycles()
     complete = covered(angle, cycles, channels, base.clocks)
     aligned = align_channels(channels, angle, cycles, complete, base.clocks, options)
-    table = _table(angle, cycles, complete, aligned, options)
+    table = _table(angle, cycles, complete, aligned, options, base.edge_noise)
     checked = check_quantities(table.rows, table.undamaged, recording)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
     used, cut_flow = apply_cuts(table)
@@ -101,6 +102,7 @@ def _table(
     complete: NDArray[np.bool_],
     aligned: dict[str, AlignedChannel],
     options: AlignOptions,
+    edge_noise: float,
 ) -> CycleTable:
     period = angle.time_at((cycles + 1) * TWO_PI) - angle.time_at(cycles * TWO_PI)
     jump = angle.touched(cycles, angle.jumped)
@@ -118,6 +120,7 @@ def _table(
         rows={quantity: item.rows for quantity, item in aligned.items()},
         damage={quantity: item.damage for quantity, item in aligned.items()},
         options=options,
+        edge_change=EDGE_NOISES * edge_noise / float(np.median(period)) if period.size else 0.0,
     )
 
 

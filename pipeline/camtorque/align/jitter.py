@@ -40,7 +40,7 @@ def refuse_jitter(table: CycleTable, name: str) -> None:
     raise Refusal(
         f"{name}: the trigger edges jitter by {1e3 * jitter:.2g} ms, {360.0 * jitter / np.median(period):.2g} degrees "
         f"of cam angle: {lost} of {int(known.sum())} cycles change their period by more than "
-        f"{100.0 * table.options.steady_change:g} %, and a long one follows a short one (correlation "
+        f"{100.0 * table.steady_change:.2g} %, and a long one follows a short one (correlation "
         f"{alternation:.2f}), which no shaft does; expected edges that repeat; check gap, mounting and shielding of "
         "the pick-up and the declared edge, or record a tooth wheel"
     )

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.clocks import Clock
-from camtorque.align.logger_time import pause_intervals
 from camtorque.align.pulses import PulseTrain
 from camtorque.records import Finding, Recording
+from camtorque.signal.logger_time import pause_intervals
 
 LEAST_JUMP = 0.003
 """Relative difference of a period from its neighbours that may be a jump."""
@@ -22,13 +22,16 @@ NEIGHBOURS_AGREE = 0.25
 """The neighbours differ from each other by less than this part of the jump."""
 TIMES_USUAL = 8.0
 """And the difference is this many times the usual one from revolution to revolution."""
+EDGE_NOISES = 7.0
+"""Difference of neighbouring periods, in standard errors of an edge, that the edges alone can make: edges known to one
+sample, q / sqrt(12), move it by up to 2 q."""
 
 
 def mark_jumps(
-    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording
+    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording, edge_noise: float
 ) -> tuple[PulseTrain, tuple[Finding, ...]]:
     """Mark the pulses whose interval holds a jump, of the main trigger, between two clocks or of a file's time."""
-    jump = _odd_periods(train, recording.config.trigger.pulses_per_rev)
+    jump = _odd_periods(train, recording.config.trigger.pulses_per_rev, edge_noise)
     odd = int(jump.sum())
     findings = []
     if odd:
@@ -52,9 +55,10 @@ def mark_jumps(
     return replace(train, jumped=jump), tuple(findings)
 
 
-def _odd_periods(train: PulseTrain, pulses_per_rev: int) -> np.ndarray:
+def _odd_periods(train: PulseTrain, pulses_per_rev: int, edge_noise: float) -> np.ndarray:
     """Flag the pulse at the end of each odd interval; on a wheel, pitch errors repeat and are taken off first."""
     period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
+    quantum = EDGE_NOISES * edge_noise / np.median(period) if period.size else 0.0
     jump = np.zeros(train.time.size, dtype=bool)
     if period.size < 5:
         return jump
@@ -66,7 +70,7 @@ def _odd_periods(train: PulseTrain, pulses_per_rev: int) -> np.ndarray:
     difference = np.abs(here - beside) / beside
     usual = 1.4826 * np.median(difference)
     agree = np.abs(before - after) / beside < NEIGHBOURS_AGREE * difference
-    odd = (difference > max(LEAST_JUMP, TIMES_USUAL * usual)) & agree
+    odd = (difference > max(LEAST_JUMP, TIMES_USUAL * usual, quantum)) & agree
     jump[2:-1] = odd & ~train.broken[2:-1] & ~train.repaired[2:-1]
     return jump
 

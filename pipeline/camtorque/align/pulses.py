@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Finding, Refusal
+from camtorque.signal.running import running_median
 
 BOUNCE_PERIODS = 0.1
 """An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."""
@@ -64,7 +64,7 @@ def clean_pulses(time: Array, pulse_width: float) -> PulseTrain:
 
 
 def _local_period(time: Array) -> Array:
-    return median_filter(np.diff(time), min(LOCAL_PERIODS, time.size - 1), mode="nearest")
+    return running_median(np.diff(time), LOCAL_PERIODS)
 
 
 def _without_bounces(time: Array, pulse_width: float) -> tuple[Array, int]:
@@ -193,7 +193,7 @@ class _Marked:
 
 def _pitch(time: Array) -> Array:
     """Local pitch of each gap: a running median is deaf to the mark and to single disturbances."""
-    return median_filter(np.diff(time), min(11, time.size - 1), mode="nearest")
+    return running_median(np.diff(time), 11)
 
 
 def _missing_tooth_train(time: Array, spec: TriggerSpec) -> _Marked:

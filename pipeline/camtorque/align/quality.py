@@ -49,7 +49,10 @@ class ChannelDamage:
 
 @dataclass(frozen=True)
 class CycleTable:
-    """What the cuts look at; one row per cycle that the pulses cover."""
+    """What the cuts look at; one row per cycle that the pulses cover.
+
+    ``edge_change`` is the relative change of the period that the errors of the edges alone can make.
+    """
 
     index: NDArray[np.int64]
     speed: Array
@@ -61,6 +64,12 @@ class CycleTable:
     extremes: dict[str, Array]
     damage: dict[str, ChannelDamage]
     options: AlignOptions
+    edge_change: float = 0.0
+
+    @property
+    def steady_change(self) -> float:
+        """Largest relative change of the period that counts as steady: the chosen one, or what the edges can make."""
+        return max(self.options.steady_change, self.edge_change)
 
     @property
     def undamaged(self) -> Mask:
@@ -104,7 +113,7 @@ def _clipped(quantity: str) -> Callable[[CycleTable], Mask]:
 
 
 def _start_stop(table: CycleTable) -> Mask:
-    return np.abs(table.speed_change) > table.options.steady_change
+    return np.abs(table.speed_change) > table.steady_change
 
 
 def _speed_outlier(table: CycleTable) -> Mask:

@@ -11,8 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.damage import damage_of
 from camtorque.records import Array
+from camtorque.signal.damage import damage_of
 
 LINEAR, CUBIC, AVERAGE = 0, 1, 2
 RULES = {"linear": LINEAR, "cubic": CUBIC, "average": AVERAGE}

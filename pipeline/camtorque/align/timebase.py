@@ -13,8 +13,8 @@ from camtorque.align.jumps import mark_jumps
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
 from camtorque.align.pulses import PulseTrain, number_teeth, shifted, train_findings
-from camtorque.align.triggers import Edges, find_edges
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.signal.edges import Edges, find_edges
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     findings += [finding for clock in clocks.values() for finding in clock.findings]
     train = replace(train, time=clocks[reference].from_reference(train.time))
     clocks = _referred(clocks, reference)
-    train, jump_findings = mark_jumps(train, clocks, recording)
+    train, jump_findings = mark_jumps(train, clocks, recording, noise)
     return TimeBase(reference, clocks, train, triggers, noise, (*findings, *jump_findings))
 
 
@@ -92,7 +92,7 @@ def _trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, Tr
     config = recording.config
     trains = {}
     for channel in recording.of("trigger"):
-        edges = find_edges(channel, config.trigger, config.nominal_speed, options.block_samples)
+        edges = find_edges(channel, config.trigger.edge, options.block_samples)
         where = f"{channel.path.name}, channel {channel.name!r}"
         train = number_teeth(edges.time, edges.width, config.trigger, where)
         trains[channel.logger] = TriggerTrain(channel, edges, shifted(train, config.trigger.switching_delay))

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from camtorque.records import Array
+from camtorque.signal.running import running_median
 
 POOLED_EDGES = 9
 """Plateaus are the running median over this many neighbouring edges: it follows slow drift."""
@@ -20,6 +20,10 @@ LEAST_PAIRS = 5
 LEAST_FOR_DENSITY = 30
 SAME_DURATION = 0.1
 """Relative spread of the flank's duration over the edges beyond which it is no property of the sensor."""
+LOGIC_LEVEL = 0.05
+"""Share of edges with a sample on the flank below which the log holds levels only: high or low, nothing between."""
+RECTANGULAR = 1.0 / np.sqrt(12.0)
+"""Standard deviation of an edge that lies anywhere between two samples [samples]."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +36,14 @@ class EdgeSamples:
     near : (n, 4) the two samples on either side of the crossing, as parts of the height
     height : (n,) plateau to plateau [V]
     noise : (n,) standard deviation of the voltage on the plateaus [V]
+    own_height : (n,) the same height from this edge alone [V]
     """
 
     before: NDArray[np.int64]
     near: Array
     height: Array
     noise: Array
+    own_height: Array
 
 
 def edge_samples(windows: Array, before: NDArray[np.int64]) -> EdgeSamples:
@@ -51,21 +57,21 @@ def edge_samples(windows: Array, before: NDArray[np.int64]) -> EdgeSamples:
     """
     n, width = windows.shape
     if not n:
-        return EdgeSamples(before, np.empty((0, 4)), np.empty(0), np.empty(0))
+        return EdgeSamples(before, np.empty((0, 4)), np.empty(0), np.empty(0), np.empty(0))
     half, quarter = width // 2, max(1, width // 4)
     low, high = np.median(windows[:, :quarter], axis=1), np.median(windows[:, -quarter:], axis=1)
     noise = 0.5 * (np.std(windows[:, :quarter], axis=1) + np.std(windows[:, -quarter:], axis=1))
-    pooled = min(POOLED_EDGES, n)
-    low, high = median_filter(low, pooled, mode="nearest"), median_filter(high, pooled, mode="nearest")
+    own = high - low
+    low, high = running_median(low, POOLED_EDGES), running_median(high, POOLED_EDGES)
     height = high - low
     part = (windows - low[:, None]) / np.where(height > 0.0, height, 1.0)[:, None]
     column = _crossing_column(part, half)
-    return EdgeSamples(before - (half - 1) + column, _near_columns(part, column), height, noise)
+    return EdgeSamples(before - (half - 1) + column, _near_columns(part, column), height, noise, own)
 
 
 def joined(parts: list[EdgeSamples]) -> EdgeSamples:
     """Return the edges of all blocks."""
-    names = ("before", "near", "height", "noise")
+    names = ("before", "near", "height", "noise", "own_height")
     return EdgeSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
@@ -91,10 +97,12 @@ def crossings(edges: EdgeSamples) -> Crossings:
     Linear interpolation between the two samples that straddle half height is exact while both lie on a straight flank;
     where the flank is so short that one of them lies on a plateau it is wrong by up to 1 / (8 D) samples, and the
     crossing is found from the flank's duration D instead. An edge without any sample on its flank lies anywhere within
-    the 1 - D samples that are left.
+    the 1 - D samples that are left. A logic-level log has no samples on any flank: its edges are known to one sample.
     """
     slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
     linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
+    if edges.near.shape[0] and np.mean(_on_flank(edges.near).any(axis=1)) < LOGIC_LEVEL:
+        return Crossings(edges.before + linear, 1.0, RECTANGULAR)
     duration = _flank_duration(edges.near)
     if duration < SHORT_FLANK:
         unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
