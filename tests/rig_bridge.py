@@ -116,7 +116,7 @@ def recording_config(run: RigRun, name: str) -> RecordingConfig:
         acquisition="",
         rotation=run.truth.rotation,
         note="",
-        pump=pump_data(run),
+        pump_sheet=pump_data(run),
         trigger=TriggerSpec(
             nominal_angle=trigger.nominal_angle,
             installation_tolerance=trigger.tolerance,

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
-CONFIGURATION = {"config", "config_pump", "config_toml", "toml_table"}
+CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
 PROCESS = {"caches", "stopping", "system"}
 LEFT = {"units", "records", "grid_choice", "plain", "threads", "__init__", *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report"]

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
-from camtorque.records import Finding
+from camtorque.records import Finding, Refusal
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class PumpData:
 
 @dataclass(frozen=True)
 class TriggerSpec:
-    """The proximity trigger or tooth wheel.
+    """The proximity trigger, tooth wheel, index or encoder.
 
     Attributes
     ----------
@@ -57,37 +60,83 @@ class TriggerSpec:
     installation_tolerance : half width of the mounting tolerance [rad]
     edge : ``rising`` or ``falling``
     pulses_per_rev : teeth, missing teeth counted as if present
+    level_volts : height of the pulse, not a threshold; None where it is not stated
+    switching_delay : [s]
     missing_teeth : teeth left out at the mark (0 for a plain trigger)
     double_tooth : True where one extra tooth marks the revolution
-    level_volts : height of the pulse, not a threshold
-    switching_delay : [s]
+    sensor : ``digital``, ``inductive`` or ``hall``
+    revolutions_per_cycle : turns of the wheel per turn of the cam
+    side : ``cam`` or ``motor``: which end of the shaft it sits on
+    reference : ``index`` where the nominal angle is that of the index channel's pulse, else ""
     """
 
     nominal_angle: float
     installation_tolerance: float
-    edge: str
-    pulses_per_rev: int
-    level_volts: float
-    switching_delay: float
+    edge: str = "rising"
+    pulses_per_rev: int = 1
+    level_volts: float | None = None
+    switching_delay: float = 0.0
     missing_teeth: int = 0
     double_tooth: bool = False
+    sensor: str = "digital"
+    revolutions_per_cycle: int = 1
+    side: str = "cam"
+    reference: str = ""
 
 
 @dataclass(frozen=True)
 class SensorRef:
-    """A sensor as the recording names it: sheet and standstill readings [V] (None where not taken).
+    """A sensor as the recording names it: sheet and standstill readings (None where not taken).
 
-    ``idle_from``, ``idle_to`` mark a stretch of the recording at standstill [s after the channel's first sample].
+    Attributes
+    ----------
+    calibration_path : its sheet; None where ``sheet`` holds the keys of one, as the recording states them itself
+    zero_before_volts, zero_after_volts : standstill readings [V]
+    zero_before, zero_after : the same in the unit of the channel, where the logger has scaled
+    idle_from, idle_to : a stretch of the recording at standstill [s after the channel's first sample]
     """
 
     quantity: str
     serial: str
-    calibration_path: Path
+    calibration_path: Path | None
     zero_before_volts: float | None
     zero_after_volts: float | None
     location: str = ""
     idle_from: float | None = None
     idle_to: float | None = None
+    zero_before: float | None = None
+    zero_after: float | None = None
+    sheet: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class FluidSpec:
+    """What the bench says of the fuel; None where it says nothing.
+
+    temperature [K]; bulk_modulus [Pa] at feed pressure and bulk_modulus_slope its rise per rise of pressure [-];
+    density [kg/m^3]; feed_pressure [Pa, gauge].
+    """
+
+    name: str = ""
+    temperature: float | None = None
+    bulk_modulus: float | None = None
+    bulk_modulus_slope: float | None = None
+    density: float | None = None
+    feed_pressure: float | None = None
+
+
+@dataclass(frozen=True)
+class DriveSpec:
+    """What the bench says of the machine that turns the pump; None where it says nothing.
+
+    kind : ``servo``, ``flywheel``, ``induction``, ... or ""; inertia of the drive's side [kg m^2]; speed_loop :
+    bandwidth of the speed control [Hz]; shaft_stiffness from drive to cam [N m/rad].
+    """
+
+    kind: str = ""
+    inertia: float | None = None
+    speed_loop: float | None = None
+    shaft_stiffness: float | None = None
 
 
 @dataclass(frozen=True)
@@ -123,7 +172,15 @@ class ChannelSpec:
 class RecordingConfig:
     """`recording.toml`, checked.
 
-    ``rotation`` is +1 or -1; ``text`` is the file as read; ``findings`` holds the unknown bench keys.
+    Attributes
+    ----------
+    rotation : +1 or -1
+    file_format : as the file says it, "" where the content of the logs tells
+    pump_sheet : None where the file has no [pump]; read it as ``pump``, which refuses then
+    group : recordings of one group are fitted together
+    date : of the recording, None where not stated
+    text : the file as read
+    findings : unknown keys and what was assumed
     """
 
     path: Path
@@ -136,9 +193,20 @@ class RecordingConfig:
     acquisition: str
     rotation: int
     note: str
-    pump: PumpData
+    pump_sheet: PumpData | None
     trigger: TriggerSpec
     sensors: Mapping[str, SensorRef]
     loggers: tuple[LoggerSpec, ...]
     channels: tuple[ChannelSpec, ...]
     findings: tuple[Finding, ...] = field(default=())
+    group: str = ""
+    date: date | None = None
+    fluid: FluidSpec = field(default_factory=FluidSpec)
+    drive: DriveSpec = field(default_factory=DriveSpec)
+
+    @property
+    def pump(self) -> PumpData:
+        """The pump's catalogue values; refused where recording.toml states none."""
+        if self.pump_sheet is None:
+            raise Refusal(f"{self.path}: the table [pump] is missing; the model needs it ('camtorque align' does not)")
+        return self.pump_sheet

@@ -8,52 +8,19 @@ read by `camtorque.ingest.pump_file.read_pump`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from camtorque.config import PumpData
 from camtorque.records import Array, CamTable, Refusal, freeze_arrays
-from camtorque.toml_table import Table, read_toml
-from camtorque.units import DEGREE, did_you_mean
+from camtorque.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
+from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.units import did_you_mean
 
-SCHEMA = "camtorque-pump/1"
-ROTATIONS = {"positive": 1, "negative": -1}
-MILLIMETRE = 1.0e-3
-MICROMETRE = 1.0e-6
-CAM_TABLE_KEYS = ("cam_table", "cam_table_angle_column", "cam_table_lift_column")
-TABLES: dict[str, tuple[str, ...]] = {
-    "": ("schema", "pump", "cam", "mounting", "shaft", "friction"),
-    "pump": (
-        "id",
-        "note",
-        "base_circle_radius_m",
-        "roller_radius_m",
-        "roller_width_m",
-        "follower_offset_m",
-        "cam_mass_kg",
-        "cam_inertia_kg_m2",
-        "follower_mass_kg",
-        "follower_mass_note",
-        "spring_stiffness_N_per_m",
-        "spring_preload_N",
-        "plunger_diameter_m",
-        "youngs_modulus_cam_Pa",
-        "youngs_modulus_roller_Pa",
-        "poisson_ratio",
-        "roller_mass_kg",
-        "roller_inertia_kg_m2",
-        *CAM_TABLE_KEYS,
-    ),
-    "cam": ("sections", "start_deg"),
-    "cam.sections": ("kind", "angle_deg", "rise_mm", "nose_radius_mm"),
-    "mounting": ("rotation", "gravity_m_per_s2", "spring_mass_kg", "guide_height_m"),
-    "shaft": ("phases_deg", "stiffness_N_m_per_rad", "damping_N_m_s_per_rad"),
-    "friction": ("guide", "bearing_arm_um", "pin_arm_um"),
-}
-"""Every key of a pump file."""
+PUMP_FIELDS = frozenset(item.name for item in fields(PumpData))
+ONCE = ("pump", "cam", "mounting", "shaft", "friction")
+"""Tables that are there once or not at all."""
 
 
 @dataclass(frozen=True)
@@ -115,113 +82,71 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     Refusal : missing file or key, unknown key, a value of the wrong type or out of its range, not exactly one cam
     """
     file = Path(path)
-    text, values = read_toml(file, "expected a pump file (schema camtorque-pump/1)")
+    text, values = read_toml(file, f"expected a pump file (schema {PUMP_SCHEMA})")
     root = Table(values, file, "")
-    _known_keys(values, "", file)
-    if root.text("schema") != SCHEMA:
-        raise Refusal(f"{root.where('schema')}: found {values['schema']!r}, expected {SCHEMA!r}")
-    pump, cam = root.table("pump"), root.table("cam", optional=True)
-    mounting, shaft, friction = (root.table(name, optional=True) for name in ("mounting", "shaft", "friction"))
-    tables = {"pump": pump, "cam": cam, "mounting": mounting, "shaft": shaft, "friction": friction}
-    for name, table in tables.items():
-        _known_keys(table.values, name, file)
-    if pump.has("cam_table") == cam.has("sections"):
+    _known_keys(values, "top", ("schema", *ONCE), file)
+    if values.get("schema") != PUMP_SCHEMA:
+        raise Refusal(f"{file}: schema is {values.get('schema')!r:.80}, expected {PUMP_SCHEMA!r}")
+    problems = Problems()
+    tables = {name: _values(root, name, problems) for name in ONCE}
+    sections = _sections(root.table("cam", optional=True), problems)
+    problems.raise_any()
+    pump = tables["pump"]
+    if (pump["cam_table_path"] is None) == (not sections):
         raise Refusal(f"{file}: expected either cam_table in [pump] or [[cam.sections]]; give one of them")
+    pump["cam_table_path"] = pump["cam_table_path"] or file
+    known = {name: value for name, value in pump.items() if name in PUMP_FIELDS}
     return PumpConfig(
         path=file,
         text=text,
-        pump=_pump_data(pump),
-        sections=_sections(cam) if cam.has("sections") else (),
-        sections_start=cam.number("start_deg", default=0.0) * DEGREE,
-        **_mounting(mounting),
-        **_shaft(shaft),
-        friction=(
-            friction.number("guide", default=0.0, least=0.0, below=1.0),
-            friction.number("bearing_arm_um", default=0.0, least=0.0) * MICROMETRE,
-            friction.number("pin_arm_um", default=0.0, least=0.0) * MICROMETRE,
-        ),
+        pump=PumpData(**known),
+        sections=sections,
+        **tables["cam"],
+        **tables["mounting"],
+        **tables["shaft"],
+        friction=tuple(tables["friction"].values()),
     )
 
 
-def _known_keys(values: Mapping[str, Any], name: str, file: Path) -> None:
+def _values(root: Table, name: str, problems: Problems) -> dict[str, Any]:
+    schema = PUMP_FILE_TABLES[name]
+    with problems.collecting():
+        table = root.table(name, optional=not schema.required)
+        inner = ("sections",) if name == "cam" else ()
+        _known_keys(table.values, name, (*schema.names, *inner), root.file)
+        return read_keys(table, schema, problems)
+    return {}
+
+
+def _known_keys(values: Mapping[str, Any], name: str, known: tuple[str, ...], file: Path) -> None:
     """Refuse a key that a table does not have."""
     for key in values:
-        if key not in TABLES[name]:
-            hint = did_you_mean(key, TABLES[name]) or f", expected one of {', '.join(TABLES[name])}"
-            raise Refusal(f"{file} [{name or 'top'}]: unknown key {key!r}{hint}")
+        if key not in known:
+            hint = did_you_mean(key, known) or f", expected one of {', '.join(known)}"
+            raise Refusal(f"{file} [{name}]: unknown key {key[:80]!r}{hint}")
 
 
-def _pump_data(table: Table) -> PumpData:
-    """Return the catalogue values of [pump]."""
-    has_table = table.has("cam_table")
-    return PumpData(
-        base_circle_radius=table.number("base_circle_radius_m", above=0.0),
-        roller_radius=table.number("roller_radius_m", above=0.0),
-        roller_width=table.number("roller_width_m", above=0.0),
-        follower_offset=table.number("follower_offset_m", default=0.0),
-        cam_mass=table.number("cam_mass_kg", above=0.0),
-        cam_inertia=table.number("cam_inertia_kg_m2", above=0.0),
-        follower_mass=table.number("follower_mass_kg", above=0.0),
-        spring_stiffness=table.number("spring_stiffness_N_per_m", least=0.0),
-        spring_preload=table.number("spring_preload_N", least=0.0),
-        plunger_diameter=table.number("plunger_diameter_m", above=0.0),
-        youngs_modulus_cam=table.number("youngs_modulus_cam_Pa", above=0.0),
-        youngs_modulus_roller=table.number("youngs_modulus_roller_Pa", above=0.0),
-        cam_table_path=table.path("cam_table") if has_table else table.file,
-        cam_table_angle_column=table.text("cam_table_angle_column") if has_table else "",
-        cam_table_lift_column=table.text("cam_table_lift_column") if has_table else "",
-        poisson_ratio=table.number("poisson_ratio", default=0.3, above=0.0, below=0.5),
-        roller_mass=table.optional_number("roller_mass_kg", least=0.0),
-        roller_inertia=table.optional_number("roller_inertia_kg_m2", least=0.0),
-    )
-
-
-def _sections(cam: Table) -> tuple[SectionSpec, ...]:
+def _sections(cam: Table, problems: Problems) -> tuple[SectionSpec, ...]:
     """Return the sections of [cam] in the direction of running."""
-    return tuple(_section(table) for table in cam.tables("sections"))
+    if not cam.has("sections"):
+        return ()
+    sections = []
+    for table in cam.tables("sections"):
+        with problems.collecting():
+            sections.append(_section(table))
+    return tuple(sections)
 
 
 def _section(table: Table) -> SectionSpec:
     """Return one section; a tangent lobe takes the angle that it needs."""
-    _known_keys(table.values, "cam.sections", table.file)
-    kind = table.text("kind")
-    tangent, at_rest = kind == "tangent", kind == "dwell"
-    return SectionSpec(
-        kind=kind,
-        angle=0.0 if tangent else table.number("angle_deg", above=0.0) * DEGREE,
-        rise=0.0 if at_rest else table.number("rise_mm") * MILLIMETRE,
-        nose_radius=table.number("nose_radius_mm", above=0.0) * MILLIMETRE if tangent else 0.0,
-    )
-
-
-def _numbers(table: Table, key: str, default: list[float]) -> tuple[float, ...]:
-    """Return a list of numbers."""
-    values = table.values.get(key, default)
-    if not isinstance(values, list) or not values:
-        raise Refusal(f"{table.where(key)}: found {values!r}, expected a list of numbers")
-    return tuple(Table({key: value}, table.file, table.header).number(key) for value in values)
-
-
-def _mounting(table: Table) -> dict[str, Any]:
-    """Return the fields of [mounting]."""
-    gravity = _numbers(table, "gravity_m_per_s2", [0.0, 0.0])
-    if len(gravity) != 2:
-        raise Refusal(
-            f"{table.where('gravity_m_per_s2')}: found {list(gravity)}, expected two numbers, along X1 and Y1"
-        )
-    return {
-        "rotation": ROTATIONS[table.choice("rotation", tuple(ROTATIONS))] if table.has("rotation") else 1,
-        "gravity": gravity,
-        "spring_mass": table.number("spring_mass_kg", default=0.0, least=0.0),
-        "guide_height": table.optional_number("guide_height_m"),
-    }
-
-
-def _shaft(table: Table) -> dict[str, Any]:
-    """Return the fields of [shaft]."""
-    stiffness = table.optional_number("stiffness_N_m_per_rad", above=0.0)
-    return {
-        "phases": tuple(value * DEGREE for value in _numbers(table, "phases_deg", [0.0])),
-        "shaft_stiffness": np.inf if stiffness is None else stiffness,
-        "shaft_damping": table.number("damping_N_m_s_per_rad", default=0.0, least=0.0),
-    }
+    schema = PUMP_FILE_TABLES["cam.sections"]
+    _known_keys(table.values, "cam.sections", schema.names, table.file)
+    problems = Problems()
+    values = read_keys(table, schema, problems)
+    problems.raise_any()
+    needed = {"tangent": ("rise", "nose_radius"), "dwell": ("angle",)}.get(values["kind"], ("angle", "rise"))
+    for key in schema.keys:
+        if key.attribute in needed and not table.has(key.name):
+            raise Refusal(f"{table.where(key.name)}: this key is missing; {key.meaning}")
+    unused = set(values) - set(needed) - {"kind"}
+    return SectionSpec(**{**values, **dict.fromkeys(unused, 0.0)})

@@ -1,105 +1,38 @@
 """The bench's ``recording.toml`` (schema ``fip-bench-recording/1``) -> `RecordingConfig`, in SI and radians.
 
-A missing key, a wrong type or an impossible value is refused. A key that the product does not know is a finding:
-benches add keys of their own. The product's optional keys are listed in `TABLES` beside the bench's.
+What each key may hold stands in `camtorque.schemas`. Everything that is wrong is said at once; a key that the product
+does not know is a finding: benches add keys of their own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from camtorque.config import ChannelSpec, LoggerSpec, PumpData, RecordingConfig, SensorRef, TriggerSpec
+from camtorque.config import (
+    ChannelSpec,
+    DriveSpec,
+    FluidSpec,
+    LoggerSpec,
+    PumpData,
+    RecordingConfig,
+    SensorRef,
+    TriggerSpec,
+)
+from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
 from camtorque.records import Finding, Refusal
-from camtorque.toml_table import Table, read_toml
-from camtorque.units import DEGREE, RPM, did_you_mean
+from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
+from camtorque.toml_schema import TableSchema
+from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.units import did_you_mean
 
-SCHEMA = "fip-bench-recording/1"
 FILE_NAME = "recording.toml"
-QUANTITIES = ("torque", "pressure", "trigger")
-SENSOR_QUANTITIES = ("torque", "pressure")
-CLOCKS = ("single", "synchronised", "independent")
-ROTATIONS = {"positive": 1, "negative": -1}
-EDGES = ("rising", "falling")
-FORMAT_ALIASES: dict[str, str] = {
-    "csv": "csv",
-    "ascii": "csv",
-    "txt": "csv",
-    "tdms": "tdms",
-    "mf4": "mf4",
-    "mdf4": "mf4",
-    "hdf5": "hdf5",
-    "h5": "hdf5",
-    "mat": "mat",
-    "catman": "catman",
-}
-"""``file_format`` of the bench -> name of the reader."""
-
-TABLES: dict[str, tuple[str, ...]] = {
-    "": ("schema", "recording", "pump", "trigger", "sensors", "loggers", "channels"),
-    "recording": (
-        "id",
-        "pump_id",
-        "nominal_speed_rpm",
-        "file_format",
-        "csv_dialect",
-        "acquisition",
-        "rotation",
-        "note",
-        "idle_from_s",
-        "idle_to_s",
-        "duration_s",
-    ),
-    "pump": (
-        "base_circle_radius_m",
-        "roller_radius_m",
-        "roller_width_m",
-        "follower_offset_m",
-        "cam_mass_kg",
-        "cam_inertia_kg_m2",
-        "follower_mass_kg",
-        "follower_mass_note",
-        "spring_stiffness_N_per_m",
-        "spring_preload_N",
-        "plunger_diameter_m",
-        "youngs_modulus_cam_Pa",
-        "youngs_modulus_roller_Pa",
-        "cam_table",
-        "cam_table_angle_column",
-        "cam_table_lift_column",
-        "poisson_ratio",
-        "roller_mass_kg",
-        "roller_inertia_kg_m2",
-    ),
-    "trigger": (
-        "nominal_angle_deg",
-        "installation_tolerance_deg",
-        "meaning",
-        "edge",
-        "pulses_per_rev",
-        "level_V",
-        "switching_delay_typ_s",
-        "missing_teeth",
-        "double_tooth",
-    ),
-    "sensors": ("serial", "calibration", "location", "zero_before_V", "zero_after_V", "idle_from_s", "idle_to_s"),
-    "loggers": ("id", "clock"),
-    "channels": (
-        "quantity",
-        "file",
-        "group",
-        "channel",
-        "unit",
-        "logger",
-        "sample_rate_hz",
-        "sensor",
-        "time_channel",
-        "start_time_s",
-        "duration_s",
-    ),
-}
-"""Every key that the product reads, table by table; the test of the documentation reads this too."""
+ONLY_LOGGER = LoggerSpec("logger", "single")
+"""Where recording.toml names no logger."""
+SHEET_ATTRIBUTES = frozenset(key.attribute for key in SHEET_KEYS)
+CHANNELS_AT_MOST = 64
 
 
 def load_recording_config(path: Path) -> RecordingConfig:
@@ -111,154 +44,191 @@ def load_recording_config(path: Path) -> RecordingConfig:
 
     Raises
     ------
-    Refusal
-        for a missing file or key, a wrong type, an impossible value, a channel without logger or sensor table
+    Refusals : missing files or keys, wrong types, impossible values, channels without logger or sensor; all of them
     """
     file = path / FILE_NAME if path.is_dir() else path
     text, values = read_toml(file, "a recording is a folder that holds recording.toml, or that file")
     root = Table(values, file, "")
-    schema = root.text("schema")
-    if schema != SCHEMA:
-        raise Refusal(f"{file}: schema is {schema!r}, expected {SCHEMA!r}{did_you_mean(schema, (SCHEMA,))}")
-    recording = root.table("recording")
-    loggers = tuple(_logger(table) for table in root.tables("loggers"))
-    _refuse_repeated([logger.id for logger in loggers], f"{file} [[loggers]] id")
-    channels = tuple(_channel(table, loggers, recording) for table in root.tables("channels"))
-    sensors = _sensors(root, recording)
-    _check_roles(channels, sensors, file)
-    return RecordingConfig(
+    _check_schema(root)
+    problems = Problems()
+    with problems.collecting():
+        _refuse_other_tables(root)
+    single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
+    loggers, channels, sensors = _loggers(root, problems), _channels(root, problems), _sensors(root, problems)
+    problems.raise_any()
+    recording = single["recording"]
+    idle = {name: recording.pop(name) for name in ("idle_from", "idle_to")}
+    duration = recording.pop("duration")
+    config = RecordingConfig(
         path=file,
         text=text,
-        id=recording.text("id"),
-        pump_id=recording.text("pump_id"),
-        nominal_speed=recording.number("nominal_speed_rpm", above=0.0) * RPM,
-        file_format=_file_format(recording),
-        csv_dialect=recording.text("csv_dialect", ""),
-        acquisition=recording.text("acquisition", ""),
-        rotation=ROTATIONS[recording.choice("rotation", tuple(ROTATIONS))],
-        note=recording.text("note", ""),
-        pump=_pump(root.table("pump")),
-        trigger=_trigger(root.table("trigger")),
-        sensors=sensors,
+        **recording,
+        pump_sheet=PumpData(**_without(single["pump"], "follower_mass_note")) if root.has("pump") else None,
+        trigger=TriggerSpec(**_without(single["trigger"], "meaning")),
+        sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
         loggers=loggers,
-        channels=channels,
+        channels=tuple(_channel(table, loggers, duration) for table in channels),
         findings=tuple(_unknown_keys(values, file)),
+        fluid=FluidSpec(**single["fluid"]),
+        drive=DriveSpec(**single["drive"]),
     )
+    _check_roles(config)
+    return config
 
 
-def _file_format(recording: Table) -> str:
-    return FORMAT_ALIASES[recording.choice("file_format", tuple(FORMAT_ALIASES), lower=True)]
-
-
-def _pump(table: Table) -> PumpData:
-    return PumpData(
-        base_circle_radius=table.number("base_circle_radius_m", above=0.0),
-        roller_radius=table.number("roller_radius_m", above=0.0),
-        roller_width=table.number("roller_width_m", above=0.0),
-        follower_offset=table.number("follower_offset_m"),
-        cam_mass=table.number("cam_mass_kg", above=0.0),
-        cam_inertia=table.number("cam_inertia_kg_m2", above=0.0),
-        follower_mass=table.number("follower_mass_kg", above=0.0),
-        spring_stiffness=table.number("spring_stiffness_N_per_m", least=0.0),
-        spring_preload=table.number("spring_preload_N", least=0.0),
-        plunger_diameter=table.number("plunger_diameter_m", above=0.0),
-        youngs_modulus_cam=table.number("youngs_modulus_cam_Pa", above=0.0),
-        youngs_modulus_roller=table.number("youngs_modulus_roller_Pa", above=0.0),
-        cam_table_path=table.path("cam_table"),
-        cam_table_angle_column=table.text("cam_table_angle_column"),
-        cam_table_lift_column=table.text("cam_table_lift_column"),
-        poisson_ratio=table.number("poisson_ratio", default=0.3, above=0.0, below=0.5),
-        roller_mass=table.optional_number("roller_mass_kg", above=0.0),
-        roller_inertia=table.optional_number("roller_inertia_kg_m2", above=0.0),
-    )
-
-
-def _trigger(table: Table) -> TriggerSpec:
-    pulses = table.integer("pulses_per_rev", least=1)
-    missing = table.integer("missing_teeth", default=0, least=0)
-    double = table.flag("double_tooth", False)
-    if missing and missing >= pulses:
-        raise Refusal(f"{table.where('missing_teeth')}: {missing} of {pulses} pulses per revolution are missing")
-    if missing and double:
-        raise Refusal(f"{table.where('double_tooth')}: a wheel has missing teeth or a double tooth, not both")
-    return TriggerSpec(
-        nominal_angle=table.number("nominal_angle_deg") * DEGREE,
-        installation_tolerance=table.number("installation_tolerance_deg", least=0.0) * DEGREE,
-        edge=table.choice("edge", EDGES),
-        pulses_per_rev=pulses,
-        level_volts=table.number("level_V"),
-        switching_delay=table.number("switching_delay_typ_s", least=0.0),
-        missing_teeth=missing,
-        double_tooth=double,
-    )
-
-
-def _sensors(root: Table, recording: Table) -> Mapping[str, SensorRef]:
-    tables = root.table("sensors", optional=True)
-    return {quantity: _sensor(quantity, tables.table(quantity), recording) for quantity in tables.keys_of_tables()}
-
-
-def _sensor(quantity: str, table: Table, recording: Table) -> SensorRef:
-    if quantity not in SENSOR_QUANTITIES:
-        hint = did_you_mean(quantity, SENSOR_QUANTITIES)
+def _check_schema(root: Table) -> None:
+    schema = root.values.get("schema")
+    if schema != RECORDING_SCHEMA:
         raise Refusal(
-            f"{table.file} [sensors.{quantity}]: unknown quantity{hint}; expected {', '.join(SENSOR_QUANTITIES)}"
+            f"{root.file}: schema is {schema!r:.80}, expected {RECORDING_SCHEMA!r}"
+            f'{did_you_mean(str(schema)[:80], (RECORDING_SCHEMA,))}; write schema = "{RECORDING_SCHEMA}" at the top'
         )
-    idle = table if table.has("idle_from_s") or table.has("idle_to_s") else recording
-    start, stop = idle.optional_number("idle_from_s", least=0.0), idle.optional_number("idle_to_s", above=0.0)
-    if (start is None) != (stop is None) or (start is not None and stop is not None and stop <= start):
+
+
+def _refuse_other_tables(root: Table) -> None:
+    for name, schema in RECORDING_TABLES.items():
+        if root.has(name) and not isinstance(root.values[name], list if schema.many else dict):
+            raise Refusal(f"{root.file} {name}: found {root.values[name]!r:.60}, expected a table {schema.header}")
+
+
+def _one(root: Table, name: str, problems: Problems) -> dict[str, Any]:
+    """Return the values of a table that is there once; those of an optional one that is left out are its defaults."""
+    schema = RECORDING_TABLES[name]
+    with problems.collecting():
+        table = root.table(name, optional=not schema.required)
+        return read_keys(table, schema, problems if schema.required or root.has(name) else Problems())
+    return {}
+
+
+def _without(values: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name not in names}
+
+
+def _loggers(root: Table, problems: Problems) -> tuple[LoggerSpec, ...]:
+    if not root.has("loggers"):
+        return (ONLY_LOGGER,)
+    loggers = []
+    with problems.collecting():
+        for table in root.tables("loggers"):
+            values = read_keys(table, RECORDING_TABLES["loggers"], problems)
+            loggers += [LoggerSpec(**values)] if len(values) == 2 else []
+        _refuse_repeated([logger.id for logger in loggers], f"{root.file} [[loggers]] id")
+    return tuple(loggers)
+
+
+def _channels(root: Table, problems: Problems) -> list[dict[str, Any]]:
+    channels = []
+    with problems.collecting():
+        tables = root.tables("channels")
+        if len(tables) > CHANNELS_AT_MOST:
+            raise Refusal(f"{root.file} [[channels]]: {len(tables)} channels, expected at most {CHANNELS_AT_MOST}")
+        for table in tables:
+            values = read_keys(table, RECORDING_TABLES["channels"], problems)
+            channels.append({**values, "where": table.where("logger")})
+    return channels
+
+
+def _sensors(root: Table, problems: Problems) -> dict[str, dict[str, Any]]:
+    sensors: dict[str, dict[str, Any]] = {}
+    with problems.collecting():
+        tables = root.table("sensors", optional=True)
+        for quantity in tables.values:
+            with problems.collecting():
+                if quantity not in SENSOR_QUANTITIES:
+                    hint = did_you_mean(quantity, SENSOR_QUANTITIES)
+                    expected = ", ".join(SENSOR_QUANTITIES)
+                    raise Refusal(f"{root.file} [sensors.{quantity}]: unknown quantity{hint}; expected {expected}")
+                sensors[quantity] = read_keys(tables.table(quantity), RECORDING_TABLES["sensors"], problems)
+    return sensors
+
+
+def _sensor(quantity: str, values: dict[str, Any], idle: dict[str, Any], file: Path) -> SensorRef:
+    own = {name: values.pop(name) for name in ("idle_from", "idle_to")}
+    chosen = own if any(value is not None for value in own.values()) else idle
+    start, stop = chosen["idle_from"], chosen["idle_to"]
+    if (start is None) != (stop is None) or (start is not None and stop <= start):
         raise Refusal(
-            f"{idle.where('idle_to_s')}: an idle stretch needs idle_from_s < idle_to_s, found {start} and {stop}"
+            f"{file} [sensors.{quantity}] idle_to_s: an idle stretch needs idle_from_s < idle_to_s, "
+            f"found {start} and {stop}"
         )
-    return SensorRef(
-        quantity=quantity,
-        serial=table.text("serial"),
-        calibration_path=table.path("calibration"),
-        zero_before_volts=table.optional_number("zero_before_V"),
-        zero_after_volts=table.optional_number("zero_after_V"),
-        location=table.text("location", ""),
-        idle_from=start,
-        idle_to=stop,
-    )
+    sheet = {name: value for name, value in values.items() if name in SHEET_ATTRIBUTES}
+    rest = _without(values, *SHEET_ATTRIBUTES)
+    return SensorRef(quantity=quantity, **rest, idle_from=start, idle_to=stop, sheet=MappingProxyType(sheet))
 
 
-def _logger(table: Table) -> LoggerSpec:
-    return LoggerSpec(id=table.text("id"), clock=table.choice("clock", CLOCKS))
+def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: float | None) -> ChannelSpec:
+    names = tuple(logger.id for logger in loggers)
+    where = values.pop("where")
+    logger = values["logger"] or (names[0] if len(names) == 1 else "")
+    if logger not in names:
+        hint = did_you_mean(logger, names)
+        raise Refusal(f"{where}: found {logger!r}, expected one of {', '.join(names)}{hint}")
+    stated = values["duration"] if values["duration"] is not None else duration
+    return ChannelSpec(**{**values, "logger": logger, "duration": stated})
 
 
-def _channel(table: Table, loggers: tuple[LoggerSpec, ...], recording: Table) -> ChannelSpec:
-    duration = table.optional_number("duration_s", above=0.0)
-    return ChannelSpec(
-        quantity=table.choice("quantity", QUANTITIES),
-        path=table.path("file"),
-        group=table.text("group", ""),
-        channel=table.text("channel"),
-        unit=table.text("unit"),
-        logger=table.choice("logger", tuple(logger.id for logger in loggers)),
-        sample_rate=table.number("sample_rate_hz", above=0.0),
-        sensor=table.text("sensor", ""),
-        time_channel=table.text("time_channel", ""),
-        start_time=table.optional_number("start_time_s"),
-        duration=duration if duration is not None else recording.optional_number("duration_s", above=0.0),
-    )
+def _check_roles(config: RecordingConfig) -> None:
+    problems = Problems()
+    file, trigger = config.path, config.trigger
+    for channel in config.channels:
+        with problems.collecting():
+            _check_channel(channel, config)
+    names = {channel.quantity for channel in config.channels}
+    for refuse in (
+        lambda: _refuse_repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in config.channels],
+                                 f"{file} [[channels]]"),
+        lambda: _refuse_repeated([f"{c.quantity} on {c.logger}" for c in config.channels], f"{file} [[channels]]"),
+    ):  # fmt: skip
+        with problems.collecting():
+            refuse()
+    if not names & set(ANGLE_QUANTITIES):
+        problems.texts.append(f"{file}: no channel has quantity 'trigger' (or {', '.join(ANGLE_QUANTITIES[1:])}); "
+                              "without it there is no cam angle")  # fmt: skip
+    problems.texts += _trigger_problems(trigger, names, file)
+    problems.raise_any()
 
 
-def _check_roles(channels: tuple[ChannelSpec, ...], sensors: Mapping[str, SensorRef], file: Path) -> None:
-    for channel in channels:
-        where = f"{file} [[channels]] {channel.channel!r}"
-        if channel.quantity not in SENSOR_QUANTITIES:
-            continue
-        if channel.quantity not in sensors:
-            raise Refusal(f"{where}: measures {channel.quantity} but there is no table [sensors.{channel.quantity}]")
-        serial = sensors[channel.quantity].serial
-        if channel.sensor != serial:
-            raise Refusal(
-                f"{where}: sensor is {channel.sensor!r}, but [sensors.{channel.quantity}] has serial {serial!r}"
-            )
-    _refuse_repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in channels], f"{file} [[channels]]")
-    _refuse_repeated([f"{c.quantity} on {c.logger}" for c in channels], f"{file} [[channels]]")
-    if not any(channel.quantity == "trigger" for channel in channels):
-        raise Refusal(f"{file}: no channel has quantity 'trigger'; without it there is no cam angle")
+def _trigger_problems(trigger: TriggerSpec, quantities: set[str], file: Path) -> list[str]:
+    where, teeth, missing = f"{file} [trigger]", trigger.pulses_per_rev, trigger.missing_teeth
+    texts = []
+    if missing and missing >= teeth:
+        texts.append(f"{where} missing_teeth: {missing} of {teeth} pulses per revolution are missing")
+    if missing and trigger.double_tooth:
+        texts.append(f"{where} double_tooth: a wheel has missing teeth or a double tooth, not both")
+    if trigger.reference == "index" and "index" not in quantities:
+        texts.append(f"{where} reference: is 'index', but no channel has quantity 'index'; add the channel")
+    if "encoder_b" in quantities and "encoder_a" not in quantities:
+        texts.append(f"{file} [[channels]]: encoder_b without encoder_a; add track A")
+    return texts
+
+
+def _check_channel(channel: ChannelSpec, config: RecordingConfig) -> None:
+    where = f"{config.path} [[channels]] {channel.channel!r}"
+    _, in_volts = channel_factor(channel.quantity, channel.unit, f"{where} unit")
+    if CHANNEL_QUANTITIES[channel.quantity].is_pulse:
+        return
+    if channel.quantity not in config.sensors:
+        if in_volts:
+            raise Refusal(f"{where}: measures {channel.quantity} in {channel.unit} but there is no table "
+                          f"[sensors.{channel.quantity}] that says what a volt means")  # fmt: skip
+        return
+    sensor = config.sensors[channel.quantity]
+    if channel.sensor and sensor.serial and channel.sensor != sensor.serial:
+        raise Refusal(
+            f"{where}: sensor is {channel.sensor!r}, but [sensors.{channel.quantity}] has serial {sensor.serial!r}"
+        )
+    volts = sensor.zero_before_volts is not None or sensor.zero_after_volts is not None
+    scaled = sensor.zero_before is not None or sensor.zero_after is not None
+    if volts and not in_volts:
+        raise Refusal(
+            f"{where}: the channel is in {channel.unit}, the zero of [sensors.{channel.quantity}] in V; give it as "
+            f"zero_before, zero_after in {channel.unit}"
+        )
+    if scaled and in_volts:
+        raise Refusal(
+            f"{where}: the channel is in {channel.unit}, give the zero of [sensors.{channel.quantity}] as "
+            "zero_before_V, zero_after_V"
+        )
 
 
 def _refuse_repeated(names: list[str], where: str) -> None:
@@ -268,19 +238,24 @@ def _refuse_repeated(names: list[str], where: str) -> None:
 
 
 def _unknown_keys(values: Mapping[str, Any], file: Path) -> list[Finding]:
-    found = _unknown_in(values, "", file.name)
-    for name in ("recording", "pump", "trigger"):
-        found += _unknown_in(values.get(name, {}), name, f"{file.name} [{name}]")
-    for quantity, table in values.get("sensors", {}).items():
-        found += _unknown_in(table, "sensors", f"{file.name} [sensors.{quantity}]")
-    for name in ("loggers", "channels"):
-        for number, table in enumerate(values.get(name, ()), start=1):
-            found += _unknown_in(table, name, f"{file.name} [[{name}]] no. {number}")
+    found = unknown_keys(values, ("schema", *RECORDING_TABLES), file.name)
+    for name, schema in RECORDING_TABLES.items():
+        tables = _tables_of(values.get(name, {}), name, schema)
+        for header, table in tables.items():
+            found += unknown_keys(table, schema.names, f"{file.name} {header}")
     return found
 
 
-def _unknown_in(table: Mapping[str, Any], name: str, where: str) -> list[Finding]:
-    known = TABLES[name]
+def _tables_of(value: Any, name: str, schema: TableSchema) -> dict[str, Mapping[str, Any]]:
+    if schema.many:
+        return {f"[[{name}]] no. {number}": table for number, table in enumerate(value or (), start=1)}
+    if name == "sensors":
+        return {f"[sensors.{quantity}]": table for quantity, table in value.items()}
+    return {f"[{name}]": value}
+
+
+def unknown_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> list[Finding]:
+    """Return a finding for each key that is not known, with the nearest one that is."""
     return [
         Finding("unknown_key", "warning", f"key {key!r} is not known and not used{did_you_mean(key, known)}", where)
         for key in table

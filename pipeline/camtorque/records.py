@@ -147,12 +147,12 @@ class Channel:
 
     Attributes
     ----------
-    quantity : ``torque`` [N m], ``pressure`` [Pa, gauge] or ``trigger`` [V]
+    quantity : one of `camtorque.quantities.CHANNEL_QUANTITIES`: ``torque`` [N m], ``pressure`` [Pa, gauge], ...
     logger : id of the logger whose clock the times belong to
     source : raw samples [V]
     start_time : time of sample 0 on the logger's clock [s], as the file says
     sample_rate : [Hz]
-    calibration : volts to SI; None for the trigger
+    calibration : volts to SI; None for pulses, and for values that ``scale`` turns into SI already
     scale : further factor on the raw samples, to volts (mV files: 1e-3)
     sign : -1 where the reading is turned (negative rotation, inverted torque)
     path, name : where it came from
@@ -224,14 +224,22 @@ class CamTable:
 class Recording:
     """All that one folder holds: configuration, calibrated channels, cam table, files read, findings.
 
-    ``config`` is a `camtorque.config.RecordingConfig`.
+    ``config`` is a `camtorque.config.RecordingConfig`; ``lift_table`` is None where recording.toml has no [pump]: read
+    it as ``cam_table``, which refuses then.
     """
 
     config: Any
     channels: tuple[Channel, ...]
-    cam_table: CamTable
+    lift_table: CamTable | None
     inputs: tuple[InputFile, ...]
     findings: tuple[Finding, ...]
+
+    @property
+    def cam_table(self) -> CamTable:
+        """The lift table; refused where there is none."""
+        if self.lift_table is None:
+            raise Refusal(f"{self.config.path}: the table [pump] with its cam_table is missing; the model needs it")
+        return self.lift_table
 
     def of(self, quantity: str) -> tuple[Channel, ...]:
         """Return the channels of a quantity, in the order of the configuration."""

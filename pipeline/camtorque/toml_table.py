@@ -1,36 +1,99 @@
-"""Checked access to a TOML table: a value comes out with type and limits checked, or is refused with its place."""
+"""A TOML file -> values by their `Key`: type, unit and band checked; every problem is collected."""
 
 from __future__ import annotations
 
 import math
+import re
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
 from camtorque.records import Refusal
+from camtorque.toml_schema import Key, TableSchema
 from camtorque.units import did_you_mean
+
+LARGEST_FILE = 512 * 1024
+"""A bench file has a few kilobytes; beyond this the parser itself could take minutes [bytes]."""
+LONGEST_KEY = 100
+"""Parts of a dotted key: each costs the parser as much as all before it."""
+LONGEST_TEXT = 4096
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+"""Characters that move the cursor or turn the direction of a text."""
+BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
+
+
+class Refusals(Refusal):
+    """Several reasons at once; the message is the first and how many follow."""
+
+    def __init__(self, problems: tuple[str, ...]) -> None:
+        more = len(problems) - 1
+        tail = f" (and {more} more; 'camtorque check' lists them all)" if more else ""
+        super().__init__(problems[0] + tail)
+        self.problems = problems
+
+
+@dataclass
+class Problems:
+    """Refusals that were met while reading one file, to be said together."""
+
+    texts: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Note a refusal and go on."""
+        try:
+            yield
+        except Refusals as refusals:
+            self.texts += refusals.problems
+        except Refusal as refusal:
+            self.texts.append(str(refusal))
+
+    def raise_any(self) -> None:
+        """Refuse where anything was noted."""
+        if self.texts:
+            raise Refusals(tuple(dict.fromkeys(self.texts)))
 
 
 def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
     """Return the text and the tables of a TOML file; ``expected`` ends the refusal of a missing file."""
-    if not file.is_file():
-        raise Refusal(f"{file}: no such file; {expected}")
+    text = _text(file, expected)
+    if not text.strip():
+        raise Refusal(f"{file}: is empty; {expected}")
+    _refuse_long_keys(file, text)
     try:
-        text = file.read_bytes().decode("utf-8-sig")
+        return text, tomllib.loads(text)
+    except RecursionError as error:
+        raise Refusal(f"{file}: tables or lists are nested too deep; a bench file has two levels") from error
+    except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
+        said = " ".join(str(error).split())[:200]
+        raise Refusal(f"{file}: is not valid TOML: {said}") from error
+
+
+def _text(file: Path, expected: str) -> str:
+    try:
+        if not file.is_file():
+            raise Refusal(f"{file}: no such file; {expected}")
+        size = file.stat().st_size
+        if size > LARGEST_FILE:
+            raise Refusal(f"{file}: has {size} bytes, a TOML file of a bench has at most {LARGEST_FILE}; {expected}")
+        return file.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise Refusal(
             f"{file}: byte {error.start} is not UTF-8, TOML has to be UTF-8; save the file as UTF-8"
         ) from error
-    except OSError as error:
-        raise Refusal(f"{file}: cannot be read ({error.strerror})") from error
-    if not text.strip():
-        raise Refusal(f"{file}: is empty; {expected}")
-    try:
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise Refusal(f"{file}: is not valid TOML: {error}") from error
+    except (OSError, ValueError) as error:
+        raise Refusal(f"{str(file)[:200]}: cannot be read ({getattr(error, 'strerror', error)})") from error
+
+
+def _refuse_long_keys(file: Path, text: str) -> None:
+    for number, line in enumerate(text.splitlines(), start=1):
+        for part in BETWEEN_KEYS.split(line) if line.count(".") > LONGEST_KEY else ():
+            if part.count(".") > LONGEST_KEY:
+                raise Refusal(f"{file} line {number}: a key of {part.count('.') + 1} parts; expected at most two")
 
 
 @dataclass(frozen=True)
@@ -49,93 +112,149 @@ class Table:
         """Tell whether the key is given."""
         return key in self.values
 
-    def _get(self, key: str) -> Any:
-        if key not in self.values:
-            hint = did_you_mean(key, tuple(self.values))
-            raise Refusal(f"{self.where(key)}: this key is missing{hint.replace('did you mean', 'is it')}")
-        return self.values[key]
+    def value(self, key: Key) -> Any:
+        """Return the value of a key in SI, its default where it is left out and may be.
 
-    def text(self, key: str, default: str | None = None) -> str:
-        """Return a string; without ``default`` the key is required and may not be blank."""
-        if default is not None and key not in self.values:
-            return default
-        value = self._get(key)
-        if not isinstance(value, str):
-            raise Refusal(f"{self.where(key)}: found {value!r}, expected text in quotes")
-        if default is None and not value.strip():
-            raise Refusal(f"{self.where(key)}: is blank, expected text")
-        return value
+        Raises
+        ------
+        Refusal : missing, of another type, or outside its band
+        """
+        if key.name not in self.values:
+            if not key.required or (key.unless and self.has(key.unless)):
+                return None if key.required else key.default
+            hint = did_you_mean(key.name, tuple(self.values)).replace("did you mean", "is it")
+            raise Refusal(f"{self.where(key.name)}: this key is missing{hint}; {key.meaning}")
+        return PARSERS[key.kind](self, key, self.values[key.name])
 
-    def path(self, key: str) -> Path:
-        """Return a path relative to the file."""
-        return Path(self.file.parent / self.text(key))
-
-    def choice(self, key: str, allowed: tuple[str, ...], lower: bool = False) -> str:
-        """Return one of the allowed words."""
-        value = self.text(key)
-        value = value.lower() if lower else value
-        if value not in allowed:
-            hint = did_you_mean(value, allowed)
-            raise Refusal(f"{self.where(key)}: found {value!r}, expected one of {', '.join(allowed)}{hint}")
-        return value
-
-    def number(
-        self,
-        key: str,
-        *,
-        default: float | None = None,
-        above: float = -math.inf,
-        least: float = -math.inf,
-        below: float = math.inf,
-    ) -> float:
-        """Return a finite number with ``above < value < below`` and ``value >= least``."""
-        if default is not None and key not in self.values:
-            return default
-        value = self._get(key)
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise Refusal(f"{self.where(key)}: found {value!r}, expected a number")
-        if not math.isfinite(value) or value <= above or value < least or value >= below:
-            limits = [(">", above), (">=", least), ("<", below)]
-            rule = " and ".join(f"{sign} {limit:g}" for sign, limit in limits if math.isfinite(limit)) or "finite"
-            raise Refusal(f"{self.where(key)}: found {value!r}, expected a number {rule}")
-        return float(value)
-
-    def optional_number(self, key: str, *, above: float = -math.inf, least: float = -math.inf) -> float | None:
-        """Return a number, or None where the key is not given."""
-        return self.number(key, above=above, least=least) if key in self.values else None
-
-    def integer(self, key: str, *, default: int | None = None, least: int) -> int:
-        """Return a whole number."""
-        value = self.number(key, default=default, least=least)
-        if value != int(value):
-            raise Refusal(f"{self.where(key)}: found {value!r}, expected a whole number")
-        return int(value)
-
-    def flag(self, key: str, default: bool) -> bool:
-        """Return true or false."""
-        value = self.values.get(key, default)
-        if not isinstance(value, bool):
-            raise Refusal(f"{self.where(key)}: found {value!r}, expected true or false")
-        return value
-
-    def table(self, key: str, optional: bool = False) -> Table:
+    def table(self, name: str, optional: bool = False) -> Table:
         """Return the table below this one."""
-        header = f"{self.header[:-1]}.{key}]" if self.header else f"[{key}]"
-        value = self.values.get(key, {}) if optional else self.values.get(key)
+        header = f"{self.header[:-1]}.{name}]" if self.header else f"[{name}]"
+        value = self.values.get(name, {}) if optional else self.values.get(name)
         if value is None:
-            hint = did_you_mean(key, tuple(self.values))
+            hint = did_you_mean(name, tuple(self.values))
             raise Refusal(f"{self.file}: the table {header} is missing{hint.replace('did you mean', 'is it')}")
         if not isinstance(value, dict):
-            raise Refusal(f"{self.file} {key}: found {value!r}, expected a table {header}")
+            raise Refusal(f"{self.file} {name}: found {_shown(value)}, expected a table {header}")
         return Table(value, self.file, header)
 
-    def tables(self, key: str) -> list[Table]:
+    def tables(self, name: str) -> list[Table]:
         """Return the tables of an array of tables, at least one."""
-        value = self.values.get(key, [])
+        value = self.values.get(name, [])
         if not isinstance(value, list) or not value or not all(isinstance(item, dict) for item in value):
-            raise Refusal(f"{self.file}: expected at least one [[{key}]] table, found {value!r:.60}")
-        return [Table(item, self.file, f"[[{key}]] no. {number}") for number, item in enumerate(value, start=1)]
+            raise Refusal(f"{self.file}: expected at least one [[{name}]] table, found {_shown(value)}")
+        return [Table(item, self.file, f"[[{name}]] no. {number}") for number, item in enumerate(value, start=1)]
 
-    def keys_of_tables(self) -> tuple[str, ...]:
-        """Return the keys of this table, each of which has to be a table."""
-        return tuple(self.values)
+
+def read_keys(table: Table, schema: TableSchema, problems: Problems) -> dict[str, Any]:
+    """Return attribute -> value for every key of a schema; what is wrong is noted in ``problems`` and left out."""
+    values = {}
+    for key in schema.keys:
+        with problems.collecting():
+            values[key.attribute] = table.value(key)
+    return values
+
+
+def _shown(value: Any) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _number(table: Table, key: Key, value: Any) -> float:
+    return key.si(_in_band(table, key, value))
+
+
+def _in_band(table: Table, key: Key, value: Any) -> Any:
+    band = key.band
+    assert band is not None  # every number has one
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected a number")
+    if not band.holds(value):
+        unit = f" {key.unit.replace('_per_', '/').replace('_', ' ')}" if key.unit else ""
+        slip = key.slip(value) if abs(value) < 1e300 and math.isfinite(value) else ""
+        raise Refusal(
+            f"{table.where(key.name)}: found {_shown(value)}, expected a number from {band}{unit} ({band.reason}){slip}"
+        )
+    return value
+
+
+def _whole(table: Table, key: Key, value: Any) -> int:
+    number = _in_band(table, key, value)
+    if number != int(number):
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected a whole number")
+    return int(number)
+
+
+def _numbers(table: Table, key: Key, value: Any) -> tuple[float, ...]:
+    if not isinstance(value, list) or not 0 < len(value) <= 100:
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected a list of numbers")
+    return tuple(_number(table, key, item) for item in value)
+
+
+def _pair(table: Table, key: Key, value: Any) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected two numbers in brackets")
+    first, second = _numbers(table, key, value)
+    return first, second
+
+
+def _flag(table: Table, key: Key, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected true or false")
+    return value
+
+
+def _text_value(table: Table, key: Key, value: Any) -> str:
+    if not isinstance(value, str):
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected text in quotes")
+    if key.required and not value.strip():
+        raise Refusal(f"{table.where(key.name)}: is blank, expected text; {key.meaning}")
+    if len(value) > LONGEST_TEXT:
+        raise Refusal(f"{table.where(key.name)}: has {len(value)} characters, expected at most {LONGEST_TEXT}")
+    if CONTROL.search(value):
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, which holds control characters; remove them")
+    return value
+
+
+def _path(table: Table, key: Key, value: Any) -> Path:
+    text = _text_value(table, key, value)
+    if not text.strip() or max(map(len, Path(text).parts), default=0) > 255:
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected the path of a file")
+    return Path(table.file.parent / text)
+
+
+def _choice(table: Table, key: Key, value: Any) -> Any:
+    word = _text_value(table, key, value)
+    chosen = word if word in key.choices else word.lower()
+    if chosen not in key.choices:
+        allowed = tuple(key.choices)
+        hint = did_you_mean(word, allowed)
+        raise Refusal(f"{table.where(key.name)}: found {_shown(word)}, expected one of {', '.join(allowed)}{hint}")
+    return key.choices[chosen]
+
+
+def _date(table: Table, key: Key, value: Any) -> date:
+    if isinstance(value, datetime):
+        return value.date()
+    if isinstance(value, date):
+        return value
+    try:
+        return datetime.fromisoformat(str(value)).date()
+    except ValueError as error:
+        raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected a date like 2025-01-31") from error
+
+
+PARSERS = {
+    "number": _number,
+    "whole": _whole,
+    "numbers": _numbers,
+    "pair": _pair,
+    "flag": _flag,
+    "text": _text_value,
+    "path": _path,
+    "choice": _choice,
+    "date": _date,
+}
+"""Kind of a key -> what reads it."""

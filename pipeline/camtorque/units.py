@@ -57,13 +57,48 @@ BORDER_UNITS: dict[str, tuple[str, float]] = {
     "in": ("length", INCH),
     "rad": ("angle", 1.0),
     "deg": ("angle", DEGREE),
+    "rev": ("angle", 2.0 * np.pi),
+    "K": ("temperature", 1.0),
+    "degC": ("temperature", 1.0),
+    "degF": ("temperature", 5.0 / 9.0),
+    "rad/s": ("speed", 1.0),
+    "rpm": ("speed", RPM),
+    "deg/s": ("speed", DEGREE),
+    "m3": ("volume", 1.0),
+    "l": ("volume", 1.0e-3),
+    "ml": ("volume", 1.0e-6),
+    "cm3": ("volume", 1.0e-6),
+    "ul": ("volume", 1.0e-9),
+    "mm3": ("volume", 1.0e-9),
+    "logic": ("level", 1.0),
     "Hz": ("frequency", 1.0),
     "kHz": ("frequency", 1.0e3),
     "MHz": ("frequency", 1.0e6),
 }
 """Unit at the border -> (dimension, factor to SI)."""
 
+UNIT_OFFSETS: dict[str, float] = {"degC": 273.15, "degF": 459.67 * 5.0 / 9.0}
+"""Units whose zero is not that of SI -> what is added after the factor."""
+
 SPELLINGS: dict[str, str] = {
+    "°C": "degC",
+    "deg C": "degC",
+    "Celsius": "degC",
+    "°F": "degF",
+    "1/min": "rpm",
+    "min-1": "rpm",
+    "U/min": "rpm",
+    "r/min": "rpm",
+    "mm^3": "mm3",
+    "mm³": "mm3",
+    "cm^3": "cm3",
+    "cm³": "cm3",
+    "cc": "cm3",
+    "m³": "m3",
+    "ft lb": "lbf ft",
+    "lb ft": "lbf ft",
+    "ft-lb": "lbf ft",
+    "in lb": "lbf in",
     "Nm": "N m",
     "N*m": "N m",
     "N.m": "N m",
@@ -137,8 +172,8 @@ def is_known_unit(unit: str) -> bool:
     return tidy_unit(unit) in BORDER_UNITS
 
 
-def unit_factor(unit: str, dimension: str, where: str) -> float:
-    """Return the factor from a border unit to SI.
+def unit_factor(unit: str, dimension: str, where: str, also: str = "") -> float:
+    """Return the factor from a border unit to SI; ``also`` is a second dimension that may be written there.
 
     Raises
     ------
@@ -146,15 +181,16 @@ def unit_factor(unit: str, dimension: str, where: str) -> float:
         when the unit is unknown or of another dimension; a unit is never guessed
     """
     tidy = tidy_unit(unit)
-    known = [name for name, (kind, _) in BORDER_UNITS.items() if kind == dimension]
+    kinds = (dimension, also)
+    known = [name for name, (kind, _) in BORDER_UNITS.items() if kind in kinds]
+    expected = " or ".join(f"{kind} unit" for kind in dict.fromkeys(kinds) if kind)
     if tidy not in BORDER_UNITS:
         raise Refusal(
-            f"{where}: unknown unit {unit!r}{did_you_mean(tidy, known)}; a {dimension} unit is expected "
-            f"({', '.join(known)})"
+            f"{where}: unknown unit {unit!r}{did_you_mean(tidy, known)}; a {expected} is expected ({', '.join(known)})"
         )
     kind, factor = BORDER_UNITS[tidy]
-    if kind != dimension:
-        raise Refusal(f"{where}: unit {unit!r} is a {kind}, expected a {dimension} unit ({', '.join(known)})")
+    if kind not in kinds:
+        raise Refusal(f"{where}: unit {unit!r} is a {kind}, expected a {expected} ({', '.join(known)})")
     return factor
 
 

@@ -256,8 +256,8 @@ def recording_of(rig: Rig, channels: tuple[Channel, ...]) -> Recording:
     loggers = tuple(LoggerSpec(name, kind) for name in dict.fromkeys(c.logger for c in channels))
     config = RecordingConfig(
         path=Path("recording.toml"), text="", id="synthetic", pump_id="P", nominal_speed=rig.shaft.speed,
-        file_format="x",
-        csv_dialect="", acquisition="", rotation=1, note="", pump=pump, trigger=trigger, sensors={}, loggers=loggers,
+        file_format="x", csv_dialect="", acquisition="", rotation=1, note="",
+        pump_sheet=pump, trigger=trigger, sensors={}, loggers=loggers,
         channels=(),
     )  # fmt: skip
     return Recording(config, channels, CamTable(grid, lift_of(grid), 1e-6), (), ())

@@ -79,7 +79,7 @@ def test_trigger_angle_far_off_is_told(shift_deg: float) -> None:
 @pytest.mark.parametrize("family", ["closed_volume", "spill", "other_geometry", "negative_rotation"])
 def test_table_read_against_the_direction_of_running_is_refused(family: str) -> None:
     recording, typical, speed = rig(family, 400.0)
-    wrong = replace(recording, cam_table=mirrored(recording.cam_table))
+    wrong = replace(recording, lift_table=mirrored(recording.cam_table))
     with pytest.raises(Refusal, match=r"driving torque falls where the declared lift does not rise.*direction"):
         check_flanks(typical, wrong, speed)
 
@@ -90,7 +90,7 @@ def test_direction_that_cannot_be_told_is_said() -> None:
     # the zero of table and angle is put into the middle between the flanks, where the mirrored table lies over itself
     zero = -0.5 * flank_places(*typical.values(), table, recording.config.pump, speed).mirrored.shift
     lift = np.interp(table.theta + zero, table.theta, table.lift, period=TURN)
-    found = check_flanks(moved(typical, zero), replace(recording, cam_table=CamTable(table.theta, lift, 1e-6)), speed)
+    found = check_flanks(moved(typical, zero), replace(recording, lift_table=CamTable(table.theta, lift, 1e-6)), speed)
     assert [(item.code, item.severity) for item in found] == [("direction_unchecked", "info")]
 
 

@@ -43,7 +43,7 @@ class CatmanChannel:
     stamp: float
 
 
-def read_catman(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of a catman binary file."""
     with refusing(path, "catman binary"):
         headers, sources = _layout(path)

@@ -67,7 +67,7 @@ class CachedSource:
         return values
 
 
-def read_csv(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a CSV or ASCII file."""
     layout = sniff(path, tuple(spec.channel for spec in specs))
     columns = [_column(path, layout, spec.channel) for spec in specs]

@@ -26,7 +26,7 @@ UNIT_NAMES = ("unit", "units", "unit_string")
 STAMP_NAMES = ("start_time", "wf_start_time", "date_time")
 
 
-def read_hdf5(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an HDF5 file in slices."""
     channels, findings = [], []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.io import loadmat, whosmat
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.hdf5 import read_hdf5
+from camtorque.ingest import hdf5
+from camtorque.ingest.formats import first_bytes, is_hdf5
 from camtorque.ingest.raw import ArraySource, RawChannel, RawFile, refusing
-from camtorque.ingest.signature import is_hdf5
 from camtorque.ingest.timebase import time_base
 from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Finding, Refusal
@@ -26,10 +26,10 @@ HEAD = 128
 COMPRESSED, MATRIX = 15, 14
 
 
-def read_mat(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read variables of a MATLAB file."""
-    if is_hdf5(path):
-        return read_hdf5(path, specs, hint)
+    if is_hdf5(first_bytes(path)):
+        return hdf5.read(path, specs, hint)
     check_mat(path)
     names = {spec.group or spec.channel for spec in specs}
     names |= {spec.group or spec.time_channel for spec in specs if spec.time_channel}

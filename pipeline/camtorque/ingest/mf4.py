@@ -21,7 +21,7 @@ from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean
 
 
-def read_mf4(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an MDF 4 file with the time base of their group."""
     library = _library()
     check_mf4(path)

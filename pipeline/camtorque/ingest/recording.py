@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +11,18 @@ import numpy as np
 from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
 from camtorque.config_toml import load_recording_config
 from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.hashes import input_file
 from camtorque.ingest.raw import RawChannel, RawFile
-from camtorque.ingest.readers import reader_of
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor, with_idle_zero
-from camtorque.ingest.signature import check_content
+from camtorque.quantities import SHEET_NEEDED, channel_factor
 from camtorque.records import Channel, Finding, Recording, Refusal, SensorCalibration
-from camtorque.units import BORDER_UNITS, is_known_unit, tidy_unit, unit_factor
+from camtorque.toml_table import Problems
+from camtorque.units import UNIT_OFFSETS, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100
+SPAN_SAMPLES = 1_000_000
+"""Samples looked at for the range of a channel whose sheet states none."""
 DURATION_TOLERANCE = 1.0e-4
 """Relative difference from a declared duration that a crystal may cause."""
 
@@ -42,16 +45,17 @@ def read_recording(path: Path) -> Recording:
         one line that says what is wrong, where, and what to do
     """
     config = load_recording_config(Path(path))
-    cam_table, cam_findings = read_cam_table(config.pump)
-    sensors = {quantity: read_sensor(reference) for quantity, reference in config.sensors.items()}
+    cam_table, cam_findings = read_cam_table(config.pump) if config.pump_sheet is not None else (None, ())
     raw, file_findings = _read_files(config)
+    sensors = read_sensors(config, raw)
     channels, findings = _channels(config, raw, sensors)
-    papers = [config.path, config.pump.cam_table_path, *(file for s in sensors.values() for file in s.files)]
+    papers = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
+    papers += [file for sensor in sensors.values() for file in sensor.files]
     logs = [spec.path for spec in config.channels]
     return Recording(
         config=config,
         channels=channels,
-        cam_table=cam_table,
+        lift_table=cam_table,
         inputs=tuple(input_file(file) for file in dict.fromkeys([*papers, *logs])),
         findings=_said_once(
             *config.findings,
@@ -71,16 +75,39 @@ def _said_once(*findings: Finding) -> tuple[Finding, ...]:
 
 def _read_files(config: RecordingConfig) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:
     """Read each file once for all its channels."""
-    reader = reader_of(config.file_format)
+    declared = declared_format(config.file_format, str(config.path))
     raw: dict[ChannelSpec, RawChannel] = {}
     findings: list[Finding] = []
     for file in dict.fromkeys(spec.path for spec in config.channels):
-        check_content(file, config.file_format)
+        form = FORMATS[file_format(file, declared)]
         specs = tuple(spec for spec in config.channels if spec.path == file)
-        result: RawFile = reader(file, specs, config.csv_dialect)
+        result: RawFile = form.read(file, specs, config.csv_dialect)
         raw |= dict(zip(specs, result.channels, strict=True))
         findings += result.findings
     return raw, findings
+
+
+def read_sensors(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[str, Sensor]:
+    """Return the sensor of each quantity that has one, or whose delay and accuracy the model needs."""
+    sensors, problems = {}, Problems()
+    for spec in config.channels:
+        reference = config.sensors.get(spec.quantity)
+        if reference is None and spec.quantity in SHEET_NEEDED:
+            reference = SensorRef(spec.quantity, spec.sensor, None, None, None)
+        if reference is not None and spec.quantity not in sensors:
+            with problems.collecting():
+                scale, is_volts, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
+                span = math.nan if is_volts else _span(raw[spec], scale)
+                sensors[spec.quantity] = read_sensor(reference, spec.unit, span)
+    problems.raise_any()
+    return sensors
+
+
+def _span(raw: RawChannel, scale: float) -> float:
+    """Return the largest value of a channel [SI], as far as its first samples tell."""
+    values = np.abs(raw.source.read(0, min(raw.source.n_samples, SPAN_SAMPLES)))
+    values = values[np.isfinite(values)]
+    return float(values.max()) * scale if values.size else 0.0
 
 
 def _channels(
@@ -117,14 +144,12 @@ def _channel(
     where = f"{spec.path.name} {spec.channel}"
     scale, is_volts, findings = _scale(spec, raw, where)
     findings += certificate_age(sensor, raw.stamp, where) if sensor is not None else []
-    calibration = sensor.calibration if sensor is not None else None
+    calibration = sensor.calibration if sensor is not None else _shifted_zero(spec)
     reference = config.sensors.get(spec.quantity)
-    if calibration is not None and not is_volts:
-        calibration = _already_scaled(calibration)
-        findings.append(
-            Finding("already_scaled", "info", f"values are in {spec.unit!r}; the gain is the logger's", where)
-        )
-    elif calibration is not None and reference is not None and reference.idle_from is not None:
+    if sensor is not None and not is_volts:
+        text = f"values are in {spec.unit!r}; the gain is the logger's"
+        findings.append(Finding("already_scaled", "info", text, where))
+    if calibration is not None and reference is not None and reference.idle_from is not None:
         calibration = _idle_zero(calibration, reference, raw, scale, where)
     channel = Channel(
         quantity=spec.quantity,
@@ -151,9 +176,7 @@ def _channel(
 def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool, list[Finding]]:
     """Return the factor to volts (or to SI for values that are scaled already), and whether they are volts."""
     unit, findings = tidy_unit(spec.unit), []
-    kind = BORDER_UNITS.get(unit, ("", 1.0))[0]
-    allowed = "voltage" if kind == "voltage" or spec.quantity == "trigger" else spec.quantity
-    factor = unit_factor(unit, allowed if kind == allowed else "voltage", f"{spec.path} {spec.channel!r} unit")
+    factor, is_volts = channel_factor(spec.quantity, spec.unit, f"{spec.path} {spec.channel!r} unit")
     if raw.unit and not is_known_unit(raw.unit):
         text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
         findings.append(Finding("unit_unknown", "warning", text, where))
@@ -162,17 +185,32 @@ def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool,
             f"{spec.path} {spec.channel!r}: the file's unit is {raw.unit!r}, recording.toml says {spec.unit!r}; "
             "correct the one that is wrong"
         )
-    return factor, kind == "voltage", findings
+    return factor, is_volts, findings
 
 
-def _already_scaled(calibration: SensorCalibration) -> SensorCalibration:
-    return replace(
-        calibration,
+def _shifted_zero(spec: ChannelSpec) -> SensorCalibration | None:
+    """Return a calibration that only shifts the zero, for a unit such as degC; None for any other unit."""
+    unit = tidy_unit(spec.unit)
+    if unit not in UNIT_OFFSETS:
+        return None
+    unknown = math.nan
+    return SensorCalibration(
+        serial=spec.sensor,
+        quantity=spec.quantity,
         gain=1.0,
-        zero_volts=0.0,
-        zero_source="certificate",
-        output_min_volts=calibration.range_min,
-        output_max_volts=calibration.range_max,
+        gain_relative_std=unknown,
+        zero_volts=-UNIT_OFFSETS[unit],
+        zero_std=unknown,
+        zero_source="unit",
+        nonlinearity_std=unknown,
+        delay=0.0,
+        delay_std=unknown,
+        cutoff_hz=unknown,
+        filter_order=0,
+        range_min=unknown,
+        range_max=unknown,
+        output_min_volts=-math.inf,
+        output_max_volts=math.inf,
     )
 
 

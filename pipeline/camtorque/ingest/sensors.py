@@ -1,4 +1,4 @@
-"""A sensor sheet and its certificate -> `SensorCalibration`.
+"""A sensor sheet, with its certificate, its stated sensitivity or values scaled by the logger -> `SensorCalibration`.
 
 Uncertainties follow the usual rules (JCGM 100): a stated k=2 is halved, a tolerance +/-a is rectangular, a / sqrt(3).
 """
@@ -6,53 +6,29 @@ Uncertainties follow the usual rules (JCGM 100): a stated k=2 is halved, a toler
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any
 
 from camtorque.config import SensorRef
 from camtorque.ingest.certificate import CertificateLine, read_certificate
+from camtorque.ingest.sheet import Sheet, read_sheet
+from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Finding, Refusal, SensorCalibration
-from camtorque.toml_table import Table, read_toml
-from camtorque.units import ATMOSPHERE, did_you_mean, unit_factor
+from camtorque.units import ATMOSPHERE, BORDER_UNITS, tidy_unit, unit_factor
 
 DELAY_TOLERANCE = 0.10
 """Relative half width assumed for a delay whose sheet states no tolerance; printed as a finding."""
+USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
+"""A delay that no sheet states: this +/- 100 %, which holds the amplifiers on the market [s]; told as a warning."""
+USUAL_ACCURACY = 0.01
+"""Share of the range assumed where nothing states the accuracy; told as a warning."""
 READING_STEP = 1.0e-4
-"""Standstill readings are noted to a tenth of a millivolt [V]."""
+"""Standstill readings are noted to a tenth of a millivolt [V]; scaled ones to the same part of 10 V of range."""
 CERTIFICATE_DAYS = 366
 """A certificate older than this is told; sensors are calibrated once a year."""
 FIRST_STAMP = 946_684_800.0
 """2000-01-01: a logger that says an earlier date has no clock [s since 1970]."""
-PERCENT = re.compile(r"(\d+(?:\.\d+)?)\s*%")
-ORDER = re.compile(r"(\d+)(?:st|nd|rd|th)?[- ]?order", re.IGNORECASE)
-REFERENCES = ("gauge", "absolute")
-
-SHEET_KEYS = (
-    "serial",
-    "type",
-    "quantity",
-    "unit",
-    "reference",
-    "nominal_range",
-    "output_range_V",
-    "nominal_sensitivity_V_per_unit",
-    "accuracy_class",
-    "accuracy_percent_fs",
-    "cutoff_hz",
-    "filter",
-    "natural_frequency_hz",
-    "group_delay_s",
-    "group_delay_note",
-    "zero_tolerance_V",
-    "zero_drift_note",
-    "residual_ripple_V",
-    "span_drift_percent",
-    "certificate",
-    "calibration_date",
-)
 
 
 @dataclass(frozen=True)
@@ -65,53 +41,134 @@ class Sensor:
     calibration_date: date | None
 
 
-def read_sensor(reference: SensorRef) -> Sensor:
-    """Read sheet and certificate of one sensor.
+def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -> Sensor:
+    """Return what turns a channel into SI.
+
+    Parameters
+    ----------
+    unit : of the channel; a unit of the quantity where the logger has scaled already
+    span : largest value that the channel shows [SI], which stands in for a range that no sheet states
 
     Raises
     ------
     Refusal
         when sheet, certificate and recording contradict each other in serial, quantity or unit, or a key is missing
     """
-    path = reference.calibration_path
-    _, values = read_toml(path, f"[sensors.{reference.quantity}] names it as the sheet of its sensor")
-    sheet = Table(values, path, "").table("sensor")
-    serial = sheet.text("serial")
-    if serial != reference.serial:
-        raise Refusal(f"{path}: is the sheet of {serial}, [sensors.{reference.quantity}] has {reference.serial}")
-    quantity = sheet.text("quantity")
-    if quantity != reference.quantity:
-        raise Refusal(f"{path}: quantity is {quantity!r}, but recording.toml names it for {reference.quantity!r}")
-    unit = sheet.text("unit")
-    factor = unit_factor(unit, quantity, f"{path} [sensor] unit")
-    certificate = sheet.path("certificate")
-    line = read_certificate(certificate, quantity, serial, unit)
-    findings = [*_unknown(values, path), *_sensitivity(sheet, line, factor)]
-    low, high = _pair(sheet, "nominal_range")
-    out_low, out_high = _pair(sheet, "output_range_V")
-    delay, delay_std, more = _delay(sheet)
-    cutoff, order = _filter(sheet)
+    sheet = read_sheet(reference)
+    if BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))[0] == "voltage":
+        line = _line(sheet, reference.quantity)
+        calibration, findings = _in_volts(sheet, line, reference)
+    else:
+        calibration, findings = _scaled(sheet, reference, unit, span)
+    return Sensor(calibration, sheet.files, (*sheet.findings, *findings), sheet["calibration_date"])
+
+
+def _line(sheet: Sheet, quantity: str) -> CertificateLine:
+    """Return the certificate's line, or the one that the stated sensitivity draws."""
+    if sheet.certificate is not None:
+        if not sheet["unit"]:
+            raise Refusal(f"{sheet.where} unit: this key is missing; the certificate is held against it")
+        unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
+        return read_certificate(sheet.certificate, quantity, sheet.serial, sheet["unit"])
+    sensitivity = sheet["sensitivity_V_per_unit"]
+    if not sensitivity or not sheet["unit"]:
+        raise Refusal(
+            f"{sheet.where}: nothing says what a volt means; give calibration (a sheet with its certificate), or "
+            "sensitivity_V_per_unit (not 0) with unit"
+        )
+    factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
+    return CertificateLine(factor / sensitivity, 0.0, sheet["zero"] or 0.0, 0.0, 0.0, math.nan)
+
+
+def _dimension(quantity: str) -> str:
+    return CHANNEL_QUANTITIES[quantity].dimension
+
+
+def _in_volts(sheet: Sheet, line: CertificateLine, reference: SensorRef) -> tuple[SensorCalibration, list[Finding]]:
+    quantity = reference.quantity
+    factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
+    low, high = _range(sheet, "nominal_range")
+    out_low, out_high = _range(sheet, "output_range")
+    delay, delay_std, findings = _delay(sheet, quantity)
+    gain_std, more = _gain_std(sheet, line)
     calibration = SensorCalibration(
-        serial=serial,
+        serial=sheet.serial,
         quantity=quantity,
         gain=line.gain,
-        gain_relative_std=_gain_std(sheet, line),
+        gain_relative_std=gain_std,
         zero_volts=math.nan,
         zero_std=math.nan,
         zero_source="certificate",
         nonlinearity_std=line.residual_rms,
         delay=delay,
         delay_std=delay_std,
-        cutoff_hz=cutoff,
-        filter_order=order,
+        cutoff_hz=sheet["cutoff_hz"] or math.nan,
+        filter_order=sheet.filter_order,
         range_min=low * factor,
         range_max=high * factor,
         output_min_volts=out_low,
         output_max_volts=out_high,
     )
     calibration = _with_zero(calibration, sheet, line, reference)
-    findings += [*more, *_zero_findings(calibration, sheet, line)]
-    return Sensor(calibration, (path, certificate), tuple(findings), _date(sheet))
+    findings += [*more, *_sensitivity(sheet, line, factor), *_zero_findings(calibration, sheet, line)]
+    return calibration, findings
+
+
+def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple[SensorCalibration, list[Finding]]:
+    """Return the calibration of values that the logger has scaled: gain 1, zero and accuracy as stated."""
+    quantity = reference.quantity
+    factor = unit_factor(unit, _dimension(quantity), f"{sheet.where} unit of the channel")
+    delay, delay_std, findings = _delay(sheet, quantity)
+    low, high = -span, span
+    if sheet["nominal_range"] is not None:
+        per_unit = unit_factor(sheet["unit"] or unit, _dimension(quantity), f"{sheet.where} unit")
+        low, high = (value * per_unit for value in _range(sheet, "nominal_range"))
+    accuracy = sheet.accuracy()
+    if accuracy is None:
+        accuracy = USUAL_ACCURACY
+        findings.append(_assumed("accuracy", f"{100 * accuracy:g} % of the range", sheet, "accuracy_percent_fs"))
+    width = accuracy * max(abs(low), abs(high))
+    readings = [factor * v for v in (reference.zero_before, reference.zero_after) if v is not None]
+    zero, drift = _mean_and_drift(readings, width)
+    calibration = SensorCalibration(
+        serial=sheet.serial,
+        quantity=quantity,
+        gain=1.0,
+        gain_relative_std=accuracy / math.sqrt(3.0),
+        zero_volts=zero,
+        zero_std=drift,
+        zero_source="standstill" if readings else "certificate",
+        nonlinearity_std=0.0,
+        delay=delay,
+        delay_std=delay_std,
+        cutoff_hz=sheet["cutoff_hz"] or math.nan,
+        filter_order=sheet.filter_order,
+        range_min=low,
+        range_max=high,
+        output_min_volts=low if sheet["nominal_range"] is not None else -math.inf,
+        output_max_volts=high if sheet["nominal_range"] is not None else math.inf,
+    )
+    if sheet["reference"] == "absolute" and not readings:
+        calibration = replace(calibration, zero_volts=ATMOSPHERE)
+    return calibration, findings
+
+
+def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
+    text = f"nothing states the {what}; {value} is assumed, give {key}"
+    return Finding(f"{what}_assumed", "warning", text, sheet.place)
+
+
+def _mean_and_drift(readings: list[float], tolerance: float) -> tuple[float, float]:
+    """Return zero and its standard uncertainty.
+
+    Between two readings the zero may have been anywhere: their half difference is one standard uncertainty. With one
+    reading the drift is unknown and half of the tolerance bounds it; without any the whole tolerance does.
+    """
+    if not readings:
+        return 0.0, tolerance / math.sqrt(3.0)
+    if len(readings) == 1:
+        return readings[0], tolerance / 2.0 / math.sqrt(3.0)
+    return sum(readings) / 2.0, abs(readings[1] - readings[0]) / 2.0
 
 
 def with_idle_zero(calibration: SensorCalibration, mean_volts: float, std_volts: float) -> SensorCalibration:
@@ -121,26 +178,22 @@ def with_idle_zero(calibration: SensorCalibration, mean_volts: float, std_volts:
 
 
 def _with_zero(
-    calibration: SensorCalibration, sheet: Table, line: CertificateLine, reference: SensorRef
+    calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, reference: SensorRef
 ) -> SensorCalibration:
     """Take the zero from the standstill readings, else from the certificate with the sheet's tolerance."""
     readings = [v for v in (reference.zero_before_volts, reference.zero_after_volts) if v is not None]
     gain = abs(line.gain)
     tolerance = _zero_tolerance(sheet, calibration, gain)
+    zero, std = _mean_and_drift(readings, tolerance / gain)
     if not readings:
         # an absolute sensor shows the atmosphere at zero load; standstill readings hold it already
-        absolute = sheet.choice("reference", REFERENCES) == "absolute" if sheet.has("reference") else False
-        zero = line.zero_volts + (ATMOSPHERE / line.gain if absolute else 0.0)
-        return replace(calibration, zero_volts=zero, zero_std=tolerance / math.sqrt(3.0), zero_source="certificate")
-    zero = sum(readings) / len(readings)
-    # between the readings the zero may have been anywhere: the half difference as one standard uncertainty;
-    # with one reading the drift is unknown and half of the tolerance bounds it
-    drift = gain * abs(readings[-1] - readings[0]) / 2.0 if len(readings) == 2 else tolerance / 2.0 / math.sqrt(3.0)
-    std = math.hypot(drift, gain * READING_STEP / math.sqrt(12.0))
+        zero = line.zero_volts + (ATMOSPHERE / line.gain if sheet["reference"] == "absolute" else 0.0)
+        return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="certificate")
+    std = math.hypot(gain * std, gain * READING_STEP / math.sqrt(12.0))
     return replace(calibration, zero_volts=zero, zero_std=std, zero_source="standstill")
 
 
-def _zero_findings(calibration: SensorCalibration, sheet: Table, line: CertificateLine) -> list[Finding]:
+def _zero_findings(calibration: SensorCalibration, sheet: Sheet, line: CertificateLine) -> list[Finding]:
     """Tell a standstill zero that lies further from the certificate's than the sheet allows."""
     off = line.gain * (calibration.zero_volts - line.zero_volts)
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain))
@@ -150,7 +203,7 @@ def _zero_findings(calibration: SensorCalibration, sheet: Table, line: Certifica
         f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
         f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used"
     )
-    return [Finding("zero_off_certificate", "warning", text, sheet.file.name)]
+    return [Finding("zero_off_certificate", "warning", text, sheet.place)]
 
 
 def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Finding]:
@@ -164,97 +217,65 @@ def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Fin
     return [Finding("certificate_age", "warning", f"the certificate of {sensor.calibration.serial} is {what}", where)]
 
 
-def _zero_tolerance(sheet: Table, calibration: SensorCalibration, gain: float) -> float:
+def _zero_tolerance(sheet: Sheet, calibration: SensorCalibration, gain: float) -> float:
     """Return the half width of the zero in SI from the sheet: in volts, in percent of range, or the accuracy."""
     span = max(abs(calibration.range_min), abs(calibration.range_max))
-    if sheet.has("zero_tolerance_V"):
-        return gain * sheet.number("zero_tolerance_V", least=0.0)
-    note = PERCENT.search(sheet.text("zero_drift_note", ""))
-    if note:
-        return float(note[1]) / 100.0 * span
-    for key in ("accuracy_percent_fs", "accuracy_class"):
-        if sheet.has(key):
-            return sheet.number(key, above=0.0) / 100.0 * span
-    raise Refusal(f"{sheet.where('zero_tolerance_V')}: nothing on the sheet bounds the zero; add zero_tolerance_V")
+    if sheet["zero_tolerance"] is not None:
+        return gain * sheet["zero_tolerance"]
+    percent, accuracy = sheet.percent("zero_drift_note"), sheet.accuracy()
+    if percent is not None:
+        return percent / 100.0 * span
+    return (USUAL_ACCURACY if accuracy is None else accuracy) * span
 
 
-def _gain_std(sheet: Table, line: CertificateLine) -> float:
-    if math.isfinite(line.reference_relative_std):
-        stated = line.reference_relative_std
-    else:
-        keys = [key for key in ("accuracy_percent_fs", "accuracy_class") if sheet.has(key)]
-        if not keys:
-            raise Refusal(
-                f"{sheet.where('accuracy_class')}: neither certificate nor sheet states an uncertainty of the gain"
-            )
-        stated = sheet.number(keys[0], above=0.0) / 100.0 / math.sqrt(3.0)
-    drift = sheet.number("span_drift_percent", default=0.0, least=0.0) / 100.0 / math.sqrt(3.0)
-    return math.sqrt(stated**2 + line.gain_relative_std**2 + drift**2)
+def _gain_std(sheet: Sheet, line: CertificateLine) -> tuple[float, list[Finding]]:
+    findings = []
+    stated, accuracy = line.reference_relative_std, sheet.accuracy()
+    if not math.isfinite(stated):
+        if accuracy is None:
+            accuracy = USUAL_ACCURACY
+            findings.append(_assumed("accuracy", f"{100 * accuracy:g} % of the range", sheet, "accuracy_percent_fs"))
+        stated = accuracy / math.sqrt(3.0)
+    drift = sheet["span_drift_percent"] / 100.0 / math.sqrt(3.0)
+    return math.sqrt(stated**2 + line.gain_relative_std**2 + drift**2), findings
 
 
-def _delay(sheet: Table) -> tuple[float, float, list[Finding]]:
-    delay = sheet.number("group_delay_s", least=0.0)
-    note = PERCENT.search(sheet.text("group_delay_note", ""))
-    if note:
-        return delay, delay * float(note[1]) / 100.0 / math.sqrt(3.0), []
+def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
+    delay = sheet["group_delay"]
+    if delay is None:
+        usual = USUAL_DELAYS.get(quantity, 0.0)
+        text = f"{1e3 * usual:g} ms +/- 100 %"
+        return usual, usual / math.sqrt(3.0), [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
+    percent = sheet.percent("group_delay_note")
+    if percent is not None:
+        return delay, delay * percent / 100.0 / math.sqrt(3.0), []
     text = f"the sheet states no tolerance of the delay of {delay:g} s; +/-{100 * DELAY_TOLERANCE:g} % is assumed"
-    finding = Finding("delay_tolerance_assumed", "info", text, sheet.file.name)
+    finding = Finding("delay_tolerance_assumed", "info", text, sheet.place)
     return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), [finding]
 
 
-def _filter(sheet: Table) -> tuple[float, int]:
-    if not sheet.has("cutoff_hz"):
-        return math.nan, 0
-    text = sheet.text("filter", "")
-    order = ORDER.search(text)
-    if not order:
-        raise Refusal(
-            f"{sheet.where('filter')}: found {text!r}; with cutoff_hz it has to name the order ('low-pass, 2nd order')"
-        )
-    return sheet.number("cutoff_hz", above=0.0), int(order[1])
+def _range(sheet: Sheet, name: str) -> tuple[float, float]:
+    key = {"nominal_range": "nominal_range", "output_range": "output_range_V"}[name]
+    if sheet[name] is None:
+        raise Refusal(f"{sheet.where} {key}: this key is missing; give [lowest, highest]")
+    low, high = sheet[name]
+    if not low < high:
+        raise Refusal(f"{sheet.where} {key}: found [{low:g}, {high:g}], expected [lowest, highest]")
+    return low, high
 
 
-def _pair(sheet: Table, key: str) -> tuple[float, float]:
-    value: Any = sheet.values.get(key)
-    numbers = isinstance(value, list) and len(value) == 2 and all(isinstance(v, (int, float)) for v in value)
-    if not numbers or not value[0] < value[1]:
-        raise Refusal(f"{sheet.where(key)}: found {value!r}, expected [lowest, highest]")
-    return float(value[0]), float(value[1])
-
-
-def _date(sheet: Table) -> date | None:
-    value = sheet.values.get("calibration_date")
-    if isinstance(value, date):
-        return value
-    try:
-        return date.fromisoformat(str(value)) if value is not None else None
-    except ValueError as error:
-        raise Refusal(f"{sheet.where('calibration_date')}: found {value!r}, expected a date like 2025-01-31") from error
-
-
-def _sensitivity(sheet: Table, line: CertificateLine, factor: float) -> list[Finding]:
+def _sensitivity(sheet: Sheet, line: CertificateLine, factor: float) -> list[Finding]:
     """Hold the nominal sensitivity against the certificate: a factor between them is a wrong unit or sensor."""
-    if not sheet.has("nominal_sensitivity_V_per_unit"):
+    nominal = sheet["nominal_sensitivity_V_per_unit"]
+    if nominal is None:
         return []
-    nominal = sheet.number("nominal_sensitivity_V_per_unit")
     found = factor / line.gain
     if nominal == 0.0 or not 0.5 < found / nominal < 2.0:
         raise Refusal(
-            f"{sheet.where('nominal_sensitivity_V_per_unit')}: {nominal:g} V per unit, the certificate shows "
-            f"{found:.4g}; "
-            "unit or certificate is wrong"
+            f"{sheet.where} nominal_sensitivity_V_per_unit: {nominal:g} V per unit, the certificate shows "
+            f"{found:.4g}; unit or certificate is wrong"
         )
     if abs(found / nominal - 1.0) <= 0.02:
         return []
     text = f"the certificate's sensitivity is {100 * (found / nominal - 1):+.2f} % off the nominal one"
-    return [Finding("sensitivity_off_nominal", "warning", text, sheet.file.name)]
-
-
-def _unknown(values: dict[str, Any], path: Path) -> list[Finding]:
-    return [
-        Finding(
-            "unknown_key", "warning", f"key {key!r} is not known and not used{did_you_mean(key, SHEET_KEYS)}", path.name
-        )
-        for key in values.get("sensor", {})
-        if key not in SHEET_KEYS
-    ]
+    return [Finding("sensitivity_off_nominal", "warning", text, sheet.place)]

@@ -29,7 +29,7 @@ UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
 SCALE_COUNT = "NI_Number_Of_Scales"
 
 
-def read_tdms(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of a TDMS file; each may have its own rate."""
     # what the library would write to standard error about a cut file is a finding here
     log_manager.set_level(logging.CRITICAL)

@@ -92,7 +92,8 @@ def _config() -> RecordingConfig:
     trigger = TriggerSpec(0.0, np.deg2rad(1.5), "rising", 1, 5.0, 0.0)
     return RecordingConfig(
         path=NOWHERE, text="", id="study", pump_id="study", nominal_speed=SPEED, file_format="csv", csv_dialect="",
-        acquisition="", rotation=1, note="", pump=study_pump(), trigger=trigger, sensors={}, loggers=(), channels=(),
+        acquisition="", rotation=1, note="", pump_sheet=study_pump(), trigger=trigger, sensors={},
+        loggers=(), channels=(),
     )  # fmt: skip
 
 

@@ -1,0 +1,134 @@
+"""The formats of logs: one line each, one file each. What a file is, its first bytes tell; a suffix tells nothing.
+
+The modules are loaded when a file of their format is read, so a format costs nothing where it is not used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.raw import RawFile
+from camtorque.records import Refusal
+from camtorque.units import did_you_mean
+
+HEAD_BYTES = 4096
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+HDF5_PLACES = (0, 512, 1024, 2048)
+UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format.
+
+    Attributes
+    ----------
+    shown : its name for people
+    aliases : other words of the bench for it
+    module : below `camtorque.ingest`; it has ``read(path, specs, hint)`` -> `RawFile`
+    begins : tells it by the first bytes of a file
+    """
+
+    shown: str
+    aliases: tuple[str, ...]
+    module: str
+    begins: Callable[[bytes], bool]
+
+    def read(self, path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+        """Read channels of a file."""
+        return importlib.import_module(f"camtorque.ingest.{self.module}").read(path, specs, hint)
+
+
+def is_hdf5(head: bytes) -> bool:
+    """Tell HDF5, maybe behind a user block (as MAT v7.3 is)."""
+    return any(head[place:].startswith(HDF5_MAGIC) for place in HDF5_PLACES)
+
+
+def _is_catman(head: bytes) -> bool:
+    return len(head) > 10 and 5009 <= int.from_bytes(head[:2], "little") <= 5020 and b"\x00" in head
+
+
+FORMATS: dict[str, Format] = {
+    "tdms": Format("TDMS", (), "tdms", lambda head: head.startswith((b"TDSm", b"TDSh"))),
+    "mf4": Format("MDF 4", ("mdf4", "mdf"), "mf4",
+                  lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] >= b"4"),
+    "mat": Format("MATLAB", (), "mat", lambda head: head.startswith(b"MATLAB")),
+    "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
+    "catman": Format("catman binary", (), "catman", _is_catman),
+    "csv": Format("CSV or ASCII text", ("ascii", "txt"), "csv_log",
+                  lambda head: b"\x00" not in head or head.startswith(UTF16_MARKS)),
+}  # fmt: skip
+"""Name of a format -> how it is told and what reads it; the first that fits a file's beginning is its format."""
+
+UNREADABLE = {
+    "MDF 2 or 3": lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] < b"4",
+}
+"""Formats that are known, not read."""
+ALIASES = {word: name for name, form in FORMATS.items() for word in (name, *form.aliases)}
+
+
+def declared_format(word: str, where: str) -> str:
+    """Return the name of a format as the bench writes it; "" stays "".
+
+    Raises
+    ------
+    Refusal : the word names no format
+    """
+    if not word:
+        return ""
+    if word.lower() not in ALIASES:
+        known = tuple(ALIASES)
+        hint = did_you_mean(word, known)
+        raise Refusal(f"{where} file_format: found {word!r}, expected one of {', '.join(known)}{hint}")
+    return ALIASES[word.lower()]
+
+
+def content_format(head: bytes) -> str:
+    """Return the format that the first bytes show, "" for none."""
+    return next((name for name, form in FORMATS.items() if form.begins(head)), "")
+
+
+def file_format(path: Path, declared: str) -> str:
+    """Return the format of a log.
+
+    Raises
+    ------
+    Refusal : a missing or empty file, content of no known format, or of another one than declared
+    """
+    head = first_bytes(path)
+    found = content_format(head)
+    # damage at the very beginning of a text makes it look like nothing: its reader says more
+    agrees = found == declared or (declared == "csv" and not found) or (declared, found) == ("mat", "hdf5")
+    if found and not declared:
+        return found
+    if agrees and declared:
+        return declared
+    other = next((name for name, begins in UNREADABLE.items() if begins(head)), "")
+    said = FORMATS[found].shown if found else other or "of no known kind or damaged at its very beginning"
+    if declared:
+        raise Refusal(
+            f"{path}: file_format says {FORMATS[declared].shown}, but the content is {said}; "
+            "correct file_format or the file"
+        )
+    shown = ", ".join(form.shown for form in FORMATS.values())
+    raise Refusal(f"{path}: the content is {said}; expected one of {shown}: export the log as one of them")
+
+
+def first_bytes(path: Path) -> bytes:
+    """Return the first bytes of a log, which has to be there and hold something."""
+    try:
+        if not path.is_file():
+            raise Refusal(
+                f"{path}: no such file; recording.toml names it as a log (paths are relative to recording.toml)"
+            )
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except (OSError, ValueError) as error:
+        raise Refusal(f"{str(path)[:200]}: cannot be read ({getattr(error, 'strerror', error)})") from error
+    if not head:
+        raise Refusal(f"{path}: the file is empty (0 bytes); copy it from the logger again")
+    return head
