@@ -20,10 +20,10 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
 PROCESS = {"caches", "stopping", "system"}
-LEFT = {"units", "records", "grid_choice", "plain", "threads", "__init__", *CONFIGURATION, *PROCESS}
+LEFT = {"units", "records", "grid_choice", "plain", "threads", "version", *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report"]
-ORDER = ["left", *ROOMS, "run", "campaign", "studies", "commands", "cli"]
-LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter"}
+ORDER = ["left", *ROOMS, "run", "campaign", "studies", "arrays", "frames", "api", "commands", "cli", "__init__"]
+LAZY = {"asammdf", "apread", "emcee", "corner", "pinocchio", "mujoco", "exudyn", "tkinter", "xarray"}
 """Heavy optional packages that may be imported inside a function."""
 
 

@@ -1,10 +1,100 @@
-"""camtorque: from rig recordings to a measured-vs-model torque report."""
+"""camtorque: from rig recordings to a measured-vs-model torque report.
 
+::
+
+    files    --read-->        Recording --align--> CamCycles
+    arrays   --from_arrays--> Recording --fit----> Result --report--> report.html, result.json, cycles.h5
+    pump.toml --predict-----> Prediction            |--> to_pandas, to_xarray
+
+The names below are the public face (`camtorque.api`); each is loaded when it is first used, so that importing the
+package costs nothing. Everything else is private to its room: units, records, config -> ingest -> align -> mechanism
+-> laws -> fit -> report -> run -> campaign -> api, commands -> cli.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from camtorque.caches import find_caches
+from camtorque.version import __version__
 
-__version__ = "0.1.0"
+if TYPE_CHECKING:
+    from camtorque.api import (
+        CamCycles,
+        FitOptions,
+        Prediction,
+        Recording,
+        Refusal,
+        Result,
+        Sensor,
+        align,
+        fit,
+        predict,
+        read,
+        report,
+        to_pandas,
+        to_xarray,
+    )
 
 # before numba is imported: it looks for the folder of its cache once
 find_caches(Path(__file__).parent)
+
+__all__ = [
+    "CamCycles",
+    "FitOptions",
+    "Prediction",
+    "Recording",
+    "Refusal",
+    "Result",
+    "Sensor",
+    "__version__",
+    "align",
+    "fit",
+    "predict",
+    "read",
+    "report",
+    "to_pandas",
+    "to_xarray",
+]
+
+
+ROOMS_OF_THAT_NAME = ("align", "fit", "report")
+"""Functions of the face that share their name with a room; ``camtorque.fit`` is the function, ``camtorque.fit.x`` in an
+import statement the room."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name of the public face."""
+    if name not in __all__:
+        raise AttributeError(f"module 'camtorque' has no attribute {name!r}; it has {', '.join(__all__)}")
+    return getattr(import_module("camtorque.api"), name)
+
+
+def __dir__() -> list[str]:
+    """Return the names of the public face."""
+    return __all__
+
+
+class _Face(ModuleType):
+    """The package, whose functions stay in place when a room of the same name is imported."""
+
+
+def _keep(name: str) -> property:
+    def loaded(self: ModuleType) -> Any:
+        return __getattr__(name)
+
+    def bound(self: ModuleType, value: Any) -> None:
+        # importing the room binds it here; a statement `from camtorque.fit import ...` does not look here
+        if not isinstance(value, ModuleType):
+            raise AttributeError(f"camtorque.{name} cannot be replaced")
+
+    return property(loaded, bound)
+
+
+for _name in ROOMS_OF_THAT_NAME:
+    setattr(_Face, _name, _keep(_name))
+sys.modules[__name__].__class__ = _Face

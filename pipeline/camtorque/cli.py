@@ -15,11 +15,11 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-from camtorque import __version__
 from camtorque.commands import COMMANDS
 from camtorque.commands.outcome import Outcome
 from camtorque.stopping import stoppable
 from camtorque.system import forget, no_tracebacks, silence_output, told, usable_streams
+from camtorque.version import __version__
 
 REFUSED, UNEXPECTED, STOPPED = 2, 70, 130
 

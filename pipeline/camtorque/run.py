@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -78,7 +78,6 @@ def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
     return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
 
 
-@on_one_thread
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
     """Return everything about one recording, and what a joint fit needs of it.
 
@@ -95,6 +94,26 @@ def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tup
     watch = Stopwatch(progress)
     with watch.stage("ingest", f"reading {path}"):
         recording = read_recording(path)
+    return analyse_recording(recording, options, progress, watch.seconds)
+
+
+@on_one_thread
+def analyse_recording(
+    recording: Recording, options: RunOptions, progress: Progress = silent, seconds: Mapping[str, float] | None = None
+) -> tuple[RunResult, Prepared]:
+    """Return everything about one recording that is read already.
+
+    Parameters
+    ----------
+    recording : calibrated channels
+    options, progress : see `analyse`
+    seconds : time spent so far by stage
+
+    Raises
+    ------
+    Refusal : the recording cannot be used
+    """
+    watch = Stopwatch(progress, {"ingest": 0.0, **(seconds or {})})
     with watch.stage("align", "aligning to the cam angle"):
         cycles = align(recording, options.align)
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):

@@ -11,10 +11,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from camtorque import __version__
 from camtorque.records import Array, CamCycles, Recording
 from camtorque.report.bundle import RunResult
 from camtorque.report.folder import reserve
+from camtorque.version import __version__
 
 ROOM_FOR_THE_REST = 1 << 20
 """Bytes for attributes and indices."""
@@ -32,15 +32,19 @@ class Variable:
     long_name: str
 
 
+def result_variables(result: RunResult) -> list[Variable]:
+    """Return every curve of a run: aligned cycles, means, model by cause, forces."""
+    return [*aligned_variables(result.cycles), *_halves(result.cycles), *_model(result), *_forces(result)]
+
+
 def write_cycles(path: Path, result: RunResult) -> None:
     """Write cycles.h5 of a run: aligned cycles, means, model by cause, forces."""
-    variables = [*_aligned(result.cycles), *_halves(result.cycles), *_model(result), *_forces(result)]
-    _write(path, result.recording, result.cycles, variables)
+    _write(path, result.recording, result.cycles, result_variables(result))
 
 
 def write_aligned(path: Path, recording: Recording, cycles: CamCycles) -> None:
     """Write aligned.h5: the aligned cycles and their mean, without a model."""
-    _write(path, recording, cycles, _aligned(cycles))
+    _write(path, recording, cycles, aligned_variables(cycles))
 
 
 def _write(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
@@ -81,7 +85,8 @@ def _root_attributes(file: h5py.File, recording: Recording) -> None:
     file.attrs["versions"] = json.dumps({"numpy": np.__version__, "h5py": h5py.__version__})
 
 
-def _aligned(cycles: CamCycles) -> list[Variable]:
+def aligned_variables(cycles: CamCycles) -> list[Variable]:
+    """Return the aligned cycles and their mean, without a model."""
     role = np.where(cycles.held_out, b"held_out", b"fitted")
     rows = [
         Variable("cycles/role", role, "1", "fitted cycles make the model, held-out ones score it"),

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from camtorque import __version__
 from camtorque.plain import plain
 from camtorque.records import AngleError, Estimate, FittedTorque, ParameterEstimate, Recording
 from camtorque.report.bundle import RunResult
 from camtorque.report.gaps import gap_shares
 from camtorque.units import BAR, DEGREE, RPM
+from camtorque.version import __version__
 
 SCHEMA = "camtorque.result/1"
 

@@ -10,7 +10,6 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from camtorque import __version__
 from camtorque.align import alignment_summary
 from camtorque.mechanism.predict import Prediction, prediction_document
 from camtorque.plain import plain
@@ -26,6 +25,7 @@ from camtorque.report.page import align_page, campaign_page, run_page
 from camtorque.report.posterior_figures import write_posterior
 from camtorque.report.predict_page import prediction_page
 from camtorque.report.style import svg_text
+from camtorque.version import __version__
 
 DPI = 150
 ESCAPED = "backslashreplace"

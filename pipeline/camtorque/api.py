@@ -1,0 +1,273 @@
+"""The public face: `import camtorque`. Everything in SI and radians; a suffix (``_rpm``, ``_deg``) marks what is not.
+
+The physics is that of the project's source (a rigid multibody model by decoupled natural orthogonal complements) with
+the laws of docs/architecture.md; the numbers are those of the command `camtorque run`.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camtorque import records
+from camtorque.align import AlignOptions
+from camtorque.align import align as _align
+from camtorque.arrays import Mark, Sensor, recording_from_arrays
+from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.fit import FitOptions
+from camtorque.frames import to_pandas, to_xarray
+from camtorque.ingest import read_recording
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism.predict import Prediction
+from camtorque.mechanism.predict import predict as _predict
+from camtorque.records import CamCycles, Refusal
+from camtorque.report import RunResult, check_output, output_folder, write_run
+from camtorque.report.document import result_document
+from camtorque.run import Progress, RunOptions, analyse_recording, silent
+from camtorque.threads import on_one_thread
+from camtorque.units import RPM
+
+__all__ = [
+    "CamCycles",
+    "FitOptions",
+    "Prediction",
+    "Recording",
+    "Refusal",
+    "Result",
+    "Sensor",
+    "align",
+    "fit",
+    "predict",
+    "read",
+    "report",
+    "to_pandas",
+    "to_xarray",
+]
+
+
+class Recording(records.Recording):
+    """All that one recording holds: configuration, calibrated channels, cam table, files read, findings.
+
+    From a folder by `read`, from arrays by `Recording.from_arrays`. ``recording.of("torque")[0].read()`` returns
+    samples in SI.
+    """
+
+    @classmethod
+    def from_arrays(
+        cls,
+        pump: PumpConfig | Path | str,
+        *,
+        trigger: ArrayLike,
+        pressure: ArrayLike,
+        torque: ArrayLike | None = None,
+        sample_rate: float | Mapping[str, float],
+        speed_rpm: float,
+        trigger_angle_deg: float,
+        trigger_tolerance_deg: float = 2.0,
+        trigger_delay: float = 0.0,
+        sensors: Mapping[str, Sensor] | None = None,
+        name: str = "arrays",
+    ) -> Recording:
+        """Return a recording of arrays that share one clock; no sheets are needed.
+
+        Parameters
+        ----------
+        pump : pump file (docs/predict.md), or what `camtorque.ingest.pump_file.read_pump` returns
+        trigger : (n,) one pulse per revolution, rising where the cam passes ``trigger_angle_deg``; any unit
+        pressure : (m,) pressure in the line at the pump, gauge [Pa]
+        torque : (k,) drive torque, positive where it drives the cam [N m]; None to align only
+        sample_rate : [Hz], one for all arrays or one by name; sample 0 of all was taken at the same time
+        speed_rpm : nominal cam speed [rpm]
+        trigger_angle_deg, trigger_tolerance_deg : nominal cam angle of the pulse, half width of its tolerance [deg]
+        trigger_delay : switching delay that is still in ``trigger`` [s]
+        sensors : ``{"torque": Sensor(...), "pressure": Sensor(...)}``; a sensor that is left out gets a wide prior
+            and a warning among the findings that says which
+        name : of the recording
+
+        Raises
+        ------
+        Refusal : an array that is empty, not of one dimension or without a finite number; no positive rate or speed
+
+        Examples
+        --------
+        >>> recording = Recording.from_arrays(
+        ...     "pump.toml", trigger=u, pressure=p, torque=t, sample_rate=20e3, speed_rpm=1000.0, trigger_angle_deg=20.0
+        ... )  # doctest: +SKIP
+        """
+        arrays = {"trigger": trigger, "pressure": pressure} | ({} if torque is None else {"torque": torque})
+        mark = Mark(trigger_angle_deg, trigger_tolerance_deg, trigger_delay, speed_rpm)
+        return cls.of_record(recording_from_arrays(pump, arrays, sample_rate, mark, sensors or {}, name))
+
+    @classmethod
+    def of_record(cls, record: records.Recording) -> Recording:
+        """Return the same recording with this face."""
+        return cls(record.config, record.channels, record.cam_table, record.inputs, record.findings)
+
+    def _repr_html_(self) -> str:
+        rows = [[c.quantity, f"{c.n_samples}", f"{c.sample_rate:g} Hz", f"{c.duration:.2f} s"] for c in self.channels]
+        return _table(f"Recording {self.config.id}", ["channel", "samples", "rate", "duration"], rows, self.findings)
+
+
+@dataclass(frozen=True)
+class Result(RunResult):
+    """A fitted recording: aligned cycles, rigid and fitted model, parameters, losses, findings.
+
+    ``result.fitted.parameter("leakage").value``; ``result.document`` is the content of result.json;
+    `to_pandas` gives the parameters, `to_xarray` the curves with units.
+    """
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The content of result.json (docs/result_schema.md)."""
+        return result_document(self)
+
+    def to_pandas(self) -> Any:
+        """Return the parameters as a pandas.DataFrame; see `camtorque.to_pandas`."""
+        return to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """Return cycles, models and forces as an xarray.Dataset; see `camtorque.to_xarray`."""
+        return to_xarray(self)
+
+    def _repr_html_(self) -> str:
+        held = self.fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
+        rigid = self.fitted.metrics["rigid"].rms_percent_of_peak
+        title = (
+            f"{self.recording.config.id}: {self.cycles.mean_speed / RPM:.1f} rpm, {self.cycles.index.size} of "
+            f"{self.cycles.cycles_found} cycles; RMS {rigid:.2f} % of the peak rigid, {held:.2f} % fitted (held-out)"
+        )
+        rows = [
+            [
+                row.name,
+                f"{row.value:.4g}",
+                f"± {row.stderr:.2g}" if np.isfinite(row.stderr) else "",
+                row.unit,
+                row.knowledge,
+            ]
+            for row in self.fitted.parameters
+            if row.role != "assumed"
+        ]
+        return _table(title, ["parameter", "value", "", "unit", "known by"], rows, self.findings)
+
+
+def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], findings: Sequence[records.Finding]) -> str:
+    """Return a table with its warnings; every text from a file is escaped."""
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    warnings = "".join(f"<li>{html.escape(row.text)}</li>" for row in findings if row.severity != "info")
+    body = "".join(line("td", row) for row in rows)
+    told = f"<ul>{warnings}</ul>" if warnings else ""
+    return f"<b>{html.escape(title)}</b><table>{line('th', head)}{body}</table>{told}"
+
+
+def read(path: Path | str) -> Recording:
+    """Read a recording.
+
+    Parameters
+    ----------
+    path : folder with recording.toml, or that file (docs/recording_toml.md)
+
+    Raises
+    ------
+    Refusal : a file, channel, unit or sheet is missing or does not fit; the message says which and what to do
+    """
+    return Recording.of_record(read_recording(Path(path)))
+
+
+@on_one_thread
+def align(recording: records.Recording | Path | str, n_theta: int = 3600) -> CamCycles:
+    """Return the cycles of a recording on one cam-angle grid; torque is not needed.
+
+    Parameters
+    ----------
+    recording : from `read` or `Recording.from_arrays`, or a path
+    n_theta : points of the angle grid
+
+    Returns
+    -------
+    cycles : ``theta`` (n_theta,) [rad], ``torque`` [N m] and ``pressure`` [Pa] (n_cycles, n_theta), cut-flow, findings
+
+    Raises
+    ------
+    Refusal : no pressure, no pulses, no usable cycle
+    """
+    return _align(_recording(recording), AlignOptions(n_theta=n_theta))
+
+
+def fit(
+    recording: records.Recording | Path | str, options: RunOptions | None = None, progress: Progress = silent
+) -> Result:
+    """Align a recording, solve the rigid model and fit the losses; takes some seconds.
+
+    Parameters
+    ----------
+    recording : from `read` or `Recording.from_arrays`, or a path
+    options : choices of alignment and fit, those of `camtorque run`
+    progress : is told what is being done, such as ``print``
+
+    Raises
+    ------
+    Refusal : no torque, fewer than four usable cycles, or what `align` refuses
+    """
+    found, _ = analyse_recording(_recording(recording), options or RunOptions(), progress)
+    return Result(**vars(found))
+
+
+def report(result: RunResult, out: Path | str) -> Path:
+    """Write report.html, result.json, cycles.h5 and the figures, and return the path of the page.
+
+    Parameters
+    ----------
+    result : from `fit`
+    out : folder; an earlier report is replaced, anything else is refused
+
+    Raises
+    ------
+    Refusal : ``out`` holds something else or cannot be written to
+    """
+    folder = Path(out)
+    check_output(folder)
+    with output_folder(folder) as partial:
+        write_run(result, partial)
+    return folder / "report.html"
+
+
+@on_one_thread
+def predict(
+    pump: PumpConfig | Path | str,
+    speed_rpm: float | Sequence[float],
+    pressure: PressureCurve | Path | str | None = None,
+    n_theta: int = 3600,
+) -> Prediction:
+    """Return torque, forces and Hertz stress of a pump without a recording.
+
+    Parameters
+    ----------
+    pump : pump file (docs/predict.md), or what `camtorque.ingest.pump_file.read_pump` returns
+    speed_rpm : one cam speed or several [rpm]
+    pressure : on the plunger over cam angle: a CSV file or a `PressureCurve`; None for a dry pump
+    n_theta : points of the angle grid
+
+    Returns
+    -------
+    prediction : ``theta`` (n_theta,) [rad], ``shaft_torque`` (n_speeds, n_theta) [N m], ``pumps`` by speed
+
+    Raises
+    ------
+    Refusal : a speed that is not positive, a cam that cannot be built, a file that cannot be read
+    """
+    config = pump if isinstance(pump, PumpConfig) else read_pump(pump)[0]
+    curve = read_pressure_curve(pressure) if isinstance(pressure, Path | str) else pressure
+    return _predict(config, np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64)) * RPM, curve, n_theta=n_theta)
+
+
+def _recording(given: records.Recording | Path | str) -> records.Recording:
+    return given if isinstance(given, records.Recording) else read(given)

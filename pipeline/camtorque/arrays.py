@@ -1,0 +1,170 @@
+"""Arrays in SI -> `Recording`: no files, no sheets; what nothing tells gets a wide prior and a finding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSpec
+from camtorque.config_pump import PumpConfig
+from camtorque.ingest.pump_file import read_pump
+from camtorque.ingest.raw import ArraySource
+from camtorque.mechanism.predict import cam_of
+from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
+from camtorque.units import BAR, DEGREE, RPM
+
+IN_MEMORY = Path("arrays")
+"""Stands for the file of a channel that came as an array."""
+QUANTITIES = ("torque", "pressure", "trigger")
+WIDE_GAIN_STD, WIDE_ZERO_SHARE, WIDE_DELAY_STD = 0.01, 0.005, 5.0e-5
+"""Of a sensor without a sheet: relative gain, zero as a share of the largest reading, delay [s]. A transducer of class
+1 with a certificate stays within half of the first two; the third is half a sample at 10 kHz."""
+TABLE_ANGLES = 720
+"""Angles at which a cam that is given by sections is tabulated: every half degree."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of a sensor whose readings are in SI already.
+
+    Attributes
+    ----------
+    gain_std : relative standard uncertainty of the gain [-]
+    zero_std : standard uncertainty of the zero [N m or Pa]; None for 0.5 % of the largest reading
+    delay, delay_std : total delay that is still in the readings, and its standard uncertainty [s]
+    cutoff_hz, filter_order : -3 dB frequency [Hz] and order of the low-pass in front; nan and 0 where there is none
+    """
+
+    gain_std: float = WIDE_GAIN_STD
+    zero_std: float | None = None
+    delay: float = 0.0
+    delay_std: float = WIDE_DELAY_STD
+    cutoff_hz: float = float("nan")
+    filter_order: int = 0
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The trigger: cam angle of its rising edge and half width of its mounting tolerance [deg], switching delay [s].
+
+    ``speed_rpm`` is the nominal cam speed [rpm].
+    """
+
+    angle_deg: float
+    tolerance_deg: float
+    delay: float
+    speed_rpm: float
+
+
+def recording_from_arrays(
+    pump: PumpConfig | Path | str,
+    arrays: Mapping[str, ArrayLike],
+    rates: float | Mapping[str, float],
+    mark: Mark,
+    sensors: Mapping[str, Sensor],
+    name: str,
+) -> Recording:
+    """Return a recording of arrays in SI on one clock; see `camtorque.Recording.from_arrays`.
+
+    Raises
+    ------
+    Refusal : an array that is missing, empty, not of one dimension or not finite; a rate or speed that is not positive
+    """
+    config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
+    _positive(mark.speed_rpm, "speed_rpm")
+    channels = tuple(
+        _channel(quantity, _checked(arrays[quantity], quantity), _rate(rates, quantity), sensors.get(quantity))
+        for quantity in QUANTITIES
+        if quantity in arrays
+    )
+    findings = (
+        *notes,
+        *(_assumed(channel) for channel in channels if channel.quantity not in sensors and channel.calibration),
+    )
+    return Recording(_config(config, channels, mark, name), channels, _table(config), (), findings)
+
+
+def _checked(values: ArrayLike, quantity: str) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1 or array.size < 2:
+        raise Refusal(
+            f"{quantity}: found an array of shape {array.shape}, expected one dimension and 2 samples or more"
+        )
+    broken = ~np.isfinite(array)
+    if broken.all():
+        raise Refusal(f"{quantity}: found no finite number among {array.size} samples, expected readings in SI")
+    return array
+
+
+def _rate(rates: float | Mapping[str, float], quantity: str) -> float:
+    if isinstance(rates, Mapping) and quantity not in rates:
+        raise Refusal(f"sample_rate: found no entry {quantity!r}, expected one per array or one number [Hz] for all")
+    rate = rates[quantity] if isinstance(rates, Mapping) else rates
+    return _positive(rate, "sample_rate")
+
+
+def _positive(value: float, what: str) -> float:
+    if not (np.isfinite(value) and value > 0.0):
+        raise Refusal(f"{what}: found {value!r}, expected a positive number")
+    return float(value)
+
+
+def _channel(quantity: str, values: Array, rate: float, sensor: Sensor | None) -> Channel:
+    calibration = None if quantity == "trigger" else _calibration(quantity, values, sensor or Sensor())
+    # in bar, as a file would hold it: the alignment takes a number beyond 1e6 for damage
+    scale = BAR if quantity == "pressure" else 1.0
+    source = ArraySource(values if scale == 1.0 else values / scale)
+    return Channel(quantity, "arrays", source, 0.0, rate, calibration, IN_MEMORY, quantity, scale)
+
+
+def _calibration(quantity: str, values: Array, sensor: Sensor) -> SensorCalibration:
+    """Return the identity with the sensor's uncertainties; arrays have no end of a range where they could clip."""
+    largest = float(np.nanmax(np.abs(values)))
+    zero_std = WIDE_ZERO_SHARE * largest if sensor.zero_std is None else sensor.zero_std
+    return SensorCalibration(
+        serial="", quantity=quantity, gain=1.0, gain_relative_std=sensor.gain_std, zero_volts=0.0, zero_std=zero_std,
+        zero_source="certificate", nonlinearity_std=0.0, delay=sensor.delay, delay_std=sensor.delay_std,
+        cutoff_hz=sensor.cutoff_hz, filter_order=sensor.filter_order, range_min=-largest, range_max=largest,
+        output_min_volts=-np.inf, output_max_volts=np.inf,
+    )  # fmt: skip
+
+
+def _assumed(channel: Channel) -> Finding:
+    assert channel.calibration is not None
+    unit, factor = ("N m", 1.0) if channel.quantity == "torque" else ("bar", 1.0 / BAR)
+    zero = channel.calibration.zero_std * factor
+    text = (
+        f"nothing is told of the {channel.quantity} sensor; assumed: gain ± {100.0 * WIDE_GAIN_STD:g} %, zero ± "
+        f"{zero:.2g} {unit}, delay 0 ± {1e3 * WIDE_DELAY_STD:g} ms; give sensors={{{channel.quantity!r}: Sensor(...)}}"
+    )
+    return Finding("sensor_assumed", "warning", text, channel.name)
+
+
+def _config(pump: PumpConfig, channels: tuple[Channel, ...], mark: Mark, name: str) -> RecordingConfig:
+    trigger = next((channel for channel in channels if channel.quantity == "trigger"), None)
+    level = float(np.ptp(trigger.read_volts())) if trigger is not None else 0.0
+    specs = (ChannelSpec(c.quantity, IN_MEMORY, "", c.name, "", c.logger, c.sample_rate, "") for c in channels)
+    sampled = ", ".join(f"{c.quantity} {c.sample_rate:g} Hz" for c in channels)
+    text = f"# arrays, sampled at {sampled}; pump file:\n{pump.text}"
+    return RecordingConfig(
+        path=IN_MEMORY, text=text, id=name, pump_id=pump.path.stem, nominal_speed=mark.speed_rpm * RPM,
+        file_format="arrays", csv_dialect="", acquisition="arrays on one clock", rotation=pump.rotation, note="",
+        pump=pump.pump, trigger=_trigger(mark, level), sensors={}, loggers=(LoggerSpec("arrays", "single"),),
+        channels=tuple(specs),
+    )  # fmt: skip
+
+
+def _trigger(mark: Mark, level: float) -> TriggerSpec:
+    return TriggerSpec(mark.angle_deg * DEGREE, mark.tolerance_deg * DEGREE, "rising", 1, level, mark.delay)
+
+
+def _table(pump: PumpConfig) -> CamTable:
+    if pump.cam_table is not None:
+        return pump.cam_table
+    theta = np.linspace(0.0, 2.0 * np.pi, TABLE_ANGLES, endpoint=False)
+    # a drawn cam has no rounding; a nanometre keeps what divides by the resolution finite
+    return CamTable(theta, cam_of(pump).evaluate(theta, 0), 1.0e-9)

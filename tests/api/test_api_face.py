@@ -1,0 +1,188 @@
+"""The public face: lazy, complete, documented; arrays become a recording; results become tables."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import camtorque
+import numpy as np
+import pytest
+from camtorque import api
+from camtorque.records import Finding
+from report.report_cases import NASTY, run_result
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "raw_examples" / "A_1000rpm"
+
+
+def in_fresh_python(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def arrays() -> dict[str, np.ndarray]:
+    recording = camtorque.read(EXAMPLE)
+    return {quantity: recording.of(quantity)[0].read() for quantity in ("torque", "pressure", "trigger")}
+
+
+@pytest.fixture(scope="module")
+def pump_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    text = (EXAMPLE / "recording.toml").read_text(encoding="utf-8")
+    table = text[text.index("[pump]") : text.index("[trigger]")]
+    table = table.replace("../../calibration", (ROOT / "calibration").as_posix())
+    path = tmp_path_factory.mktemp("pump") / "pump.toml"
+    path.write_text(f'schema = "camtorque-pump/1"\n{table}', encoding="utf-8")
+    return path
+
+
+RATES = {"torque": 20e3, "pressure": 100e3, "trigger": 50e3}
+KNOWN = {
+    "torque": camtorque.Sensor(
+        gain_std=5e-4, zero_std=0.05, delay=4.5e-4, delay_std=1e-5, cutoff_hz=1000.0, filter_order=2
+    ),
+    "pressure": camtorque.Sensor(gain_std=1e-3, zero_std=2e5, delay=4e-6, delay_std=1e-6),
+}
+
+
+def recording(pump_file: Path, arrays: dict[str, np.ndarray], **changes: object) -> camtorque.Recording:
+    given = {
+        "sample_rate": RATES,
+        "speed_rpm": 1000.0,
+        "trigger_angle_deg": 20.0,
+        "trigger_delay": 4e-5,
+        "sensors": KNOWN,
+        **arrays,
+        **changes,
+    }
+    return camtorque.Recording.from_arrays(pump_file, **given)  # type: ignore[arg-type]
+
+
+def test_importing_the_package_loads_nothing() -> None:
+    assert in_fresh_python("import sys, camtorque; print('numpy' in sys.modules, camtorque.__version__)") == (
+        f"False {camtorque.__version__}"
+    )
+
+
+def test_functions_stay_in_place_beside_rooms_of_the_same_name() -> None:
+    for name in camtorque.ROOMS_OF_THAT_NAME:
+        importlib.import_module(f"camtorque.{name}")
+        assert getattr(camtorque, name) is getattr(api, name)
+        with pytest.raises(AttributeError, match="cannot be replaced"):
+            setattr(camtorque, name, print)
+
+
+def test_the_face_is_complete_typed_and_documented() -> None:
+    assert {*api.__all__, "__version__"} == set(camtorque.__all__) == set(dir(camtorque))
+    for name in api.__all__:
+        item = getattr(camtorque, name)
+        assert inspect.getdoc(item), name
+        if inspect.isfunction(item):
+            signature = inspect.signature(item)
+            assert signature.return_annotation is not inspect.Signature.empty, name
+            assert all(p.annotation is not p.empty for p in signature.parameters.values()), name
+            assert all(p in (item.__doc__ or "") for p in signature.parameters), name
+    with pytest.raises(AttributeError, match="no attribute 'fitt'; it has"):
+        _ = camtorque.fitt  # type: ignore[attr-defined]
+
+
+def test_arrays_align_as_their_files_do(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    ours, theirs = camtorque.align(recording(pump_file, arrays)), camtorque.align(EXAMPLE)
+    assert ours.index.size == theirs.index.size
+    assert ours.torque is not None
+    assert theirs.torque is not None
+    np.testing.assert_allclose(ours.torque.mean(axis=0), theirs.torque.mean(axis=0), atol=1e-6)
+    assert "sensor_assumed" not in {row.code for row in ours.findings}
+
+
+def test_what_is_assumed_of_a_sensor_is_told(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    found = [row.text for row in recording(pump_file, arrays, sensors=None).findings if row.code == "sensor_assumed"]
+    assert len(found) == 2
+    assert "torque sensor; assumed: gain ± 1 %, zero ± 0.31 N m, delay 0 ± 0.05 ms" in found[0]
+    assert "zero ± 4.3 bar" in found[1]
+
+
+def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> None:
+    built = recording(ROOT / "calibration" / "paper_pump.toml", arrays)
+    assert built.cam_table.lift.max() == pytest.approx(8e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"torque": np.zeros((2, 3))}, r"torque: found an array of shape \(2, 3\)"),
+        ({"pressure": np.full(9, np.nan)}, "pressure: found no finite number among 9 samples"),
+        ({"sample_rate": {"torque": 1e4}}, "found no entry 'pressure'|found no entry 'trigger'"),
+        ({"sample_rate": 0.0}, "sample_rate: found 0.0, expected a positive number"),
+        ({"speed_rpm": -1.0}, "speed_rpm: found -1.0, expected a positive number"),
+    ],
+)
+def test_arrays_that_cannot_be_used_are_refused(
+    pump_file: Path, arrays: dict[str, np.ndarray], changes: dict[str, object], text: str
+) -> None:
+    with pytest.raises(camtorque.Refusal, match=text):
+        recording(pump_file, arrays, **changes)
+
+
+def a_result() -> camtorque.Result:
+    return camtorque.Result(**vars(run_result()))
+
+
+def test_parameters_as_a_table() -> None:
+    frame = a_result().to_pandas()
+    assert frame.loc["feed_pressure", "value"] == 1.7
+    assert frame.loc["feed_pressure", ["low95", "high95"]].tolist() == pytest.approx([1.1, 2.3])
+
+
+def test_cycles_as_a_table() -> None:
+    cycles = a_result().cycles
+    frame = camtorque.to_pandas(cycles)
+    assert frame.index.tolist() == cycles.index.tolist()
+    assert frame["held_out"].sum() == cycles.held_out.sum()
+
+
+def test_curves_with_units() -> None:
+    result = a_result()
+    data = result.to_xarray()
+    assert data["model_fitted"].attrs["units"] == "N m"
+    assert data["cycles_torque"].dims == ("cycle", "theta")
+    np.testing.assert_array_equal(data["mean_torque"], result.cycles.torque.mean(axis=0))
+    assert "model_fitted" not in camtorque.to_xarray(result.cycles)
+
+
+def test_a_prediction_over_speed() -> None:
+    prediction = camtorque.predict(ROOT / "calibration" / "paper_pump.toml", [300.0, 500.0], n_theta=360)
+    assert camtorque.to_pandas(prediction).index.tolist() == pytest.approx([300.0, 500.0])
+    assert camtorque.to_xarray(prediction)["shaft_torque"].shape == (2, 360)
+
+
+def test_other_things_have_no_table() -> None:
+    for function in (camtorque.to_pandas, camtorque.to_xarray):
+        with pytest.raises(TypeError, match="found str, expected a result, cycles or a prediction"):
+            function("x")  # type: ignore[arg-type]
+
+
+def test_a_notebook_shows_escaped_texts() -> None:
+    shown = a_result()._repr_html_()
+    assert NASTY not in shown
+    assert "&lt;script&gt;" in shown
+    assert "feed_pressure" in shown
+    base = camtorque.read(EXAMPLE)
+    told = api.Recording.of_record(replace(base, findings=(Finding("x", "warning", NASTY),)))._repr_html_()
+    assert NASTY not in told
+    assert "20000 Hz" in told
+
+
+@pytest.mark.slow
+def test_arrays_to_a_fit_in_ten_lines(pump_file: Path, arrays: dict[str, np.ndarray], tmp_path: Path) -> None:
+    steps: list[str] = []
+    result = camtorque.fit(recording(pump_file, arrays), progress=steps.append)
+    assert result.fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak < 0.35
+    assert result.document["recording"]["name"] == "arrays"
+    assert len(steps) >= 3
+    page = camtorque.report(result, tmp_path / "o")
+    assert {"report.html", "result.json", "cycles.h5"} <= {path.name for path in page.parent.iterdir()}
