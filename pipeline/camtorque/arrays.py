@@ -153,7 +153,7 @@ def _config(pump: PumpConfig, channels: tuple[Channel, ...], mark: Mark, name: s
     return RecordingConfig(
         path=IN_MEMORY, text=text, id=name, pump_id=pump.path.stem, nominal_speed=mark.speed_rpm * RPM,
         file_format="arrays", csv_dialect="", acquisition="arrays on one clock", rotation=pump.rotation, note="",
-        pump=pump.pump, trigger=_trigger(mark, level), sensors={}, loggers=(LoggerSpec("arrays", "single"),),
+        pump_sheet=pump.pump, trigger=_trigger(mark, level), sensors={}, loggers=(LoggerSpec("arrays", "single"),),
         channels=tuple(specs),
     )  # fmt: skip
 
