@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Control characters of terminals and signs that turn the direction of writing; tab and new line stay."""
+
+
+def clean(text: str) -> str:
+    """Return a text from a file without what would steer a terminal or turn a line around; lost bytes are escaped."""
+    return UNPRINTABLE.sub("\ufffd", text.replace("\r\n", "\n").encode("utf-8", "backslashreplace").decode("utf-8"))
+
 
 def plain(value: Any) -> Any:
-    """Return JSON-ready values: numpy to Python, tuples to lists, numbers that are not finite to None."""
+    """Return JSON-ready values: numpy to Python, tuples to lists, numbers that are not finite to None, texts clean."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
@@ -20,4 +29,4 @@ def plain(value: Any) -> Any:
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return str(value) if isinstance(value, Path) else value
+    return clean(str(value)) if isinstance(value, Path | str) else value

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 from camtorque.fit.metrics import metrics
 from camtorque.records import (
+    Alternative,
     AngleError,
     CamCycles,
     CamTable,
@@ -18,9 +19,10 @@ from camtorque.records import (
     FittedTorque,
     Forces,
     InputFile,
-    LadderRung,
+    LossEvidence,
     ParameterEstimate,
     Recording,
+    ResidualBump,
     RigidTorque,
 )
 from camtorque.report import RunResult
@@ -43,7 +45,7 @@ def forces(load: np.ndarray) -> Forces:
     return Forces(load, 0.01 * load, 0.2 * load, load, -0.2 * load, none, 1e9 * load / 3000.0, none, none)
 
 
-def run_result(recording_name: str = "case", with_chamber: bool = True) -> RunResult:
+def run_result(recording_name: str = "case", with_chamber: bool = True, explained: bool = True) -> RunResult:
     """Return a run whose metrics are computed from its own curves, so that they can be checked from the files."""
     theta = np.linspace(0.0, 2.0 * np.pi, N_THETA, endpoint=False)
     rise = np.clip(theta / 1.5, 0.0, 1.0)
@@ -71,17 +73,19 @@ def run_result(recording_name: str = "case", with_chamber: bool = True) -> RunRe
         theta, rigid, {"pressure": rigid}, forces(load), lift, velocity, np.gradient(velocity, theta), False
     )
     chamber = pressure * 1.2 if with_chamber else None
-    rungs = (
-        LadderRung((), 0, 3.0, float("nan"), "BIC", 3.1, False, "the rigid model"),
-        LadderRung(("chamber",), 9, 0.4, 300.0, "BIC", 0.41, False, "upward"),
-        LadderRung(("chamber", "friction"), 11, 0.02, 90.0, "BIC", 0.03, True, "upward"),
-        LadderRung(("friction",), 2, 2.0, 900.0, "BIC", 2.1, False, "back"),
+    evidence = (
+        LossEvidence("chamber", 4123.0, "needed", True, 3.1, (2.9, 3.3), "N m", f"what it is {NASTY}"),
+        LossEvidence("driveline", 31.0, "needed", False, 0.7, (0.6, 0.8), "deg"),
+        LossEvidence("friction", 1.0, "cannot tell", True, 0.1, (0.0, 0.2), "N m"),
+        LossEvidence("spring", -4.0, "not needed", False, 0.01, (0.0, 0.02), "N m"),
     )
+    alternatives = (Alternative("closed by land", 0.9, 0.02, 0.36, 1.1e8), Alternative("spill", 0.1, 0.03, 0.35, 1.0e8))
     record = FittedTorque(
         effects=("chamber", "friction"),
-        parameters=(parameter("feed_pressure", 1.7), parameter("dead_volume", 3.0, prior=None, stderr=float("nan"),
+        parameters=(parameter("feed_pressure", 1.7, knowledge="measured"),
+                    parameter("dead_volume", 3.0, prior=None, stderr=float("nan"),
                     confounded_with=("bulk_modulus",), identifiable=False, meaning=NASTY),
-                    parameter("guide_friction", 0.0, at_bound=True, role="assumed")),
+                    parameter("guide_friction", 0.0, at_bound=True, stderr=0.0, stderr_statistical=0.0, unit="um")),
         correlation=np.array([[1.0, 0.4], [0.4, 1.0]]), correlation_names=("feed_pressure", "dead_volume"),
         torque=fitted, torque_held_out=fitted.copy(),
         by_cause={"pressure": fitted - 0.3, "torque_zero": 0.3 + 0 * theta},
@@ -90,10 +94,13 @@ def run_result(recording_name: str = "case", with_chamber: bool = True) -> RunRe
         chamber_return_start=None if chamber is None else Estimate(float("nan"), float("nan")),
         true_angle=theta + 0.01, forces=forces(1.2 * load), contact_lost=False,
         losses={"pressure": 7.0, "friction": 1.0, "input": 8.04, "closure_percent": 0.5},
-        metrics={"rigid": scores[2], "fitted": scores[0], "fitted_held_out_cycles": scores[1]}, ladder=rungs,
+        metrics={"rigid": scores[2], "fitted": scores[0], "fitted_held_out_cycles": scores[1]}, ladder=(),
         trigger_angle=Estimate(0.36, 0.001, 0.349), torque_delay=Estimate(4.5e-4, 8e-6, 4.5e-4),
         angle_errors_after=(AngleError("trigger angle", 0.06, "fitted"),), odd_even_rms=0.03,
-        next_measurement=("record standstill readings",), findings=(),
+        next_measurement=("record standstill readings (now: leakage 0.1 +- 0.02 mm^3/s/bar)",), findings=(),
+        details={"block_cv_rms_percent": 0.31, "absolute_uncertainty_percent": 0.42}, evidence=evidence,
+        alternatives=alternatives, explained=explained,
+        bumps=() if explained else (ResidualBump(0.7, 0.9, -0.4, 9.5, f"end of delivery {NASTY}"),),
     )  # fmt: skip
     config = SimpleNamespace(id=recording_name, pump_id="P1", text=f"id = '{NASTY}'", rotation=1,
                              pump=SimpleNamespace(plunger_area=5e-5))  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,20 @@ from typing import Any
 import numpy as np
 
 from camtorque.plain import plain
-from camtorque.records import AngleError, Estimate, FittedTorque, ParameterEstimate, Recording
+from camtorque.records import (
+    Alternative,
+    AngleError,
+    Estimate,
+    Finding,
+    FittedTorque,
+    LossEvidence,
+    ParameterEstimate,
+    Recording,
+    ResidualBump,
+)
 from camtorque.report.bundle import RunResult
 from camtorque.report.gaps import gap_shares
+from camtorque.report.numbers import typeset
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 
@@ -46,8 +57,13 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "seed": result.seed,
             "inputs": inputs_document(result.recording),
             "recording": _recording(result),
-            "findings": [asdict(finding) for finding in result.findings],
+            "findings": findings_document(result.findings),
             "alignment": _alignment(result),
+            "explained": fitted.explained,
+            "bumps": [_bump(bump) for bump in fitted.bumps],
+            "evidence": {row.name: _evidence(row) for row in fitted.evidence},
+            "alternatives": [_alternative(row) for row in fitted.alternatives],
+            "accuracy": _accuracy(fitted),
             "ladder": [asdict(rung) for rung in fitted.ladder],
             "effects": fitted.effects,
             "parameters": parameters_document(fitted.parameters),
@@ -57,7 +73,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "gap_by_cause": _gap(result),
             "chamber": _chamber(fitted),
             "forces": _forces(fitted),
-            "next_measurement": fitted.next_measurement,
+            "next_measurement": [typeset(text) for text in fitted.next_measurement],
             "timing_s": result.timing,
             "peak_memory_mb": result.peak_memory_mb,
         }
@@ -69,22 +85,59 @@ def inputs_document(recording: Recording) -> list[dict[str, str]]:
     return [{"path": str(item.path), "sha256": item.sha256} for item in recording.inputs]
 
 
+def findings_document(findings: Iterable[Finding]) -> list[dict[str, str]]:
+    """Return findings with the typography of the page."""
+    return [{**asdict(row), "text": typeset(row.text)} for row in findings]
+
+
 def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, Any]:
-    """Return parameters by name; ``prior`` is [mean, standard deviation] or None."""
-    return {row.name: {key: value for key, value in asdict(row).items() if key != "name"} for row in parameters}
+    """Return parameters by name; ``prior`` is [mean, standard deviation] or None.
+
+    A standard error of zero belongs to a value that a bound holds: it was not determined.
+    """
+    found = {}
+    for row in parameters:
+        found[row.name] = {key: value for key, value in asdict(row).items() if key != "name"}
+        for key in ("stderr", "stderr_statistical"):
+            found[row.name][key] = found[row.name][key] or None
+    return found
+
+
+def _evidence(row: LossEvidence) -> dict[str, Any]:
+    return {**{key: value for key, value in asdict(row).items() if key != "name"}, "text": typeset(row.text)}
+
+
+def _bump(bump: ResidualBump) -> dict[str, Any]:
+    return {
+        "start_deg": bump.start / DEGREE, "stop_deg": bump.stop / DEGREE, "peak_nm": bump.peak,
+        "times_repeatability": bump.times_repeatability, "phase": bump.phase,
+    }  # fmt: skip
+
+
+def _alternative(row: Alternative) -> dict[str, Any]:
+    return {
+        "name": row.name, "probability": row.probability, "rms_nm": row.rms_nm,
+        "trigger_angle_deg": row.trigger_angle / DEGREE, "chamber_peak_bar": row.chamber_peak / BAR,
+    }  # fmt: skip
+
+
+def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
+    """Return shape of the residual, what the cycles repeat, and what no residual shows, in percent of the peak."""
+    held = fitted.metrics["fitted_held_out_cycles"]
+    share = held.rms_percent_of_peak / held.rms_nm if held.rms_nm else float("nan")
+    return {
+        "shape_residual_percent": held.rms_percent_of_peak,
+        "repeatability_percent": share * fitted.odd_even_rms,
+        "block_cv_rms_percent": fitted.details.get("block_cv_rms_percent"),
+        "absolute_uncertainty_percent": fitted.details.get("absolute_uncertainty_percent"),
+    }
 
 
 def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
-    """Return profiles, bootstrap and budget of a fit by parameter, in the units of the parameters."""
-    drawn = fitted.details.get("bootstrap")
-    profiles = {
-        item.name: {"kind": item.kind, "low": item.low, "high": item.high, "values": item.values, "rise": item.rise}
-        for item in fitted.details.get("profiles", ())
-    }
+    """Return what is told together and the budget of a fit by parameter, in the units of the parameters."""
+    told = fitted.details.get("combinations", ())
     return {
-        "profiles": profiles,
-        "bootstrap": {} if drawn is None else dict(zip(drawn.names, drawn.std, strict=True)),
-        "combinations": [{**asdict(item), "text": item.text} for item in fitted.details.get("combinations", ())],
+        "combinations": [{**asdict(item), "text": typeset(item.text)} for item in told],
         "budget": {row.name.split("__")[0]: dict(row.contributions) for row in fitted.details.get("budget", ())},
     }
 

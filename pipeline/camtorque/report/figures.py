@@ -1,67 +1,89 @@
-"""Every figure of a run, in the order of the page."""
+"""Every figure of a run, in the order of the page, and how a chart becomes a drawing or an image."""
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
+import resvg_py
 
-from camtorque.report import fit_figures, gap_figures, part_figures, torque_figures, uncertainty_figures
+from camtorque.report import fit_figures, part_figures, torque_figures
 from camtorque.report.bundle import RunResult
-from camtorque.report.style import STYLE, svg_text
+from camtorque.report.chart import Chart, Rows
+from camtorque.report.curves_svg import curves_svg
+from camtorque.report.rows_svg import rows_svg
+
+PNG_WIDTH = 1440
 
 
 @dataclass(frozen=True)
 class FigureSpec:
-    """One figure: title, what to look at, how it is drawn, in which section of the page."""
+    """One figure of a run.
+
+    Attributes
+    ----------
+    title, caption : what it is, what to look at
+    draw : what it shows, None where the run has nothing to show
+    section : of the page
+    wide : over the whole width
+    png : True where an image file is written beside the SVG
+    """
 
     title: str
     caption: str
-    draw: Callable[[RunResult], Figure]
+    draw: Callable[[RunResult], Chart | None]
     section: str
     wide: bool = False
+    png: bool = False
 
 
 FIGURES: dict[str, FigureSpec] = {
     "torque_full": FigureSpec(
-        "One revolution",
-        "Where the dashed rigid model leaves the black measured mean, something is missing in it; the blue fitted "
-        "model should lie on the black line. Below: what the fit leaves over, on cycles that it has not seen.",
-        torque_figures.full_cycle, "torque", True,
+        "Torque over one revolution",
+        "Where the dashed rigid model leaves the measured mean, something is missing in it; the fitted model should "
+        "lie on the measured mean. Below: what the fit leaves over, on cycles that were not fitted.",
+        torque_figures.full_cycle, "curves", True, True,
     ),
+    "pressure": FigureSpec(
+        "Line pressure and chamber pressure", "The sensor sits behind the delivery valve. The chamber pressure is "
+        "rebuilt from the torque and the laws of the chamber, and is what loads the plunger.",
+        part_figures.pressures, "curves", True, True,
+    ),
+    "lift": FigureSpec("Lift", "It tells the strokes.", part_figures.lift, "curves", True),
     "torque_forward": FigureSpec(
-        "Forward stroke", "The lift rises; the pump is loaded.", torque_figures.forward_stroke, "torque",
+        "Forward stroke", "The lift rises; the pump is loaded.", torque_figures.forward_stroke, "strokes",
     ),
     "torque_return": FigureSpec(
         "Return stroke", "The lift falls; what is still compressed drives the cam.", torque_figures.return_stroke,
-        "torque",
+        "strokes",
     ),
-    "torque_by_cause": FigureSpec(
-        "Torque by cause", "Each law for itself, as the transducer sees it; all of them sum to the fitted model. Each "
-        "panel has its own scale.", torque_figures.by_cause, "causes", True,
+    "gap": FigureSpec(
+        "What closes the gap", "Measured − rigid torque, by cause. Left: mean over the loaded part of the forward "
+        "stroke. Right: where the measured torque is least on the return stroke.", fit_figures.gap, "causes",
+        png=True,
     ),
     "losses": FigureSpec(
         "Work per revolution", "Each cause integrated for itself over the true cam angle.", fit_figures.losses,
         "causes",
     ),
-    "gap": FigureSpec(
-        "What closes the gap", "Measured minus rigid torque, by cause. Left: mean over the loaded part of the forward "
-        "stroke. Right: where the measured torque is least on the return stroke.", gap_figures.gap, "causes",
+    "torque_by_cause": FigureSpec(
+        "Torque by cause", "Each law for itself, as the transducer sees it; all of them sum to the fitted model. Each "
+        "panel has its own scale.", torque_figures.by_cause, "causes", True,
     ),
-    "pressure": FigureSpec(
-        "Line pressure and chamber pressure", "The sensor sits behind the delivery valve. The chamber pressure is "
-        "rebuilt from the torque and the laws of the chamber, and is what loads the plunger.",
-        part_figures.pressures, "inside", True,
+    "evidence": FigureSpec(
+        "Which losses the data need", "Left: evidence for the loss against its absence (2 ln of the Bayes factor); to "
+        "the left of zero the data do better without. Right: how much the loss moves the mean cycle.",
+        fit_figures.evidence, "evidence", True, True,
     ),
-    "lift": FigureSpec("Lift, velocity, acceleration", "At the mean speed.", part_figures.lift, "inside"),
+    "motion": FigureSpec(
+        "Velocity and acceleration of the follower", "At the mean speed.", part_figures.motion, "inside",
+    ),
     "contact": FigureSpec(
         "Contact of cam and roller", "Normal force and the largest Hertz pressure.", part_figures.contact, "inside",
     ),
-    "reactions": FigureSpec(
-        "Bearing and guide reactions", "Of the fitted model.", part_figures.reactions, "inside",
-    ),
+    "reactions": FigureSpec("Bearing and guide reactions", "Of the fitted model.", part_figures.reactions, "inside"),
     "cam_angle": FigureSpec(
         "Cam angle", "How far the cam is from where the trigger and a constant speed put it.", part_figures.cam_angle,
         "alignment",
@@ -69,43 +91,37 @@ FIGURES: dict[str, FigureSpec] = {
     "cycles": FigureSpec(
         "Used cycles", "A trend or a step here means that the run was not steady.", part_figures.cycles, "alignment",
     ),
-    "ladder": FigureSpec(
-        "Ladder", "Residual of every model tried; shaded: chosen. Dotted: odd against even cycles, below which nothing "
-        "can be told.", fit_figures.ladder, "fit",
-    ),
     "priors": FigureSpec(
-        "Parameters against expectation", "Grey: within two standard deviations of sheet, certificate or literature. "
-        "Orange: not identifiable by this recording.", fit_figures.priors, "fit",
-    ),
-    "correlations": FigureSpec(
-        "Correlations", "Dark off the diagonal: these recordings cannot tell the two apart.",
-        fit_figures.correlations, "fit",
-    ),
-    "profiles": FigureSpec(
-        "Profiles", "How the sum of squares rises when one parameter is moved and all others follow; 95 % where it "
-        "passes the dotted line. Dashed: what the covariance would say. A profile that never passes on one side "
-        "gives a limit, not an interval. Grey: the "
-        "stated interval, spread of plausible models included.", uncertainty_figures.profiles, "uncertainty", True,
+        "Parameters against expectation", "Shaded: within two standard deviations of sheet, certificate or literature. "
+        "Grey: the data added nothing to what was known.", fit_figures.priors, "uncertainty",
     ),
     "budget": FigureSpec(
         "Where the uncertainty comes from", "Variance of each parameter by source: what the recording leaves open, "
-        "certificates and sheets, literature, and the spread of plausible models.", uncertainty_figures.budget,
-        "uncertainty", True,
+        "certificates and sheets, literature, and the spread of plausible models.", fit_figures.budget, "uncertainty",
+        True,
     ),
 }  # fmt: skip
 """File name -> figure."""
 
 
-def draw(name: str, result: RunResult) -> Figure:
-    """Return one figure in the common style."""
-    with mpl.rc_context(STYLE):
-        figure = FIGURES[name].draw(result)
-        figure.set_gid(name)
-    return figure
+def svg_of(chart: Chart, label: str) -> str:
+    """Return a chart as an SVG element; ``label`` is what a screen reader says."""
+    return rows_svg(chart, label) if isinstance(chart, Rows) else curves_svg(chart, label)
 
 
-def drawn_svg(name: str, result: RunResult) -> tuple[Figure, str]:
-    """Return a figure and its SVG element."""
-    with mpl.rc_context(STYLE):
-        figure = draw(name, result)
-        return figure, svg_text(figure, name)
+def png_of(svg: str) -> bytes:
+    """Return a drawing as a PNG image on white, with a font that comes with a package: the same on every machine."""
+    return bytes(
+        resvg_py.svg_to_bytes(
+            svg_string=svg, width=PNG_WIDTH, background="#ffffff", skip_system_fonts=True, font_files=[str(_font())],
+            sans_serif_family="DejaVu Sans",
+        )
+    )  # fmt: skip
+
+
+def _font() -> Path:
+    """Return the font file of matplotlib, without importing it."""
+    found = importlib.util.find_spec("matplotlib")
+    assert found is not None
+    assert found.origin is not None
+    return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

@@ -1,73 +1,73 @@
-"""What the fit decided: the ladder, the parameters against what was known before, correlations, losses."""
+"""What the fit found: evidence for each loss, parameters against what was known before, work, uncertainty."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from camtorque.records import LadderRung, ParameterEstimate
+from camtorque.records import LossEvidence, ParameterEstimate
 from camtorque.report.bundle import RunResult
-from camtorque.report.numbers import MINUS
-from camtorque.report.style import CYCLE, FITTED, MUTED, RIGID
+from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
+from camtorque.report.gaps import RESIDUAL, GapShare, gap_shares
+from camtorque.report.numbers import UNKNOWN, num, signed, unit_text, words
+from camtorque.report.tones import CYCLE
 
 NOT_LOSSES = ("input", "closure_percent")
 CONSERVED = 1.0e-4
 """Share of the input below which a cause gives back over the revolution what it takes."""
+SMALLEST_SHARE = 2.0e-3
+"""A cause below this share of the largest one, in both panels, stands in the table only."""
+VERDICT_TONES = {"needed": "c0", "cannot tell": "c5", "not needed": "c7"}
+MODEL_SPREAD = "model spread"
+EVIDENCE_SHOWN = 30.0
+"""Evidence beyond this is past doubt; bars end there and the number stands beside."""
 
 
-def ladder(result: RunResult) -> Figure:
-    """Draw the residual of every rung on fitted and held-out cycles."""
-    rungs = result.fitted.ladder
-    names = rung_names(rungs)
-    figure = Figure(figsize=(6.4, max(2.0, 0.8 + 0.32 * len(rungs))), layout="constrained")
-    axes = figure.subplots()
-    place = np.arange(len(rungs))
-    axes.plot([rung.rms_nm for rung in rungs], place, "o", color=FITTED, label="fitted cycles")
-    axes.plot([rung.cv_rms_nm for rung in rungs], place, "D", mfc="none", color=RIGID, label="held-out cycles")
-    for k, rung in enumerate(rungs):
-        if rung.chosen:
-            axes.axhspan(k - 0.45, k + 0.45, color="#e5f1f9", zorder=-5, linewidth=0)
-    axes.axvline(result.fitted.odd_even_rms, color=MUTED, linestyle=":", label="odd against even cycles")
-    axes.set_xscale("log")
-    axes.set_yticks(place, names)
-    axes.set_ylim(len(rungs) - 0.4, -0.6)
-    axes.set_xlabel("RMS residual [N m]")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.02), ncols=3, fontsize=8, borderaxespad=4.2)
-    return figure
+def evidence(result: RunResult) -> Rows | None:
+    """Show for each loss how strongly the data ask for it, and how large it is."""
+    rows = result.fitted.evidence
+    if not rows:
+        return None
+    tones = tuple(VERDICT_TONES[row.verdict] for row in rows)
+    values = tuple(float(np.clip(row.two_ln_bayes_factor, -EVIDENCE_SHOWN, EVIDENCE_SHOWN)) for row in rows)
+    notes = tuple(f"{num(row.two_ln_bayes_factor)}, {row.verdict}" for row in rows)
+    factor = RowPanel("2 ln K for the loss", (Marks("", values, tones),), notes=notes,
+                      limits=(-1.2 * EVIDENCE_SHOWN, 1.9 * EVIDENCE_SHOWN))  # fmt: skip
+    return Rows(tuple(words(row.name) for row in rows), (factor, _sizes(rows, tones)), WIDE)
 
 
-def rung_names(rungs: Sequence[LadderRung]) -> list[str]:
-    """Return what each rung changes: ``+`` an effect that is added, ``-`` one that is left out of the richer model."""
-    names, best = [], next((set(rung.effects) for rung in rungs if rung.chosen), set())
-    for rung, before in zip(rungs, [None, *rungs[:-1]], strict=True):
-        effects, earlier = set(rung.effects), set(before.effects) if before else set()
-        added, dropped = effects - earlier, (best or earlier) - effects or earlier - effects
-        if before is None or not effects:
-            names.append("torque zero" if rung.n_parameters else "rigid model")
-        elif added and earlier < effects:
-            names.append("+ " + ", ".join(sorted(added)))
-        else:
-            names.append(MINUS + " " + ", ".join(sorted(dropped)))
-    return names
+def _sizes(rows: tuple[LossEvidence, ...], tones: tuple[str, ...]) -> RowPanel:
+    """Return the size of each loss with its interval; an angle stands as text beside the torques."""
+    torque = [row.unit == "N m" for row in rows]
+    pick = [(row.size, *row.size_ci95) if mine else (math.nan,) * 3 for row, mine in zip(rows, torque, strict=True)]
+    size, low, high = (tuple(float(item[k]) for item in pick) for k in range(3))
+    notes = tuple("" if mine else size_text(row) for row, mine in zip(rows, torque, strict=True))
+    marks = (Marks("", size, tones, "point", low, high),)
+    positive = [value for value in size if math.isfinite(value) and value > 0.0]
+    spread = bool(positive) and max(positive) > 30.0 * min(positive)
+    return RowPanel("what it moves in the mean cycle, RMS with 95 % interval [N m]", marks, log=spread, notes=notes)
 
 
-def priors(result: RunResult) -> Figure:
-    """Draw each parameter with a prior in standard deviations of the prior; two of them are shaded."""
+def size_text(row: LossEvidence) -> str:
+    """Return the size of a loss with its interval in words."""
+    if not math.isfinite(row.size):
+        return UNKNOWN
+    low, high = (num(end, 2) for end in row.size_ci95)
+    return f"{num(row.size, 2)} ({low} … {high}) {unit_text(row.unit)}"
+
+
+def priors(result: RunResult) -> Rows | None:
+    """Show each parameter with a prior in standard deviations of the prior; two of them are shaded."""
     rows = [row for row in result.fitted.parameters if row.prior is not None and row.role != "assumed"]
-    figure = Figure(figsize=(6.4, 1.1 + 0.25 * max(len(rows), 1)), layout="constrained")
-    axes = figure.subplots()
-    axes.axvspan(-2.0, 2.0, color="#eef1f4", zorder=-5, linewidth=0)
-    axes.axvline(0.0, color=MUTED, linewidth=0.7)
-    for k, row in enumerate(rows):
-        value, width = _pull(row)
-        color = FITTED if row.identifiable else CYCLE[1]
-        axes.errorbar(value, k, xerr=width, fmt="o", ms=4, color=color, elinewidth=1.3)
-    axes.set_yticks(range(len(rows)), [row.name.replace("_", " ") for row in rows])
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlabel("distance from what was expected [standard deviations of the prior]")
-    return figure
+    if not rows:
+        return None
+    pulls = [_pull(row) for row in rows]
+    tones = tuple("c7" if row.knowledge == "from the sheet" else "fitted" for row in rows)
+    marks = Marks("", tuple(p[0] for p in pulls), tones, "point", tuple(p[0] - p[1] for p in pulls),
+                  tuple(p[0] + p[1] for p in pulls))  # fmt: skip
+    panel = RowPanel("distance from what was expected [standard deviations of the prior]", (marks,), shaded=(-2.0, 2.0))
+    return Rows(tuple(words(row.name) for row in rows), (panel,))
 
 
 def _pull(row: ParameterEstimate) -> tuple[float, float]:
@@ -76,34 +76,54 @@ def _pull(row: ParameterEstimate) -> tuple[float, float]:
     return (row.value - mean) / std, row.stderr / std
 
 
-def correlations(result: RunResult) -> Figure:
-    """Draw the correlation matrix of the fitted parameters."""
-    names = [name.split("__")[0].replace("_", " ") for name in result.fitted.correlation_names]
-    size = 1.9 + 0.235 * len(names)
-    figure = Figure(figsize=(size, size), layout="constrained")
-    axes = figure.subplots()
-    image = axes.imshow(result.fitted.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7.5)
-    axes.set_yticks(range(len(names)), names, fontsize=7.5)
-    axes.grid(False)
-    figure.colorbar(image, ax=axes, shrink=0.5, label="correlation")
-    return figure
-
-
-def losses(result: RunResult) -> Figure:
-    """Draw where the work of one revolution goes."""
+def losses(result: RunResult) -> Rows:
+    """Show where the work of one revolution goes."""
     smallest = CONSERVED * abs(result.fitted.losses["input"])
     rows = {k: v for k, v in result.fitted.losses.items() if k not in NOT_LOSSES and abs(v) > smallest}
-    figure = Figure(figsize=(6.4, 0.9 + 0.34 * max(len(rows), 1)), layout="constrained")
-    axes = figure.subplots()
-    values = list(rows.values())
-    axes.barh(range(len(rows)), values, color=[FITTED if v >= 0 else CYCLE[1] for v in values], height=0.62)
-    axes.axvline(0.0, color=MUTED, linewidth=0.7)
-    for k, value in enumerate(values):
-        axes.annotate(f"{value:.3g}", (max(value, 0.0), k), xytext=(4, 0), textcoords="offset points", va="center",
-                      fontsize=8.5, color=MUTED)  # fmt: skip
-    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.margins(x=0.12)
-    axes.set_xlabel("work [J per revolution]")
-    return figure
+    values = tuple(rows.values())
+    tones = tuple("fitted" if value >= 0 else "c1" for value in values)
+    panel = RowPanel("work [J per revolution]", (Marks("", values, tones),), notes=tuple(num(v) for v in values))
+    return Rows(tuple(words(name) for name in rows), (panel,))
+
+
+def gap(result: RunResult) -> Rows:
+    """Show what each cause adds to the rigid torque on the forward stroke and at the return minimum."""
+    rows = shown(gap_shares(result))
+    panels = tuple(
+        RowPanel(name, (Marks("", values, tuple("fitted" if v >= 0 else "c1" for v in values)),),
+                 notes=tuple(signed(v) for v in values))
+        for name, values in (
+            ("forward stroke, mean [N m]", tuple(row.forward for row in rows)),
+            ("at the return minimum [N m]", tuple(row.return_minimum for row in rows)),
+        )
+    )  # fmt: skip
+    return Rows(tuple(words(row.cause) for row in rows), panels)
+
+
+def shown(rows: tuple[GapShare, ...]) -> list[GapShare]:
+    """Return the rows that can be seen in a figure; the residual always."""
+    forward = max(abs(row.forward) for row in rows)
+    lowest = max(abs(row.return_minimum) for row in rows)
+    return [
+        row
+        for row in rows
+        if row.cause == RESIDUAL
+        or abs(row.forward) > SMALLEST_SHARE * forward
+        or abs(row.return_minimum) > SMALLEST_SHARE * lowest
+    ]
+
+
+def budget(result: RunResult) -> Rows | None:
+    """Show the share of each source in the variance of every parameter."""
+    rows = tuple(row for row in result.fitted.details.get("budget", ()) if row.total > 0.0)
+    if not rows:
+        return None
+    left, marks = np.zeros(len(rows)), []
+    for k, source in enumerate(dict.fromkeys(source for row in rows for source in row.contributions)):
+        share = np.array([100.0 * (row.contributions.get(source, 0.0) / row.total) ** 2 for row in rows])
+        if np.any(share > 0.5):
+            tone = "band" if source == MODEL_SPREAD else CYCLE[k % len(CYCLE)]
+            marks.append(Marks(source, tuple(left + share), (tone,), "stack", tuple(left), tuple(left + share)))
+            left = left + share
+    panel = RowPanel("share of the variance [%]", tuple(marks), limits=(0.0, 100.0))
+    return Rows(tuple(words(row.name) for row in rows), (panel,), WIDE)

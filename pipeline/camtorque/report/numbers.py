@@ -1,11 +1,40 @@
-"""Numbers as texts for a page: significant digits, an en dash where nothing was determined."""
+"""Numbers, units and words as texts: significant digits, an en dash where nothing was determined, one typography."""
 
 from __future__ import annotations
 
 import math
+import re
 
 UNKNOWN = "\u2013"
 MINUS = "\u2212"
+
+
+POWERS = str.maketrans("0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
+SIGNS = (
+    (re.compile(r"\+/?-(?=[\s\d.]|$)"), "\u00b1"),
+    (re.compile(r"(?<=[A-Za-z\u00b5)])\^(-?\d+)"), lambda found: found[1].translate(POWERS)),
+    (re.compile(r"(?<![A-Za-z])u(?=rad\b)|(?<=[\d)] )u(?=[ms]\b)"), "\u00b5"),
+    (re.compile(r"(?<=\d )Nm\b"), "N m"),
+)
+
+
+def typeset(text: str) -> str:
+    """Return a sentence with the signs of print: \u00b1, \u00b5m, mm\u00b3, N m."""
+    for pattern, sign in SIGNS:
+        text = pattern.sub(sign, text)
+    return text
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit with the signs of print, nothing for a pure number."""
+    if unit in ("-", "1"):
+        return ""
+    return typeset(re.sub(r"^u(?=[ms]\b)", "\u00b5", unit))
+
+
+def words(name: str) -> str:
+    """Return the name of a parameter, cause or loss as words."""
+    return name.split("__")[0].replace("_", " ")
 
 
 def _known(value: float | None) -> bool:
@@ -47,4 +76,13 @@ def near(value: float | None, stderr: float | None) -> str:
     return fixed(round(value, decimals), max(decimals, 0)) if -3 <= decimals <= 7 else num(value, 4)
 
 
-FILTERS = {"num": num, "signed": signed, "fixed": fixed, "scaled": scaled, "near": near}
+def plus_minus(stderr: float | None) -> str:
+    """Return a standard error with two digits; one that is zero or unknown says nothing."""
+    return UNKNOWN if stderr is None or not _known(stderr) or stderr <= 0.0 else num(stderr, 2)
+
+
+FILTERS = {
+    "num": num, "signed": signed, "fixed": fixed, "scaled": scaled, "near": near, "plus_minus": plus_minus,
+    "unit": unit_text, "words": words, "typeset": typeset,
+}  # fmt: skip
+"""Name in a template -> function."""

@@ -1,9 +1,13 @@
-"""Pages from the templates beside: one self-contained file each, every text escaped."""
+"""Pages from the templates beside: one self-contained file each, every text escaped, no script but the page's own."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -11,25 +15,55 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from camtorque.records import LadderRung
-from camtorque.report.fit_figures import rung_names
+from camtorque.plain import clean
+from camtorque.report.answer import answer, cards, verdict
+from camtorque.report.chart import Chart, Curves, Span
 from camtorque.report.numbers import FILTERS
+from camtorque.report.payload import book
 from camtorque.report.texts import (
     METRIC_NAMES,
     alignment_text,
     budget_rows,
-    cards,
-    check_rows,
     gap_rows,
-    gap_text,
     inside_text,
     loss_rows,
-    verdict,
+    pair_rows,
+    parameter_groups,
 )
+from camtorque.report.tones import tone_css
 
-VERSIONS_OF = ("numpy", "scipy", "h5py", "matplotlib", "lmfit", "numba", "pandas")
+VERSIONS_OF = ("numpy", "scipy", "h5py", "lmfit", "numba", "pandas")
+HERE = Path(__file__).parent
+ESCAPED = "backslashreplace"
+"""A path may hold bytes that are no text; pages show them escaped."""
+SCRIPTS = ("vendor/uPlot.iife.min.js", "live.js")
+STYLES = ("vendor/uPlot.min.css", "page.css")
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """One figure of a page: the chart and its SVG, with the words around it."""
+
+    name: str
+    title: str
+    caption: str
+    section: str
+    wide: bool
+    chart: Chart
+    svg: Markup
+
+    @property
+    def live(self) -> bool:
+        """True where the script draws curves in its place."""
+        return isinstance(self.chart, Curves) and self.chart.live
+
+    @property
+    def stand_in(self) -> bool:
+        """True for curves that only stand in for zooming where no script runs."""
+        return isinstance(self.chart, Curves) and not self.chart.live
+
+
+@cache
 def versions() -> str:
     """Return the versions of what computes."""
     found = [f"Python {platform.python_version()}"]
@@ -41,65 +75,83 @@ def versions() -> str:
     return ", ".join(found)
 
 
-def render(template: str, **values: Any) -> str:
-    """Return one page; what a template names and is not given is an error, not an empty text."""
+@cache
+def _text(name: str) -> str:
+    return (HERE / name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+
+
+def policy(css: str, scripts: Sequence[str]) -> str:
+    """Return the content security policy: nothing is loaded; only this style sheet and these scripts are used."""
+    allowed = " ".join(map(_hash, scripts)) or "'none'"
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src {_hash(css)}; img-src data:; base-uri 'none'; "
+        "form-action 'none'"
+    )
+
+
+@cache
+def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("camtorque", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        finalize=lambda value: clean(value) if type(value) is str else value,
     )  # fmt: skip
     environment.filters.update(FILTERS)
-    css = (Path(__file__).with_name("page.css")).read_text(encoding="utf-8")
-    return environment.get_template(template).render(css=Markup(css), versions=versions(), **values)
+    return environment
+
+
+def render(template: str, charts: Mapping[str, Curves], phases: tuple[Span, ...] = (), **values: Any) -> str:
+    """Return one page; what a template names and is not given is an error, not an empty text.
+
+    Parameters
+    ----------
+    template : file beside this module
+    charts : figure of the page -> curves that the script draws
+    phases : stretches of the revolution that the cursor names
+    """
+    css = tone_css() + "".join(map(_text, STYLES))
+    scripts = [_text(name) for name in SCRIPTS] if charts else []
+    return _environment().get_template(template).render(
+        css=Markup(css), versions=versions(), scripts=[Markup(text) for text in scripts], policy=policy(css, scripts),
+        data=book(charts, phases) if charts else "", **values,
+    )  # fmt: skip
+
+
+def live_charts(drawings: Sequence[Drawing]) -> dict[str, Curves]:
+    """Return the charts that the script draws, by the name of their figure."""
+    return {item.name: item.chart for item in drawings if isinstance(item.chart, Curves) and item.live}
 
 
 def run_page(
-    doc: Mapping[str, Any], rungs: Sequence[LadderRung], drawings: Sequence[Mapping[str, Any]], config_text: str
+    doc: Mapping[str, Any], drawings: Sequence[Drawing], config_text: str, phases: tuple[Span, ...], correlation: Any
 ) -> str:
     """Return report.html of a run.
 
     Parameters
     ----------
     doc : content of result.json
-    rungs : the ladder
-    drawings : name, title, caption, section, wide, svg of each figure
+    drawings : its figures
     config_text : recording.toml as read
+    phases : of the revolution, by the lift
+    correlation : names of the fitted parameters and (k, k) matrix
     """
-    ladder = [{**row, "name": name} for row, name in zip(doc["ladder"], rung_names(rungs), strict=True)]
     alignment = doc["alignment"]
     return render(
-        "run.html", title=f"{doc['recording']['name']} - measured against model", doc=doc, drawings=as_markup(drawings),
-        verdict=verdict(doc), cards=cards(doc), losses=loss_rows(doc["losses"]), ladder=ladder,
-        gaps=gap_rows(doc["gap_by_cause"]), gap_text=gap_text(doc["gap_by_cause"]), inside=inside_text(doc),
-        alignment=alignment_text(doc), checks=check_rows(doc), config_text=config_text, metric_names=METRIC_NAMES,
+        "run.html", live_charts(drawings), phases, title=f"{doc['recording']['name']}: measured against model",
+        doc=doc, drawings=drawings, verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
+        losses=loss_rows(doc["losses"]), gaps=gap_rows(doc["gap_by_cause"]), groups=parameter_groups(doc),
+        pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
+        config_text=config_text, metric_names=METRIC_NAMES,
         budget=budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"]),
     )  # fmt: skip
 
 
-def align_page(doc: Mapping[str, Any], drawings: Sequence[Mapping[str, Any]], config_text: str) -> str:
+def align_page(doc: Mapping[str, Any], drawings: Sequence[Drawing], config_text: str) -> str:
     """Return align.html: the aligned cycles of a recording without a model."""
     return render(
-        "align.html", title=f"{doc['name']} - aligned", doc=doc, drawings=as_markup(drawings), config_text=config_text
-    )
-
-
-def campaign_page(
-    doc: Mapping[str, Any], thumbnails: Mapping[str, str], drawings: Sequence[Mapping[str, Any]] = ()
-) -> str:
-    """Return campaign.html."""
-    used = len(doc["recordings"]) - doc["n_refused"]
-    text = f"{used} of {len(doc['recordings'])} recordings used."
-    left_out = [r["metrics"]["rms_percent_of_peak"] for r in doc["held_out"] if r["mode"] == "own_zero_and_end"]
-    if left_out:
-        text += (
-            f" Predicted from the others, with its own zero and end of delivery, a recording is met within "
-            f"{min(left_out):.2f} to {max(left_out):.2f} % of its peak torque (RMS)."
-        )
-    return render(
-        "campaign.html", title="Campaign", doc=doc, verdict=text, drawings=as_markup(drawings),
-        thumbnails={name: Markup(svg) for name, svg in thumbnails.items()},
-        drifts={row["name"]: row for row in doc["drifts"]},
+        "align.html", live_charts(drawings), title=f"{doc['name']}: aligned", doc=doc, drawings=drawings,
+        config_text=config_text,
     )  # fmt: skip
-
-
-def as_markup(drawings: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return drawings whose SVG is put into the page as it is: it was made here, its texts escaped by matplotlib."""
-    return [{**item, "svg": Markup(item["svg"])} for item in drawings]

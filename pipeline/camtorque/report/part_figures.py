@@ -3,109 +3,86 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from camtorque.report.bundle import RunResult
-from camtorque.report.style import CYCLE, FITTED, MEASURED, MUTED, RIGID, band, curve, full_turn, label_axes, new_figure
+from camtorque.report.chart import HALF, Band, Curves, Line, Panel
+from camtorque.report.torque_figures import CAM_ANGLE, spans
 from camtorque.units import BAR, DEGREE, RPM
 
 
-def pressures(result: RunResult) -> Figure:
-    """Draw line pressure with its scatter and the rebuilt chamber pressure."""
-    theta, fitted = result.cycles.theta, result.fitted
+def pressures(result: RunResult) -> Curves:
+    """Show line pressure with its scatter and the rebuilt chamber pressure."""
+    fitted = result.fitted
     mean, std = np.mean(result.cycles.pressure, axis=0) / BAR, np.std(result.cycles.pressure, axis=0) / BAR
-    figure = new_figure(1, 9.6, 3.8)
-    axes = figure.axes[0]
-    band(axes, theta, mean - 2.0 * std, mean + 2.0 * std, "line, single cycles ±2 standard deviations")
-    curve(axes, theta, mean, "line pressure, measured", color=MEASURED)
+    lines = [Line("line pressure, measured", mean, "measured", 1.6)]
+    bands = [Band("line, single cycles ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)]
     if fitted.chamber_pressure is not None:
         chamber = fitted.chamber_pressure / BAR
-        if fitted.chamber_pressure_std is not None:
+        lines.append(Line("chamber pressure, rebuilt", chamber, "fitted", 1.6))
+        if fitted.chamber_pressure_std is not None and result.fitted.explained:
             width = 2.0 * fitted.chamber_pressure_std / BAR
-            band(axes, theta, chamber - width, chamber + width, "chamber, ±2 standard uncertainties", "#9cc9e6")
-        curve(axes, theta, chamber, "chamber pressure, rebuilt", color=FITTED)
-    label_axes(axes, "gauge pressure [bar]", loc="upper right")
-    full_turn(axes)
-    return figure
+            bands.append(Band("chamber, ±2 standard uncertainties", chamber - width, chamber + width, "chamber"))
+    panel = Panel("gauge pressure [bar]", tuple(lines), tuple(bands), 190.0)
+    return Curves(result.cycles.theta / DEGREE, CAM_ANGLE, (panel,), spans=spans(result))
 
 
-def lift(result: RunResult) -> Figure:
-    """Draw lift, follower velocity and acceleration at the mean speed."""
+def lift(result: RunResult) -> Curves:
+    """Show the lift, which tells the strokes."""
+    panel = Panel("lift [mm]", (Line("lift", 1e3 * result.rigid.lift, "c2"),), height=80.0)
+    return Curves(result.rigid.theta / DEGREE, CAM_ANGLE, (panel,), spans=spans(result))
+
+
+def motion(result: RunResult) -> Curves:
+    """Show follower velocity and acceleration at the mean speed."""
     rigid, speed = result.rigid, result.cycles.mean_speed
-    figure = new_figure(3, 6.4, 4.8)
-    rows = ((1e3 * rigid.lift, "lift [mm]", CYCLE[0]), (speed * rigid.lift_velocity, "velocity [m/s]", CYCLE[2]),
-            (speed**2 * rigid.lift_acceleration, "acceleration [m/s²]", CYCLE[1]))  # fmt: skip
-    for axes, (values, name, color) in zip(figure.axes, rows, strict=True):
-        curve(axes, rigid.theta, values, name, color=color)
-        label_axes(axes, name, legend=False)
-    full_turn(figure.axes[-1])
-    figure.align_ylabels()
-    return figure
-
-
-def contact(result: RunResult) -> Figure:
-    """Draw contact force and Hertz pressure, rigid and fitted."""
-    theta, rigid, fitted = result.cycles.theta, result.rigid.forces, result.fitted.forces
-    figure = new_figure(2, 6.4, 4.8)
-    force, stress = figure.axes
-    curve(force, theta, rigid.contact_normal / 1e3, "rigid", color=RIGID, linestyle="--")
-    curve(force, theta, fitted.contact_normal / 1e3, "fitted", color=FITTED)
-    label_axes(force, "contact force [kN]")
-    for forces, name, style in ((rigid, "rigid", "--"), (fitted, "fitted", "-")):
-        color = RIGID if name == "rigid" else FITTED
-        curve(stress, theta, np.nan_to_num(forces.hertz) / 1e9, name, color=color, linestyle=style)
-    label_axes(stress, "Hertz pressure [GPa]", legend=False)
-    full_turn(stress)
-    figure.align_ylabels()
-    return figure
-
-
-def reactions(result: RunResult) -> Figure:
-    """Draw bearing and guide reactions of the fitted model."""
-    theta, forces = result.cycles.theta, result.fitted.forces
-    figure = new_figure(2, 6.4, 4.8)
-    bearing, guide = figure.axes
-    curve(bearing, theta, forces.bearing_x / 1e3, "across (X1)", color=CYCLE[2])
-    curve(bearing, theta, forces.bearing_y / 1e3, "along the follower (Y1)", color=CYCLE[0])
-    label_axes(bearing, "bearing [kN]")
-    curve(guide, theta, forces.guide / 1e3, "guide force", color=CYCLE[3])
-    label_axes(guide, "guide [kN]", legend=False)
-    full_turn(guide)
-    figure.align_ylabels()
-    return figure
-
-
-def cam_angle(result: RunResult) -> Figure:
-    """Draw how far the true cam angle lies from the nominal one: trigger, twist and speed within the revolution."""
-    theta = result.cycles.theta
-    shift = (result.fitted.true_angle - theta) / DEGREE
-    figure = new_figure(1, 6.4, 2.9)
-    axes = figure.axes[0]
-    axes.axhline(0.0, color=MUTED, linewidth=0.7)
-    nominal = (result.fitted.trigger_angle.value - result.fitted.trigger_angle.nominal) / DEGREE
-    axes.axhline(
-        nominal, color=CYCLE[1], linestyle="--", linewidth=1.1, label=f"trigger angle alone, {nominal:+.2f} deg"
+    panels = (
+        Panel("velocity [m/s]", (Line("velocity", speed * rigid.lift_velocity, "c2"),), height=120.0),
+        Panel("acceleration [m/s²]", (Line("acceleration", speed**2 * rigid.lift_acceleration, "c1"),), height=120.0),
     )
-    curve(axes, theta, shift, "true minus nominal cam angle", color=FITTED)
-    label_axes(axes, "angle [deg]")
-    full_turn(axes)
-    return figure
+    return Curves(rigid.theta / DEGREE, CAM_ANGLE, panels, width=HALF)
 
 
-def cycles(result: RunResult) -> Figure:
-    """Draw the speed of the used cycles and how far each lies from the mean cycle."""
+def contact(result: RunResult) -> Curves:
+    """Show contact force and Hertz pressure, rigid and fitted."""
+    rigid, fitted = result.rigid.forces, result.fitted.forces
+    force = (Line("rigid", rigid.contact_normal / 1e3, "rigid", 1.4, "6 4"),
+             Line("fitted", fitted.contact_normal / 1e3, "fitted"))  # fmt: skip
+    stress = (Line("rigid", np.nan_to_num(rigid.hertz) / 1e9, "rigid", 1.4, "6 4"),
+              Line("fitted", np.nan_to_num(fitted.hertz) / 1e9, "fitted"))  # fmt: skip
+    panels = (Panel("contact [kN]", force, height=120.0), Panel("Hertz [GPa]", stress, height=120.0))
+    return Curves(result.cycles.theta / DEGREE, CAM_ANGLE, panels, width=HALF)
+
+
+def reactions(result: RunResult) -> Curves:
+    """Show bearing and guide reactions of the fitted model."""
+    forces = result.fitted.forces
+    bearing = (Line("across (X1)", forces.bearing_x / 1e3, "c2"),
+               Line("along the follower (Y1)", forces.bearing_y / 1e3, "c0"))  # fmt: skip
+    guide = (Line("guide", forces.guide / 1e3, "c3"),)
+    panels = (Panel("bearing [kN]", bearing, height=120.0), Panel("guide [kN]", guide, height=110.0))
+    return Curves(result.cycles.theta / DEGREE, CAM_ANGLE, panels, width=HALF)
+
+
+def cam_angle(result: RunResult) -> Curves:
+    """Show how far the true cam angle lies from the nominal one: trigger, twist and speed within the revolution."""
+    theta, fitted = result.cycles.theta, result.fitted
+    nominal = (fitted.trigger_angle.value - fitted.trigger_angle.nominal) / DEGREE
+    lines = (
+        Line(f"trigger angle alone, {nominal:+.2f} deg", np.full(theta.size, nominal), "c1", 1.2, "6 4"),
+        Line("true − nominal cam angle", (fitted.true_angle - theta) / DEGREE, "fitted"),
+    )
+    return Curves(theta / DEGREE, CAM_ANGLE, (Panel("angle [deg]", lines, height=170.0),), width=HALF)
+
+
+def cycles(result: RunResult) -> Curves:
+    """Show the speed of the used cycles and how far each lies from the mean cycle."""
     record = result.cycles
     assert record.torque is not None
     distance = np.sqrt(np.mean((record.torque - np.mean(record.torque, axis=0)) ** 2, axis=1))
-    figure = new_figure(2, 6.4, 3.6)
-    speed, scatter = figure.axes
-    for mask, name, color in ((~record.held_out, "fitted", FITTED), (record.held_out, "held out", CYCLE[1])):
-        speed.plot(record.index[mask], record.speed[mask] / RPM, "o", ms=3.2, color=color, label=name)
-        scatter.plot(record.index[mask], distance[mask], "o", ms=3.2, color=color)
-    speed.ticklabel_format(axis="y", useOffset=False)
-    label_axes(speed, "speed [rpm]", ncols=2)
-    label_axes(scatter, "distance from\nthe mean [N m]", legend=False)
-    scatter.set_ylim(bottom=0.0)
-    scatter.set_xlabel("cycle number in the recording")
-    figure.align_ylabels()
-    return figure
+    masks = ((~record.held_out, "fitted", "fitted"), (record.held_out, "held out", "c1"))
+    panels = tuple(
+        Panel(name, tuple(Line(label, np.where(mask, values, np.nan), tone, points=True)
+                          for mask, label, tone in masks), height=100.0, zero=False)
+        for name, values in (("speed [rpm]", record.speed / RPM), ("off mean [N m]", distance))
+    )  # fmt: skip
+    return Curves(record.index.astype(float), "cycle number in the recording", panels, full_turn=False, width=HALF)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 
-from camtorque.fit.posterior import Posterior
 from camtorque.plain import plain
 from camtorque.records import Refusal
+from camtorque.report.chart import Band, Curves, Line, Panel
 from camtorque.report.document import write_json
-from camtorque.report.style import FITTED, MEASURED, STYLE, new_figure
+from camtorque.report.figures import png_of, svg_of
+from camtorque.report.tones import light
+from camtorque.report.torque_figures import CAM_ANGLE
 
 SHOWN = (
     "trigger_offset", "shaft_compliance", "dead_volume", "valve_opening", "valve_area", "leakage", "end_of_delivery",
@@ -23,8 +23,8 @@ SHOWN = (
 DPI = 110
 
 
-def corner_figure(posterior: Posterior) -> Figure:
-    """Return the corner plot of the parameters that a user asks about first.
+def save_corner(posterior: Any, path: Path) -> None:
+    """Write the corner plot of the parameters that a user asks about first.
 
     Raises
     ------
@@ -33,6 +33,7 @@ def corner_figure(posterior: Posterior) -> Figure:
     """
     try:
         import corner
+        from matplotlib.figure import Figure
     except ImportError as error:
         raise Refusal("posterior: corner is not installed; install `pip install camtorque[posterior]`") from error
     columns = [k for k, name in enumerate(posterior.names) if name in SHOWN]
@@ -40,23 +41,20 @@ def corner_figure(posterior: Posterior) -> Figure:
     moving = [k for k in range(samples.shape[1]) if np.ptp(samples[:, k]) > 0.0]
     labels = [f"{posterior.names[columns[k]]} [{posterior.units[columns[k]]}]" for k in moving]
     figure = Figure(figsize=(2.0 * len(moving), 2.0 * len(moving)))
-    return corner.corner(samples[:, moving], labels=labels, fig=figure, color=FITTED, show_titles=True)
+    corner.corner(samples[:, moving], labels=labels, fig=figure, color=light("fitted"), show_titles=True)
+    figure.savefig(path, dpi=DPI)
 
 
-def band_figure(posterior: Posterior) -> Figure:
+def band_chart(posterior: Any) -> Curves:
     """Return the predictive band of the torque about its median, 2.5 to 97.5 %."""
-    figure = new_figure()
-    axis = figure.axes[0]
-    for low, middle, high in posterior.torque_band.values():
-        angle = np.arange(middle.size) * 360.0 / middle.size
-        axis.fill_between(angle, low - middle, high - middle, color=FITTED, alpha=0.4, label="2.5 to 97.5 %")
-        axis.plot(angle, np.zeros_like(middle), color=MEASURED, lw=0.8, label="median")
-    axis.set(xlabel="cam angle [deg]", ylabel="torque about the median [N m]")
-    axis.legend()
-    return figure
+    low, middle, high = next(iter(posterior.torque_band.values()))
+    angle = np.arange(middle.size) * 360.0 / middle.size
+    panel = Panel("torque about the median [N m]", (Line("median", np.zeros_like(middle), "measured", 0.8),),
+                  (Band("2.5 to 97.5 %", low - middle, high - middle, "chamber"),))  # fmt: skip
+    return Curves(angle, CAM_ANGLE, (panel,))
 
 
-def write_posterior(posterior: Posterior, folder: Path) -> dict[str, Any]:
+def write_posterior(posterior: Any, folder: Path) -> dict[str, Any]:
     """Write posterior.json and its two figures into a run's folder; return the content of the former."""
     quantiles = np.quantile(posterior.samples, (0.025, 0.16, 0.5, 0.84, 0.975), axis=0)
     rows = {
@@ -70,7 +68,7 @@ def write_posterior(posterior: Posterior, folder: Path) -> dict[str, Any]:
     })  # fmt: skip
     write_json(folder / "posterior.json", document)
     (folder / "figures").mkdir(exist_ok=True)
-    with mpl.rc_context(STYLE):
-        for name, draw in (("posterior_corner", corner_figure), ("posterior_band", band_figure)):
-            draw(posterior).savefig(folder / "figures" / f"{name}.png", dpi=DPI)
+    save_corner(posterior, folder / "figures" / "posterior_corner.png")
+    drawn = svg_of(band_chart(posterior), "predictive band of the torque")
+    (folder / "figures" / "posterior_band.png").write_bytes(png_of(drawn))
     return document

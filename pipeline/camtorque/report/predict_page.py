@@ -1,107 +1,113 @@
-"""A prediction as one self-contained HTML page: what was asked, the sweep, findings, and figures over cam angle."""
+"""A prediction as one self-contained HTML page: what was asked, the sweep, findings, and curves over cam angle."""
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Callable
-from html import escape
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from markupsafe import Markup
 
 from camtorque.mechanism.predict import Prediction, sweep_rows
+from camtorque.report.chart import HALF, Curves, Line, Panel
+from camtorque.report.figures import svg_of
+from camtorque.report.numbers import num, words
+from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.phases import phases
+from camtorque.report.tones import CYCLE
+from camtorque.report.torque_figures import CAM_ANGLE, DASHES
 from camtorque.units import BAR, DEGREE, RPM
 
-STYLE = """body{font:15px/1.45 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;font-size:90%}td,th{border:1px solid #ccc;padding:.2em .5em;text-align:right}
-td:first-child,th:first-child{text-align:left}img{max-width:100%}.error{color:#b00}.warning{color:#a60}"""
-SIZE = (8.0, 3.2)
-
-
-def _torque(axis: Axes, prediction: Prediction) -> None:
-    for torque, speed in zip(prediction.shaft_torque, prediction.speeds, strict=True):
-        axis.plot(prediction.theta / DEGREE, torque, label=f"{speed / RPM:.0f} rpm")
-    axis.set_ylabel("drive torque [N m]")
-    axis.legend(fontsize=8)
-
-
-def _causes(axis: Axes, prediction: Prediction) -> None:
-    pump = prediction.pumps[-1]
-    for name, torque in pump.by_cause.items():
-        if np.any(torque != 0.0):
-            axis.plot(prediction.theta / DEGREE, torque, label=name.replace("_", " "))
-    axis.set_ylabel(f"torque by cause, {prediction.speeds[-1] / RPM:.0f} rpm [N m]")
-    axis.legend(fontsize=8)
-
-
-def _forces(axis: Axes, prediction: Prediction) -> None:
-    forces = prediction.pumps[-1].forces
-    for name in ("contact_normal", "bearing_x", "bearing_y", "guide"):
-        axis.plot(prediction.theta / DEGREE, getattr(forces, name), label=name.replace("_", " "))
-    axis.set_ylabel(f"force, {prediction.speeds[-1] / RPM:.0f} rpm [N]")
-    axis.legend(fontsize=8)
-
-
-def _hertz(axis: Axes, prediction: Prediction) -> None:
-    for pump, speed in zip(prediction.pumps, prediction.speeds, strict=True):
-        axis.plot(prediction.theta / DEGREE, pump.forces.hertz / 1e9, label=f"{speed / RPM:.0f} rpm")
-    axis.set_ylabel("Hertz stress p0 [GPa]")
-    axis.legend(fontsize=8)
-
-
-def _cam(axis: Axes, prediction: Prediction) -> None:
-    angle, path = prediction.theta / DEGREE, prediction.kinematics
-    axis.plot(angle, 1e3 * path.lift, label="lift [mm]")
-    axis.plot(angle, 1e3 * path.velocity, label="velocity [mm/rad]")
-    axis.plot(angle, path.pressure_angle / DEGREE, label="pressure angle [deg]")
-    axis.plot(angle, prediction.pressure / BAR / 20.0, label="pressure [20 bar]")
-    axis.legend(fontsize=8)
-
-
-FIGURES: dict[str, Callable[[Axes, Prediction], None]] = {
-    "Cam and load": _cam,
-    "Drive torque": _torque,
-    "Torque by cause": _causes,
-    "Forces": _forces,
-    "Hertz stress": _hertz,
+SWEEP = {
+    "speed_rpm": "speed [rpm]",
+    "shaft_torque_max_nm": "shaft torque, largest [N m]",
+    "shaft_torque_min_nm": "shaft torque, smallest [N m]",
+    "shaft_torque_mean_nm": "shaft torque, mean [N m]",
+    "pump_torque_max_nm": "torque of the first pump, largest [N m]",
+    "pump_torque_max_deg": "at cam angle [deg]",
+    "contact_normal_max_n": "contact force, largest [N]",
+    "bearing_max_n": "bearing reaction, largest [N]",
+    "guide_max_n": "guide force, largest [N]",
+    "hertz_max_gpa": "Hertz pressure, largest [GPa]",
+    "hertz_max_deg": "at cam angle [deg]",
+    "shear_max_gpa": "shear stress below the surface, largest [GPa]",
+    "shear_depth_um": "its depth [µm]",
+    "rolling_speed_max_m_per_s": "rolling speed, largest [m/s]",
+    "roller_speed_max_rpm": "roller speed, largest [rpm]",
+    "contact_lost": "contact lost",
 }
+"""Key of a row of the sweep -> what the page calls it."""
 
 
-def figure_of(title: str, prediction: Prediction) -> Figure:
+def _line(label: str, values: np.ndarray, place: int, width: float = 1.5) -> Line:
+    return Line(label, values, CYCLE[place % len(CYCLE)], width, DASHES[(place // len(CYCLE)) % len(DASHES)])
+
+
+def _by_speed(prediction: Prediction, curves: Any) -> tuple[Line, ...]:
+    return tuple(
+        _line(f"{num(speed / RPM, 4)} rpm", values, k)
+        for k, (speed, values) in enumerate(zip(prediction.speeds, curves, strict=True))
+    )
+
+
+def _torque(prediction: Prediction) -> tuple[Panel, ...]:
+    return (Panel("drive torque [N m]", _by_speed(prediction, prediction.shaft_torque)),)
+
+
+def _cam(prediction: Prediction) -> tuple[Panel, ...]:
+    path = prediction.kinematics
+    return (
+        Panel("pressure [bar]", (Line("pressure", prediction.pressure / BAR, "measured"),), height=110.0),
+        Panel("lift [mm]", (Line("lift", 1e3 * path.lift, "c2"),), height=80.0),
+        Panel("velocity [mm/rad]", (Line("velocity", 1e3 * path.velocity, "c1"),), height=80.0),
+        Panel("pressure angle [deg]", (Line("pressure angle", path.pressure_angle / DEGREE, "c6"),), height=80.0),
+    )
+
+
+def _causes(prediction: Prediction) -> tuple[Panel, ...]:
+    parts = {name: values for name, values in prediction.pumps[-1].by_cause.items() if np.any(values != 0.0)}
+    lines = tuple(_line(words(name), values, k) for k, (name, values) in enumerate(parts.items()))
+    return (Panel("torque by cause [N m]", lines, height=180.0),)
+
+
+def _forces(prediction: Prediction) -> tuple[Panel, ...]:
+    forces = prediction.pumps[-1].forces
+    names = {"contact_normal": "contact", "bearing_x": "bearing, across", "bearing_y": "bearing, along",
+             "guide": "guide"}  # fmt: skip
+    lines = tuple(_line(label, getattr(forces, name) / 1e3, k) for k, (name, label) in enumerate(names.items()))
+    return (Panel("force [kN]", lines, height=180.0),)
+
+
+def _hertz(prediction: Prediction) -> tuple[Panel, ...]:
+    return (Panel("Hertz pressure [GPa]", _by_speed(prediction, [p.forces.hertz / 1e9 for p in prediction.pumps]),
+                  height=160.0),)  # fmt: skip
+
+
+FIGURES: dict[str, tuple[str, bool, Callable[[Prediction], tuple[Panel, ...]]]] = {
+    "torque": ("Drive torque", True, _torque),
+    "cam": ("Cam and load", True, _cam),
+    "causes": ("Torque by cause, at the last speed", False, _causes),
+    "forces": ("Forces, at the last speed", False, _forces),
+    "hertz": ("Hertz pressure", True, _hertz),
+}
+"""Name -> title, whether it is wide, panels."""
+
+
+def chart_of(name: str, prediction: Prediction) -> Curves:
     """Return one of `FIGURES` over cam angle."""
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axis = figure.subplots()
-    FIGURES[title](axis, prediction)
-    axis.set(xlabel="cam angle [deg]", xlim=(0.0, 360.0), title=title)
-    axis.grid(alpha=0.3)
-    return figure
-
-
-def _image(title: str, prediction: Prediction) -> str:
-    """Return a figure as an image that needs no file."""
-    buffer = io.BytesIO()
-    figure_of(title, prediction).savefig(buffer, format="png", dpi=100)
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return f'<h2>{escape(title)}</h2><img alt="{escape(title)} over cam angle" src="data:image/png;base64,{data}">'
+    _, wide, panels = FIGURES[name]
+    strokes = phases(prediction.theta, prediction.kinematics.lift) if wide else ()
+    spans = tuple(span for span in strokes if "stroke" in span.label)
+    width = 960.0 if wide else HALF
+    return Curves(prediction.theta / DEGREE, CAM_ANGLE, panels(prediction), spans=spans, width=width)
 
 
 def _cell(value: float | bool) -> str:
     """Return a number with four digits, or yes or no."""
-    return ("yes" if value else "no") if isinstance(value, bool) else f"{value:.4g}"
+    return ("yes" if value else "no") if isinstance(value, bool) else num(value, 4)
 
 
-def _sweep(prediction: Prediction) -> str:
-    """Return the sweep with one column per speed."""
-    rows = sweep_rows(prediction)
-    lines = [
-        f"<tr><th>{escape(name)}</th>{''.join(f'<td>{_cell(row[name])}</td>' for row in rows)}</tr>" for name in rows[0]
-    ]
-    return f"<table>{''.join(lines)}</table>"
-
-
-def _contact(prediction: Prediction) -> str:
+def contact_text(prediction: Prediction) -> str:
     """Return the sentence on contact loss."""
     loss = prediction.jump
     if not np.isfinite(loss.speed):
@@ -119,16 +125,15 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     prediction : `camtorque.mechanism.predict.predict`
     title : heading, such as the name of the pump file
     """
-    findings = "".join(
-        f'<li class="{escape(f.severity)}">{escape(f.text)}{f" ({escape(f.where)})" if f.where else ""}</li>'
-        for f in prediction.findings
-    )
+    rows = sweep_rows(prediction)
+    drawings = []
+    for name, (heading, wide, _) in FIGURES.items():
+        chart = chart_of(name, prediction)
+        drawings.append(Drawing(name, heading, "", "curves", wide, chart, Markup(svg_of(chart, heading))))
     steep, back = (value / DEGREE for value in prediction.flat_pressure_angles)
-    figures = "".join(_image(name, prediction) for name in FIGURES)
-    return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>"
-        "<p>Rigid multibody model on frictionless joints; pressure as given, the same at every speed.</p>"
-        f"<p>{_contact(prediction)} Pressure angle by the flat check at most {steep:.1f} and {-back:.1f} degrees.</p>"
-        f"<ul>{findings}</ul>{_sweep(prediction)}{figures}</body></html>"
-    )
+    return render(
+        "predict.html", live_charts(drawings), phases(prediction.theta, prediction.kinematics.lift), title=title,
+        drawings=drawings, findings=prediction.findings, contact=contact_text(prediction), steep=steep, back=-back,
+        sweep=[(SWEEP[key], [_cell(row[key]) for row in rows]) for key in rows[0]],
+        lost=any(row["contact_lost"] for row in rows),
+    )  # fmt: skip

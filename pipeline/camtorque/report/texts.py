@@ -1,61 +1,21 @@
-"""The plain words of a page: verdict, key numbers, what the alignment and the chamber say."""
+"""The tables of a page as rows, and what the alignment and the chamber say in words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.numbers import UNKNOWN, fixed, near, num, signed
+from camtorque.records import KNOWLEDGE
+from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, unit_text, words
 
-GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
-"""What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
 METRIC_NAMES = {
     "rigid": "rigid model",
     "fitted": "fitted model, fitted cycles",
     "fitted_held_out_cycles": "fitted model, held-out cycles",
 }
+STRONG = 0.9
+"""Correlation from which on two parameters are told as a pair."""
 Document = Mapping[str, Any]
-
-
-def verdict(doc: Document) -> dict[str, Any]:
-    """Return the headline of a run and whether the fit is as good as expected."""
-    held, rigid = doc["metrics"]["fitted_held_out_cycles"], doc["metrics"]["rigid"]
-    distance = abs(held["return_min_measured_nm"] - held["return_min_model_nm"])
-    good = (
-        held["rms_percent_of_peak"] <= GOOD_RMS_PERCENT
-        and abs(held["forward_gap_percent"]) <= GOOD_GAP_PERCENT
-        and distance <= GOOD_RETURN_NM
-    )
-    start = "The fitted model meets the measurement" if good else "Look closer: the fitted model stays off"
-    text = (
-        f"{start}: {num(held['rms_percent_of_peak'], 2)} % of the peak torque RMS on cycles that it has not seen, "
-        f"where the rigid model alone is off by {num(rigid['rms_percent_of_peak'], 2)} %. Forward stroke "
-        f"{signed(rigid['forward_gap_percent'])} % before, {signed(held['forward_gap_percent'])} % after; "
-        f"return-stroke minimum {fixed(held['return_min_measured_nm'], 1)} N m measured, "
-        f"{fixed(rigid['return_min_model_nm'], 1)} "
-        f"rigid, {fixed(held['return_min_model_nm'], 1)} fitted."
-    )
-    serious = sum(row["severity"] != "info" for row in doc["findings"])
-    if serious:
-        text += f" {serious} warning{'s' if serious > 1 else ''} below."
-    return {"good": good, "text": text}
-
-
-def cards(doc: Document) -> list[dict[str, str]]:
-    """Return the key numbers of a run."""
-    held, recording, chamber = doc["metrics"]["fitted_held_out_cycles"], doc["recording"], doc["chamber"]
-    rows = [
-        (f"{fixed(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
-        (f"{num(held['rms_percent_of_peak'], 2)} %", "RMS of peak torque, held-out cycles"),
-        (f"{signed(held['forward_gap_percent'])} %", "forward gap after the fit"),
-        (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
-        (f"{fixed(doc['losses']['input'], 2)} J", "drive work per revolution"),
-        (f"{signed(doc['losses']['closure_percent'])} %", "of it left unexplained"),
-    ]
-    peak = chamber["peak_bar"] if chamber else None
-    rows.append((f"{near(peak['value'], peak['stderr'])} bar" if peak else UNKNOWN, "peak of the chamber pressure"))
-    rows.append((f"{num(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"))
-    return [{"value": value, "text": text} for value, text in rows]
 
 
 def inside_text(doc: Document) -> str:
@@ -65,12 +25,11 @@ def inside_text(doc: Document) -> str:
         f"Largest values: contact {num(forces['contact_normal_max_n'])} N, bearing {num(forces['bearing_max_n'])} N, "
         f"guide {num(forces['guide_max_n'])} N, Hertz pressure {num(forces['hertz_max_gpa'])} GPa. "
     )
-    for key, what in (("peak_bar", "peaks at"), ("return_start_bar", "stands, where the return stroke starts, at")):
+    for key, what in (("peak_bar", "peaks at"), ("return_start_bar", "stands, where the lift has fallen to 95 %, at")):
         value = chamber[key] if chamber else None
-        if value:
-            text += (
-                f"The chamber pressure {what} {near(value['value'], value['stderr'])} ± {num(value['stderr'], 2)} bar. "
-            )
+        if value and value["value"] is not None:
+            interval = f" ± {plus_minus(value['stderr'])}" if doc["explained"] and value["stderr"] else ""
+            text += f"The chamber pressure {what} {near(value['value'], value['stderr'])}{interval} bar. "
     lost = "The follower leaves the cam." if forces["contact_lost"] else "The follower stays on the cam."
     return text + lost
 
@@ -78,45 +37,71 @@ def inside_text(doc: Document) -> str:
 def alignment_text(doc: Document) -> str:
     """Return trigger angle and delay in words."""
     trigger, delay = doc["alignment"]["trigger_angle_deg"], doc["alignment"]["torque_delay_s"]
-    text = f"Trigger angle {near(trigger['value'], trigger['stderr'])} ± {num(trigger['stderr'], 2)} deg"
+    sure = doc["explained"]
+    text = f"Trigger angle {near(trigger['value'], trigger['stderr'])}"
+    text += f" ± {plus_minus(trigger['stderr'])} deg" if sure and trigger["stderr"] else " deg"
     text += f" (nominal {num(trigger['nominal'], 4)} deg). "
     if delay["value"] is not None:
-        text += f"Torque delay {fixed(1e3 * delay['value'], 4)} ms"
-        text += f" ± {fixed(1e3 * delay['stderr'], 4)} ms. " if delay["stderr"] is not None else ". "
+        text += f"Torque delay {fixed(1e3 * delay['value'], 4)}"
+        text += f" ± {fixed(1e3 * delay['stderr'], 4)} ms. " if sure and delay["stderr"] else " ms. "
     return text + "The residual errors of the cam angle, as standard deviations:"
 
 
 def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[dict[str, Any]]:
-    """Return the angle error budget with both columns; sources that only the fit knows stand below."""
-    left = {row["source"]: row for row in after}
+    """Return the angle error budget with both columns; a source that neither fit nor sheet puts a number to is told.
+
+    Sources go by the name of the parameter that stands for them after the fit, so that none is listed twice.
+    """
     aliases = {"trigger installation": "trigger angle", "shaft twist": "shaft compliance"}
-    rows = []
-    for row in before:
-        found = left.pop(aliases.get(row["source"], row["source"]), None)
-        text = row["text"] if found is None or found["text"] in ("", row["text"]) else f"{row['text']}; {found['text']}"
-        rows.append(
-            {"source": row["source"], "before": row["std_deg"], "after": found and found["std_deg"], "text": text}
-        )
-    rows += [{"source": k, "before": None, "after": v["std_deg"], "text": v["text"]} for k, v in left.items()]
-    return rows
+    rows: dict[str, dict[str, Any]] = {}
+    for column, part in (("before", before), ("after", after)):
+        for item in part:
+            name = str(aliases.get(item["source"], item["source"]))
+            row = rows.setdefault(name, {"source": name, "before": None, "after": None, "text": ""})
+            row[column] = item["std_deg"] if row[column] is None else row[column]
+            if item["text"] and item["text"] not in row["text"]:
+                row["text"] += ("; " if row["text"] else "") + item["text"]
+    return list(rows.values())
 
 
-def check_rows(doc: Document) -> list[dict[str, Any]]:
-    """Return the profiled parameters with their profile, bootstrap and largest sources of uncertainty."""
-    told = doc["uncertainty"]
-    rows = []
-    for name, found in told["profiles"].items():
-        parameter, parts = doc["parameters"][name], told["budget"][name]
-        width = parameter["stderr_statistical"]
-        total = sum(value**2 for value in parts.values()) or 1.0
-        largest = sorted(parts.items(), key=lambda item: -item[1])[:3]
-        shares = ", ".join(f"{source} {100.0 * value**2 / total:.0f} %" for source, value in largest if value > 0.0)
-        rows.append({
-            "name": name, "kind": found["kind"], "statistical": width, "resampled": told["bootstrap"].get(name),
-            "interval": f"{near(found['low'], width)} … {near(found['high'], width)} {parameter['unit']}",
-            "sources": shares,
-        })  # fmt: skip
-    return rows
+def parameter_groups(doc: Document) -> list[dict[str, Any]]:
+    """Return the parameters by what the data added, each group with its rows in the order of the fit."""
+    texts = (
+        "The data told the value; what was known before hardly matters.",
+        "The data narrowed what was known before.",
+        "The data added nothing: the value is that of sheet, certificate or literature.",
+    )
+    rows = [parameter_row(name, row, doc["explained"]) for name, row in doc["parameters"].items()]
+    return [
+        {"name": name, "text": text, "rows": found}
+        for name, text in zip(KNOWLEDGE, texts, strict=True)
+        if (found := [row for row in rows if row["knowledge"] == name])
+    ]
+
+
+def parameter_row(name: str, row: Document, explained: bool = True) -> dict[str, Any]:
+    """Return one parameter as the texts of a table; no interval where the model does not explain the data."""
+    told = explained and row["stderr"] is not None
+    ends = [near(end, row["stderr"]) for end in row["ci95"]]
+    prior = f"{num(row['prior'][0])} ± {num(row['prior'][1], 2)}" if row["prior"] else UNKNOWN
+    return {
+        "name": words(name), "meaning": row["meaning"], "unit": unit_text(row["unit"]), "knowledge": row["knowledge"],
+        "value": near(row["value"], row["stderr"]), "error": plus_minus(row["stderr"]) if told else UNKNOWN,
+        "interval": f"{ends[0]} … {ends[1]}" if told else UNKNOWN, "prior": prior, "at_bound": row["at_bound"],
+        "assumed": row["role"] == "assumed", "mixed": [words(other) for other in row["confounded_with"]],
+        "source": row["source"],
+    }  # fmt: skip
+
+
+def pair_rows(names: Sequence[str], correlation: Any) -> list[dict[str, Any]]:
+    """Return the pairs of parameters that the recording can hardly tell apart, the strongest first."""
+    pairs = [
+        {"first": words(names[j]), "second": words(names[k]), "correlation": float(correlation[j][k])}
+        for j in range(len(names))
+        for k in range(j)
+        if abs(correlation[j][k]) >= STRONG
+    ]
+    return sorted(pairs, key=lambda row: -abs(row["correlation"]))
 
 
 def loss_rows(losses: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -128,7 +113,7 @@ def loss_rows(losses: Mapping[str, Any]) -> list[dict[str, str]]:
             continue
         conserved = abs(value) < 1e-6 * abs(total)
         rows.append({
-            "name": name.replace("_", " "), "work": "0" if conserved else num(value),
+            "name": words(name), "work": "0" if conserved else num(value),
             "share": "0" if conserved else fixed(100.0 * value / total, 2),
         })  # fmt: skip
     return rows
@@ -140,7 +125,7 @@ def gap_rows(gap: Document) -> list[dict[str, Any]]:
     return [
         {
             **row,
-            "name": row["cause"].replace("_", " "),
+            "name": words(row["cause"]),
             "forward_share": _share(row["forward_nm"], total["forward_nm"]),
             "return_share": _share(row["return_minimum_nm"], total["return_minimum_nm"]),
         }
@@ -150,14 +135,3 @@ def gap_rows(gap: Document) -> list[dict[str, Any]]:
 
 def _share(part: float, total: float) -> float | None:
     return 100.0 * part / total if total else None
-
-
-def gap_text(gap: Document) -> str:
-    """Return what closes the gap in words: the largest causes on both strokes."""
-    total = gap["total"]
-    parts = []
-    for key, what in (("forward_nm", "On the forward stroke"), ("return_minimum_nm", "At the return minimum")):
-        rows = sorted(gap["causes"], key=lambda row: -abs(row[key]))[:3]
-        named = ", ".join(f"{signed(row[key], 3)} N m by {row['cause'].replace('_', ' ')}" for row in rows)
-        parts.append(f"{what} the measurement lies {signed(total[key], 3)} N m from the rigid model: {named}.")
-    return " ".join(parts)

@@ -3,132 +3,103 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from camtorque.fit.metrics import stroke_masks
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
-from camtorque.report.style import (
-    CYCLE,
-    FITTED_OVER,
-    LINE_STYLES,
-    MEASURED,
-    MUTED,
-    RESIDUAL,
-    RIGID,
-    band,
-    curve,
-    degrees,
-    full_turn,
-    label_axes,
-    new_figure,
-)
+from camtorque.report.chart import HALF, Band, Curves, Line, Panel, Span
+from camtorque.report.numbers import words
+from camtorque.report.phases import bump_spans, phases
+from camtorque.report.svg import padded
+from camtorque.report.tones import CYCLE
+from camtorque.units import DEGREE
 
 MARGIN_DEG = 12.0
 SMALL_CAUSE = 0.08
 """A cause whose largest torque is below this share of the largest cause is drawn in the lower panel."""
+CAM_ANGLE = "cam angle [deg]"
+DASHES = ("", "6 3", "2 3", "8 3 2 3")
 
 
 def measured_mean(result: RunResult) -> tuple[Array, Array]:
     """Return mean and standard deviation over cycles of the measured torque, each (n_theta,) [N m]."""
     assert result.cycles.torque is not None
-    return np.mean(result.cycles.torque, axis=0), np.std(result.cycles.torque, axis=0, ddof=1)
+    several = result.cycles.index.size > 1
+    std = np.std(result.cycles.torque, axis=0, ddof=1) if several else np.full(result.cycles.theta.size, np.nan)
+    return np.mean(result.cycles.torque, axis=0), std
 
 
-def full_cycle(result: RunResult) -> Figure:
-    """Draw the torque over one revolution with the residual below."""
-    figure = new_figure(2, 9.6, 5.4, (3, 1.25))
-    upper, lower = figure.axes
-    _torques(upper, result)
-    _strokes(upper, result)
-    label_axes(upper, "drive torque [N m]", loc="upper right")
-    _residuals(lower, result)
-    full_turn(lower)
-    return figure
+def spans(result: RunResult) -> tuple[Span, ...]:
+    """Return the strokes, and over them where the residual stands out."""
+    strokes = [span for span in phases(result.rigid.theta, result.rigid.lift) if "stroke" in span.label]
+    return (*strokes, *bump_spans(result.fitted.bumps))
 
 
-def forward_stroke(result: RunResult) -> Figure:
-    """Draw the forward stroke."""
+def full_cycle(result: RunResult) -> Curves:
+    """Show measured and modelled torque over one revolution and the residual below."""
+    angle = result.cycles.theta / DEGREE
+    return Curves(angle, CAM_ANGLE, (_torques(result), _residuals(result)), spans=spans(result))
+
+
+def forward_stroke(result: RunResult) -> Curves:
+    """Show the forward stroke."""
     return _stroke(result, 0)
 
 
-def return_stroke(result: RunResult) -> Figure:
-    """Draw the return stroke."""
+def return_stroke(result: RunResult) -> Curves:
+    """Show the return stroke."""
     return _stroke(result, 1)
 
 
-def _stroke(result: RunResult, which: int) -> Figure:
-    rigid = result.rigid
+def _stroke(result: RunResult, which: int) -> Curves:
+    rigid, angle = result.rigid, result.rigid.theta / DEGREE
     mask = stroke_masks(rigid.lift, rigid.lift_velocity)[which]
-    angle = degrees(rigid.theta)[mask]
-    low, high = float(angle.min()) - MARGIN_DEG, float(angle.max()) + MARGIN_DEG
-    figure = new_figure(2, 6.4, 4.6, (2.6, 1))
-    upper, lower = figure.axes
-    _torques(upper, result)
-    label_axes(upper, "drive torque [N m]")
-    _residuals(lower, result)
-    lower.set_xlim(max(low, 0.0), min(high, 360.0))
-    lower.set_xlabel("cam angle [deg]")
-    _fit_ordinate(upper, result, (degrees(rigid.theta) >= low) & (degrees(rigid.theta) <= high))
-    return figure
+    low, high = max(float(angle[mask].min()) - MARGIN_DEG, 0.0), min(float(angle[mask].max()) + MARGIN_DEG, 360.0)
+    panels = (_torques(result, 260.0, "torque [N m]"), _residuals(result, 90.0))
+    return Curves(angle, CAM_ANGLE, panels, x_range=(low, high), spans=bump_spans(result.fitted.bumps), width=HALF,
+                  live=False)  # fmt: skip
 
 
-def _fit_ordinate(axes: Axes, result: RunResult, mask: NDArray[np.bool_]) -> None:
-    shown = np.concatenate([curve[mask] for curve in (measured_mean(result)[0], result.rigid.torque)])
-    margin = 0.06 * float(np.ptp(shown))
-    axes.set_ylim(float(shown.min()) - margin, float(shown.max()) + margin)
+def _torques(result: RunResult, height: float = 250.0, ordinate: str = "drive torque [N m]") -> Panel:
+    mean, std = measured_mean(result)
+    lines = (
+        Line("measured mean", mean, "measured", 2.6),
+        Line("rigid model", result.rigid.torque, "rigid", 1.4, "6 4"),
+        Line("fitted model", result.fitted.torque, "over", 1.4),
+    )
+    return Panel(ordinate, lines, (Band("single cycles, ±2 standard deviations", mean - 2 * std, mean + 2 * std),),
+                 height)  # fmt: skip
 
 
-def _torques(axes: Axes, result: RunResult) -> None:
-    theta, (mean, std) = result.cycles.theta, measured_mean(result)
-    axes.axhline(0.0, color=MUTED, linewidth=0.7)
-    band(axes, theta, mean - 2.0 * std, mean + 2.0 * std, "single cycles, ±2 standard deviations")
-    curve(axes, theta, mean, "measured mean", color=MEASURED, linewidth=3.2)
-    curve(axes, theta, result.rigid.torque, "rigid model", color=RIGID, linestyle="--", linewidth=1.4)
-    curve(axes, theta, result.fitted.torque, "fitted model", color=FITTED_OVER, linewidth=1.3)
-
-
-def _residuals(axes: Axes, result: RunResult) -> None:
-    """Draw the residual of the fitted model on held-out cycles with the standard error of the mean."""
-    theta, cycles = result.cycles.theta, result.cycles
+def _residuals(result: RunResult, height: float = 100.0) -> Panel:
+    """Return the residual of the fitted model on held-out cycles with the standard error of the mean."""
+    cycles = result.cycles
     assert cycles.torque is not None
     held = cycles.torque[cycles.held_out]
-    error = np.std(cycles.torque, axis=0, ddof=1) / np.sqrt(max(held.shape[0], 1))
     residual = np.mean(held, axis=0) - result.fitted.torque_held_out
-    axes.axhline(0.0, color=MUTED, linewidth=0.7)
-    band(axes, theta, -2.0 * error, 2.0 * error, "±2 standard errors of the mean")
-    curve(axes, theta, residual, "measured minus fitted, held-out cycles", color=RESIDUAL, linewidth=1.1)
-    limit = 1.35 * float(max(np.max(np.abs(residual)), np.max(2.0 * error)))
-    axes.set_ylim(-limit, 1.5 * limit)
-    label_axes(axes, "residual [N m]", loc="upper right", ncols=2, fontsize=8)
+    error = 2.0 * measured_mean(result)[1] / np.sqrt(max(held.shape[0], 1))
+    limits = padded([residual, error, -error], 0.15)
+    largest = max(abs(limits[0]), abs(limits[1]))
+    return Panel(
+        "residual [N m]", (Line("measured − fitted, held-out cycles", residual, "residual", 1.1),),
+        (Band("±2 standard errors of the mean", -error, error),), height, limits=(-largest, largest),
+    )  # fmt: skip
 
 
-def _strokes(axes: Axes, result: RunResult) -> None:
-    rise, fall = stroke_masks(result.rigid.lift, result.rigid.lift_velocity)
-    angle = degrees(result.rigid.theta)
-    for mask, text in ((rise, "forward stroke"), (fall, "return stroke")):
-        low, high = float(angle[mask].min()), float(angle[mask].max())
-        axes.axvspan(low, high, color="#f3f5f7", zorder=-5, linewidth=0)
-        axes.text(0.5 * (low + high), 1.01, text, transform=axes.get_xaxis_transform(), ha="center", va="bottom",
-                  fontsize=8.5, color=MUTED)  # fmt: skip
-
-
-def by_cause(result: RunResult) -> Figure:
-    """Draw the torque by cause: the large ones above, the small ones below on their own scale."""
+def by_cause(result: RunResult) -> Curves:
+    """Show the torque by cause: the large ones above, the small ones below on their own scale."""
     causes = {name: values for name, values in result.fitted.by_cause.items() if np.any(values != 0.0)}
     height = {name: float(np.max(np.abs(values))) for name, values in causes.items()}
     largest = max(height.values(), default=1.0)
     groups = [[n for n in causes if height[n] >= SMALL_CAUSE * largest],
               [n for n in causes if height[n] < SMALL_CAUSE * largest]]  # fmt: skip
-    panels = [group for group in groups if group]
-    figure = new_figure(len(panels), 9.6, 2.9 * len(panels))
-    for axes, names, what in zip(figure.axes, panels, ("torque [N m]", "small causes [N m]"), strict=False):
-        axes.axhline(0.0, color=MUTED, linewidth=0.7)
-        for k, name in enumerate(names):
-            style = {"color": CYCLE[k % len(CYCLE)], "linestyle": LINE_STYLES[(k // 3) % len(LINE_STYLES)]}
-            curve(axes, result.cycles.theta, causes[name], name.replace("_", " "), **style)
-        label_axes(axes, what, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    full_turn(figure.axes[-1])
-    return figure
+    panels = tuple(
+        Panel(what, tuple(_cause(name, causes[name], k) for k, name in enumerate(names)), height=170.0)
+        for names, what in zip(groups, ("torque [N m]", "small causes [N m]"), strict=True)
+        if names
+    )
+    return Curves(result.cycles.theta / DEGREE, CAM_ANGLE, panels, spans=spans(result))
+
+
+def _cause(name: str, values: Array, place: int) -> Line:
+    return Line(words(name), values, CYCLE[place % len(CYCLE)], 1.4, DASHES[(place // 3) % len(DASHES)])

@@ -1,0 +1,169 @@
+"""The answer of a run in words: how large the gap is, what closes it, how sure that is, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from camtorque.report.numbers import MINUS, fixed, near, num, plus_minus, signed, words
+
+GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
+"""What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
+LIKELY = 0.05
+"""An alternative this probable is named in the answer."""
+Document = Mapping[str, Any]
+
+
+def verdict(doc: Document) -> dict[str, Any]:
+    """Return the headline of a run: ``level`` is ``good``, ``look`` or ``unexplained``."""
+    held, rigid = doc["metrics"]["fitted_held_out_cycles"], doc["metrics"]["rigid"]
+    if not doc["explained"]:
+        return {"level": "unexplained", "head": "UNEXPLAINED", "text": unexplained_text(doc)}
+    distance = abs(held["return_min_measured_nm"] - held["return_min_model_nm"])
+    good = (
+        held["rms_percent_of_peak"] <= GOOD_RMS_PERCENT
+        and abs(held["forward_gap_percent"]) <= GOOD_GAP_PERCENT
+        and distance <= GOOD_RETURN_NM
+    )
+    text = (
+        f"{num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, where the "
+        f"rigid model is off by {num(rigid['rms_percent_of_peak'], 2)} %."
+    )
+    if not good:
+        text += (
+            f" That is more than expected: forward gap {signed(held['forward_gap_percent'])} %, return minimum off by "
+            f"{num(distance, 2)} N m. Look at the residual before using the values."
+        )
+    return {"level": "good" if good else "look", "head": "Explained" if good else "Look closer", "text": text}
+
+
+def unexplained_text(doc: Document) -> str:
+    """Return where the model fails, and what follows for every value on the page."""
+    places = [
+        f"{fixed(bump['start_deg'], 0)} to {fixed(bump['stop_deg'], 0)} deg ({bump['phase']}): up to "
+        f"{signed(bump['peak_nm'])} N m, {num(bump['times_repeatability'], 2)} times what the cycles repeat"
+        for bump in doc["bumps"]
+    ]
+    held, accuracy = doc["metrics"]["fitted_held_out_cycles"], doc["accuracy"]
+    start = (
+        f"the best model stays {num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the cycles repeat "
+        f"to {num(accuracy['repeatability_percent'], 2)} %. "
+    )
+    where = f"It fails at {'; '.join(places)}. " if places else "The misfit is spread over the revolution. "
+    return (
+        start + where + "Something acts there that is not in the model. The values below are the best of an incomplete "
+        "model: none of their intervals can be relied on."
+    )
+
+
+def answer(doc: Document) -> list[dict[str, str]]:
+    """Return the four parts of the answer, each with a heading and a text."""
+    return [
+        {"head": "The gap", "text": gap_size(doc)},
+        {"head": "What closes it", "text": closing_text(doc)},
+        {"head": "How sure", "text": sureness_text(doc)},
+        {"head": "What to do", "text": next_text(doc)},
+    ]
+
+
+def gap_size(doc: Document) -> str:
+    """Return how far the measurement is from the rigid model on both strokes."""
+    rigid = doc["metrics"]["rigid"]
+    gap = rigid["forward_gap_percent"]
+    side = "above" if gap >= 0.0 else "below"
+    return (
+        f"The measured torque lies {num(abs(gap))} % {side} the rigid model on the loaded forward stroke. On the "
+        f"return stroke it falls to {fixed(rigid['return_min_measured_nm'], 1)} N m; the rigid model says "
+        f"{fixed(rigid['return_min_model_nm'], 1)} N m."
+    )
+
+
+def closing_text(doc: Document) -> str:
+    """Return the largest causes on both strokes, and the losses that the data need or cannot tell."""
+    gap, parts = doc["gap_by_cause"], []
+    for key, what in (("forward_nm", "Forward stroke"), ("return_minimum_nm", "Return minimum")):
+        rows = sorted((row for row in gap["causes"] if row["cause"] != "residual"), key=lambda row: -abs(row[key]))
+        named = ", ".join(f"{words(row['cause'])} {signed(row[key], 3)}" for row in rows[:3])
+        left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
+        parts.append(f"{what}, {signed(gap['total'][key], 3)} N m: {named}; {signed(left)} left over.")
+    for told, text in (("needed", "The data need"), ("cannot tell", "They cannot tell whether they need")):
+        names = [words(name) for name, row in doc["evidence"].items() if row["verdict"] == told]
+        if names:
+            parts.append(f"{text} {', '.join(names)}.")
+    return " ".join(parts)
+
+
+def sureness_text(doc: Document) -> str:
+    """Return shape of the residual, repeatability and absolute uncertainty apart, and what the data told at all."""
+    accuracy, rows = doc["accuracy"], [row for row in doc["parameters"].values() if row["role"] != "assumed"]
+    text = (
+        f"Shape: the residual is {num(accuracy['shape_residual_percent'], 2)} % of the peak on cycles that were not "
+        f"fitted; these repeat the fitted ones to {num(accuracy['repeatability_percent'], 2)} %, so they test the "
+        f"noise rather than the model."
+    )
+    if accuracy["block_cv_rms_percent"] is not None:
+        text += f" Stretches of the angle left out of the fit: {num(accuracy['block_cv_rms_percent'], 2)} %."
+    if accuracy["absolute_uncertainty_percent"] is not None:
+        text += (
+            f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
+            f"certificate), which no residual shows."
+        )
+    counts = {told: sum(row["knowledge"] == told for row in rows) for told in ("measured", "narrowed")}
+    text += (
+        f" Of {len(rows)} parameters {counts['measured']} are measured, {counts['narrowed']} narrowed; the others "
+        f"stand as the sheet or the literature had them."
+    )
+    return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
+
+
+def alternatives_text(doc: Document) -> str:
+    """Return the other structures that the data leave possible."""
+    rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY]
+    named = "; ".join(
+        f"{row['name']} ({num(100.0 * row['probability'], 2)} %), trigger then at "
+        f"{num(row['trigger_angle_deg'], 4)} deg, chamber peak {num(row['chamber_peak_bar'], 4)} bar"
+        for row in rows
+    )
+    return f" Not ruled out: {named}." if named else ""
+
+
+def next_text(doc: Document) -> str:
+    """Return the first of the next measurements, and how many warnings there are."""
+    serious = sum(row["severity"] != "info" for row in doc["findings"])
+    text = f"Read the {serious} warning{'s' if serious > 1 else ''} below. " if serious else ""
+    if not doc["explained"]:
+        return text + "Look at the marked stretches of the residual; check the sheet and the alignment there first."
+    if not doc["next_measurement"]:
+        return text + "Nothing: everything that was fitted is told by this recording."
+    first = doc["next_measurement"][0].split(" (now:")[0]
+    return text + f"To learn more: {first}."
+
+
+def cards(doc: Document) -> list[dict[str, str]]:
+    """Return the key numbers of a run; without an interval where the model is incomplete."""
+    held, recording, chamber = doc["metrics"]["fitted_held_out_cycles"], doc["recording"], doc["chamber"]
+    trigger = doc["alignment"]["trigger_angle_deg"]
+    rows = [
+        (f"{fixed(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
+        (f"{num(held['rms_percent_of_peak'], 2)} %", "shape residual, RMS of the peak torque"),
+        (f"{signed(held['forward_gap_percent'])} %", "forward gap after the fit"),
+        (f"{_value(doc, trigger)} deg", "trigger angle"),
+    ]
+    if chamber and chamber["peak_bar"]:
+        rows.append((f"{_value(doc, chamber['peak_bar'])} bar", "peak of the chamber pressure"))
+    rows += [
+        (f"{num(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
+        (
+            f"{fixed(doc['losses']['input'], 2)} J",
+            f"work per revolution, {signed(doc['losses']['closure_percent'])} % open",
+        ),
+        (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
+    ]
+    return [{"value": value, "text": text} for value, text in rows]
+
+
+def _value(doc: Document, estimate: Document) -> str:
+    """Return a value with its standard error, if that can be relied on."""
+    text = near(estimate["value"], estimate["stderr"])
+    told = doc["explained"] and (estimate["stderr"] or 0.0) > 0.0
+    return f"{text} ± {plus_minus(estimate['stderr'])}" if told else text.replace("-", MINUS)

@@ -1,0 +1,60 @@
+"""A campaign into its folder: campaign.json and campaign.html."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from camtorque.plain import plain
+from camtorque.report.bundle import CampaignResult
+from camtorque.report.campaign_page import campaign_drawings, campaign_page
+from camtorque.report.document import findings_document, parameters_document, write_json
+from camtorque.report.figures import png_of
+from camtorque.report.page import ESCAPED
+from camtorque.version import __version__
+
+
+def write_campaign(result: CampaignResult, folder: Path) -> dict[str, Any]:
+    """Write campaign.html, its figures and campaign.json; return the content of the last."""
+    doc = campaign_document(result)
+    drawings = campaign_drawings(result)
+    thumbnails = {entry.name: entry.thumbnail for entry in result.entries if entry.status == "ok"}
+    figures = folder / "figures"
+    for item in drawings:
+        figures.mkdir(exist_ok=True)
+        (figures / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
+        (figures / f"{item.name}.png").write_bytes(png_of(item.svg))
+    (folder / "campaign.html").write_text(campaign_page(doc, thumbnails, drawings), encoding="utf-8", errors=ESCAPED)
+    write_json(folder / "campaign.json", doc)
+    return doc
+
+
+def campaign_document(result: CampaignResult) -> dict[str, Any]:
+    """Return the content of campaign.json."""
+    joint = result.joint
+    return plain({
+        "schema": "camtorque.campaign/1", "version": __version__, "created": result.created,
+        "n_refused": sum(entry.status != "ok" for entry in result.entries),
+        "recordings": [_entry(result, k) for k in range(len(result.entries))],
+        "effects": joint.effects if joint else [],
+        "shared_parameters": parameters_document(joint.shared_parameters) if joint else {},
+        "held_out": [asdict(row) for row in joint.held_out] if joint else [],
+        "ladder": [asdict(row) for row in joint.ladder] if joint else [],
+        "drifts": [asdict(row) for row in joint.drifts] if joint else [],
+        "left_aside": joint.left_aside if joint else [],
+        "findings": findings_document((*result.findings, *(joint.findings if joint else ()))),
+        "timing_s": result.timing,
+    })  # fmt: skip
+
+
+def _entry(result: CampaignResult, number: int) -> Mapping[str, Any]:
+    entry, joint = result.entries[number], result.joint
+    row: dict[str, Any] = {"name": entry.name, "id": entry.id or None, "status": entry.status,
+                           "error": entry.error or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
+                           **entry.summary}  # fmt: skip
+    if joint is not None and entry.status == "ok" and entry.id in joint.names:
+        fitted = joint.fitted[joint.names.index(entry.id)]
+        row["metrics_joint"] = {name: asdict(value) for name, value in fitted.metrics.items()}
+    return row

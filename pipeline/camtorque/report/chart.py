@@ -1,0 +1,145 @@
+"""What a drawing shows, apart from how it is drawn: the same record becomes SVG for print and curves for the screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from camtorque.records import Array, freeze_arrays
+
+WIDE, HALF = 960.0, 640.0
+"""Widths of drawings in pixels: over the whole page, or over half of it."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One curve; NaN is a gap.
+
+    values : (n,) in the unit of the panel; tone : key of `tones.TONES`; points : markers in place of a line;
+    error : (n,) half height of error bars; shown : False where the reader has to switch it on
+    """
+
+    label: str
+    values: Array
+    tone: str
+    width: float = 1.5
+    dash: str = ""
+    points: bool = False
+    error: Array | None = None
+    shown: bool = True
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class Band:
+    """The stretch between two curves, each (n,)."""
+
+    label: str
+    low: Array
+    high: Array
+    tone: str = "band"
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves over one ordinate.
+
+    ordinate : name and unit; height : of the axes [px]; zero : a line at zero; limits : of the ordinate, None for
+    those of what is shown
+    """
+
+    ordinate: str
+    lines: tuple[Line, ...]
+    bands: tuple[Band, ...] = ()
+    height: float = 220.0
+    zero: bool = True
+    limits: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Span:
+    """A named stretch of the abscissa; ``loud`` for one that asks for attention."""
+
+    low: float
+    high: float
+    label: str
+    loud: bool = False
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Panels above each other over one abscissa.
+
+    Attributes
+    ----------
+    x : (n,) abscissa in border units, increasing
+    abscissa : its name and unit
+    full_turn : True for cam angle over one revolution
+    x_range : what is shown, None for all
+    spans : stretches named above the first panel and shaded in all
+    live : False for a drawing that only stands in for zooming: print, and pages without a script
+    links, names : (n,) page that each point opens, and what it is called; empty for none
+    """
+
+    x: Array
+    abscissa: str
+    panels: tuple[Panel, ...]
+    full_turn: bool = True
+    x_range: tuple[float, float] | None = None
+    spans: tuple[Span, ...] = ()
+    width: float = WIDE
+    live: bool = True
+    links: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class Marks:
+    """One value per row.
+
+    kind : ``bar``, ``point`` or ``stack`` (bars behind each other); tones : one for all or one per row;
+    low, high : (n_rows,) ends of an interval, or None
+    """
+
+    label: str
+    values: tuple[float, ...]
+    tones: tuple[str, ...]
+    kind: str = "bar"
+    low: tuple[float, ...] | None = None
+    high: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class RowPanel:
+    """Marks over one abscissa.
+
+    log : logarithmic abscissa; shaded : a stretch behind all rows; references : dotted lines with their names;
+    notes : text beside each row's mark
+    """
+
+    abscissa: str
+    marks: tuple[Marks, ...]
+    log: bool = False
+    shaded: tuple[float, float] | None = None
+    references: tuple[tuple[float, str], ...] = ()
+    notes: tuple[str, ...] = ()
+    limits: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Named rows with one or more panels beside each other."""
+
+    labels: tuple[str, ...]
+    panels: tuple[RowPanel, ...]
+    width: float = HALF
+
+
+Chart = Curves | Rows

@@ -1,0 +1,194 @@
+"""The page of a comparison, before and after: overlay, difference with its uncertainty, what changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from camtorque.plain import plain
+from camtorque.records import Array, freeze_arrays
+from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.document import write_json
+from camtorque.report.figures import png_of, svg_of
+from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, signed, unit_text, words
+from camtorque.report.page import ESCAPED, Drawing, live_charts, render
+from camtorque.report.phases import phases
+from camtorque.report.torque_figures import CAM_ANGLE
+from camtorque.units import BAR, DEGREE
+
+TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
+COVER = 1.96
+
+
+@dataclass(frozen=True)
+class ComparedCurves:
+    """The mean cycles of two recordings on one angle grid.
+
+    Attributes
+    ----------
+    name : what the pair is called, such as ``1000 rpm``
+    theta, lift : (n,) cam angle [rad], lift [m]
+    torque_before, torque_after : (n,) measured mean torque [N m]
+    torque_stderr : (n,) standard uncertainty of their difference, shared errors left out [N m]; None if unknown
+    pressure_before, pressure_after : (n,) mean line pressure [Pa]
+    chamber_before, chamber_after : (n,) rebuilt chamber pressure [Pa], None without
+    """
+
+    name: str
+    theta: Array
+    lift: Array
+    torque_before: Array
+    torque_after: Array
+    torque_stderr: Array | None
+    pressure_before: Array
+    pressure_after: Array
+    chamber_before: Array | None = None
+    chamber_after: Array | None = None
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class ComparePage:
+    """All that the page of a comparison shows.
+
+    Attributes
+    ----------
+    document : content of compare.json (docs/result_schema.md); a row of ``parameters`` or ``losses`` may hold
+        ``smallest_change``, the smallest change that would have been seen, in the unit of the row
+    curves : pairs of mean cycles; several where campaigns are compared
+    before_page, after_page : addresses of the two reports, empty for none
+    """
+
+    document: Mapping[str, Any]
+    curves: tuple[ComparedCurves, ...]
+    before_page: str = ""
+    after_page: str = ""
+
+
+def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
+    """Write compare.json, compare.html and figures/ into an existing folder; return the content of the first."""
+    document = plain(page.document)
+    drawings = compare_drawings(page, document)
+    (folder / "figures").mkdir(exist_ok=True)
+    for item in drawings:
+        (folder / "figures" / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
+        (folder / "figures" / f"{item.name}.png").write_bytes(png_of(item.svg))
+    strokes = phases(page.curves[0].theta, page.curves[0].lift) if page.curves else ()
+    html = render(
+        "compare.html", live_charts(drawings), strokes, title=_title(document), doc=document, drawings=drawings,
+        tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
+        answer=compare_answer(document),
+    )  # fmt: skip
+    (folder / "compare.html").write_text(html, encoding="utf-8", errors=ESCAPED)
+    write_json(folder / "compare.json", document)
+    return document
+
+
+_TABLES = (("Losses", "losses"), ("Parameters", "parameters"))
+
+
+def _title(document: Mapping[str, Any]) -> str:
+    return f"{document['before']['name']} against {document['after']['name']}"
+
+
+def compare_answer(document: Mapping[str, Any]) -> str:
+    """Return the verdict in words: what changed, by how much, how sure."""
+    rows = {**document["parameters"], **document["losses"]}
+    named = [f"{words(name)} {_difference(rows[name])}" for name in document["changed"] if name in rows]
+    torque = document["torque"]
+    repeat = f"; odd and even cycles of one recording differ by {num(torque['odd_even_rms_nm'], 2)} N m"
+    text = {
+        "changed": f"{', '.join(named) or 'the torque'}.",
+        "not changed": "no loss and no parameter moved by more than the smallest change that would have been seen.",
+        "cannot tell": "what moved, if anything, is smaller than these recordings can tell.",
+    }[document["verdict"]]
+    return (
+        f"{text} The mean torque differs by {num(torque['rms_difference_nm'], 2)} N m RMS, "
+        f"{num(torque['max_difference_nm'], 2)} N m at most{repeat if torque['odd_even_rms_nm'] is not None else ''}."
+    )
+
+
+def _difference(row: Mapping[str, Any]) -> str:
+    error = f" ± {plus_minus(row['stderr'])}" if row["stderr"] else ""
+    sign = "+" if (row["difference"] or 0.0) > 0.0 else ""
+    return f"{sign}{near(row['difference'], row['stderr'])}{error} {unit_text(row['unit'])}".strip()
+
+
+def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the rows of one table: those that changed first, then those that cannot be told."""
+    order = {"changed": 0, "cannot tell": 1, "not changed": 2}
+    rows = sorted(part.items(), key=lambda item: order[item[1]["verdict"]])
+    return [
+        {
+            "name": words(name), "verdict": row["verdict"], "before": near(row["before"], row["stderr"]),
+            "after": near(row["after"], row["stderr"]), "difference": signed(row["difference"], 3),
+            "error": plus_minus(row["stderr"]), "unit": unit_text(row["unit"]),
+            "interval": " … ".join(near(end, row["stderr"]) for end in row["ci95"]) if row["stderr"] else UNKNOWN,
+            "smallest": num(row.get("smallest_change"), 2),
+        }
+        for name, row in rows
+    ]  # fmt: skip
+
+
+def compare_drawings(page: ComparePage, document: Mapping[str, Any]) -> list[Drawing]:
+    """Return the figures: one pair of cycles after the other, then the changes in standard errors."""
+    found = []
+    for number, pair in enumerate(page.curves):
+        title = "Torque, difference and pressure" + (f": {pair.name}" if len(page.curves) > 1 else "")
+        found.append(_drawing(f"overlay_{number + 1}", title, _overlay(pair, document), "curves",
+                              "Difference = after − before, with twice its standard uncertainty; errors that both "
+                              "share are left out."))  # fmt: skip
+    rows = {**document["losses"], **document["parameters"]}
+    told = {name: row for name, row in rows.items() if row["difference"] is not None and row["stderr"]}
+    if told:
+        found.append(_drawing("changes", "Changes in standard errors", _changes(told), "changes",
+                              "Bars of ±1.96 standard errors: a change is told where the whole list of names would "
+                              "rarely do so by chance."))  # fmt: skip
+    return found
+
+
+def _drawing(name: str, title: str, chart: Curves | Rows, section: str, caption: str) -> Drawing:
+    return Drawing(name, title, caption, section, True, chart, Markup(svg_of(chart, f"{title}. {caption}")))
+
+
+def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
+    before, after = (f"{key}: {document[key]['name']}" for key in ("before", "after"))
+    torque = (Line(before, pair.torque_before, "measured", 2.0), Line(after, pair.torque_after, "c1", 1.5))
+    difference = pair.torque_after - pair.torque_before
+    bands: tuple[Band, ...] = ()
+    if pair.torque_stderr is not None:
+        width = 2.0 * pair.torque_stderr
+        bands = (Band("±2 standard uncertainties", difference - width, difference + width, "chamber"),)
+    pressure = [
+        Line(f"{kind}, {when}", values / BAR, tone, 1.4, dash)
+        for kind, when, values, tone, dash in (
+            ("line", "before", pair.pressure_before, "measured", ""), ("line", "after", pair.pressure_after, "c1", ""),
+            ("chamber", "before", pair.chamber_before, "fitted", "6 3"),
+            ("chamber", "after", pair.chamber_after, "c3", "6 3"),
+        )
+        if values is not None
+    ]  # fmt: skip
+    panels = (
+        Panel("torque [N m]", torque, height=220.0),
+        Panel("difference [N m]", (Line("after − before", difference, "residual", 1.2),), bands, 120.0),
+        Panel("pressure [bar]", tuple(pressure), height=150.0),
+        Panel("lift [mm]", (Line("lift", 1e3 * pair.lift, "c2"),), height=60.0),
+    )
+    strokes = tuple(span for span in phases(pair.theta, pair.lift) if "stroke" in span.label)
+    return Curves(pair.theta / DEGREE, CAM_ANGLE, panels, spans=strokes)
+
+
+def _changes(rows: Mapping[str, Mapping[str, Any]]) -> Rows:
+    ratio = np.array([row["difference"] / row["stderr"] for row in rows.values()])
+    marks = Marks("", tuple(ratio.tolist()), tuple(TONES[row["verdict"]] for row in rows.values()), "point",
+                  tuple((ratio - COVER).tolist()), tuple((ratio + COVER).tolist()))  # fmt: skip
+    notes = tuple(row["verdict"] for row in rows.values())
+    panel = RowPanel("difference over its standard uncertainty", (marks,), shaded=(-COVER, COVER), notes=notes)
+    return Rows(tuple(words(name) for name in rows), (panel,), 960.0)

@@ -1,0 +1,154 @@
+"""Curves as SVG: panels above each other over one abscissa, with legends, shaded stretches and error bars."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.records import Array
+from camtorque.report.chart import Band, Curves, Line, Panel
+from camtorque.report.svg import (
+    Scale,
+    area,
+    box,
+    drawing,
+    line,
+    padded,
+    polyline,
+    text,
+    text_width,
+    tick_text,
+    ticks,
+)
+from camtorque.report.tones import fill
+
+Mask = NDArray[np.bool_]
+LEFT, RIGHT, TOP, BOTTOM, LEGEND_LINE, GAP = 64.0, 12.0, 8.0, 38.0, 18.0, 14.0
+TURN_TICKS = tuple(range(0, 361, 45))
+
+
+def curves_svg(chart: Curves, label: str) -> str:
+    """Return the drawing of curves.
+
+    Parameters
+    ----------
+    chart : what is shown
+    label : what a screen reader says of it
+    """
+    low, high = chart.x_range or ((0.0, 360.0) if chart.full_turn else padded([chart.x], 0.03))
+    across = Scale(low, high, LEFT, chart.width - RIGHT)
+    inside = (chart.x >= low) & (chart.x <= high)
+    parts, y = [], TOP + (16.0 if any(not span.loud for span in chart.spans) else 0.0)
+    for number, panel in enumerate(chart.panels):
+        words = _legend(panel, chart.width - LEFT - RIGHT)
+        y += LEGEND_LINE * len(words)
+        parts += _shaded(chart, across, y, panel.height, number == 0, y - LEGEND_LINE * len(words))
+        parts += _panel(panel, chart.x[inside], inside, across, y)
+        parts += _legend_drawn(words, y)
+        y += panel.height + GAP
+    bottom = y - GAP
+    turn = chart.full_turn and chart.x_range is None
+    places = [float(tick) for tick in TURN_TICKS] if turn else ticks(low, high, 8)
+    step = places[1] - places[0] if len(places) > 1 else 1.0
+    parts += [text(across(place), bottom + 16.0, tick_text(place, step), "middle", "muted") for place in places]
+    parts.append(text(0.5 * (LEFT + chart.width - RIGHT), bottom + 33.0, chart.abscissa, "middle"))
+    return drawing(chart.width, bottom + BOTTOM, label, parts)
+
+
+def _shaded(chart: Curves, across: Scale, y: float, height: float, first: bool, above: float) -> list[str]:
+    """Return the named stretches behind a panel; names stand above the first one."""
+    parts = []
+    for span in chart.spans:
+        start, stop = across(max(span.low, across.low)), across(min(span.high, across.high))
+        if stop <= start:
+            continue
+        parts.append(box(start, y, stop - start, height, "warnsoft" if span.loud else "soft"))
+        middle = 0.5 * (start + stop)
+        if first and span.loud:
+            parts.append(text(middle, y + 11.0, span.label, "middle", "warn"))
+        elif first and stop - start > text_width(span.label):
+            parts.append(text(middle, above - 4.0, span.label, "middle", "muted"))
+    return parts
+
+
+def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> list[str]:
+    shown = [item for item in panel.lines if item.shown]
+    ends = [part[inside] for item in panel.bands for part in (item.low, item.high)]
+    low, high = panel.limits or padded([item.values[inside] for item in shown] + ends + _error_ends(shown, inside))
+    up = Scale(low, high, y + panel.height, y)
+    places = ticks(low, high, max(4, int(panel.height / 38.0)))
+    step = places[1] - places[0] if len(places) > 1 else 1.0
+    parts = [line(LEFT, up(place), across.stop, up(place), "grid") for place in places]
+    parts += [text(LEFT - 6.0, up(place) + 4.0, tick_text(place, step), "end", "muted") for place in places]
+    if panel.zero and low < 0.0 < high:
+        parts.append(line(LEFT, up(0.0), across.stop, up(0.0), "axis", 0.8))
+    place = across.places(x)
+    for band in panel.bands:
+        low_edge, high_edge = (_clipped(up.places(part[inside]), y, panel) for part in (band.low, band.high))
+        parts.append(area(place, low_edge, high_edge, band.tone))
+    for item in shown:
+        parts.append(_drawn(item, place, inside, up, y, panel))
+    parts.append(line(LEFT, y, LEFT, y + panel.height, "axis"))
+    parts.append(line(LEFT, y + panel.height, across.stop, y + panel.height, "axis"))
+    middle = y + 0.5 * panel.height
+    parts.append(text(14.0, middle, panel.ordinate, "middle", "ink", f'transform="rotate(-90 14 {middle:.1f})"'))
+    return parts
+
+
+def _clipped(places: Array, y: float, panel: Panel) -> Array:
+    """Return places held within the panel: a curve beyond fixed limits runs along the edge."""
+    return places if panel.limits is None else np.clip(places, y, y + panel.height)
+
+
+def _error_ends(lines: list[Line], inside: Mask) -> list[Array]:
+    return [
+        part
+        for item in lines
+        if item.error is not None
+        for part in ((item.values - item.error)[inside], (item.values + item.error)[inside])
+    ]
+
+
+def _drawn(item: Line, place: Array, inside: Mask, up: Scale, y: float, panel: Panel) -> str:
+    values = item.values[inside]
+    if not item.points:
+        return polyline(place, _clipped(up.places(values), y, panel), item.tone, item.width, item.dash)
+    parts, good = [], np.flatnonzero(np.isfinite(values))
+    if item.error is not None:
+        error = np.nan_to_num(item.error[inside])
+        parts = [line(place[k], up(values[k] - error[k]), place[k], up(values[k] + error[k]), item.tone) for k in good]
+    parts += [f'<circle cx="{place[k]:.1f}" cy="{up(values[k]):.1f}" r="2.6" {fill(item.tone)}/>' for k in good]
+    return "".join(parts)
+
+
+def _legend(panel: Panel, width: float) -> list[list[Line | Band]]:
+    """Return the entries of a legend by lines; one curve that has the name of its ordinate needs none."""
+    entries: list[Line | Band] = [*(item for item in panel.lines if item.shown), *panel.bands]
+    if len(entries) == 1 and entries[0].label in panel.ordinate:
+        return []
+    rows: list[list[Line | Band]] = [[]]
+    used = 0.0
+    for entry in entries:
+        size = 44.0 + text_width(entry.label)
+        if rows[-1] and used + size > width:
+            rows.append([])
+            used = 0.0
+        rows[-1].append(entry)
+        used += size
+    return rows
+
+
+def _legend_drawn(rows: list[list[Line | Band]], bottom: float) -> list[str]:
+    parts = []
+    for number, row in enumerate(rows):
+        x, y = LEFT, bottom - LEGEND_LINE * (len(rows) - number) + 12.0
+        for entry in row:
+            if isinstance(entry, Band):
+                parts.append(box(x, y - 9.0, 22.0, 9.0, entry.tone))
+            elif entry.points:
+                parts.append(f'<circle cx="{x + 11:.1f}" cy="{y - 4:.1f}" r="2.8" {fill(entry.tone)}/>')
+            else:
+                parts.append(line(x, y - 4.0, x + 22.0, y - 4.0, entry.tone, max(entry.width, 1.5), entry.dash))
+            parts.append(text(x + 28.0, y, entry.label, "start", "muted"))
+            x += 44.0 + text_width(entry.label)
+    return parts

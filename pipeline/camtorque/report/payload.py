@@ -1,0 +1,86 @@
+"""Curves as compact data for the script of a page: 16-bit steps of each curve's own range, in base64."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from camtorque.plain import clean
+from camtorque.records import Array
+from camtorque.report.chart import Band, Curves, Line, Panel, Span
+
+STEPS = 65_000.0
+"""Steps over the range of a curve: the screen shows a thousand pixels."""
+MISSING = -32_768
+LARGEST_LIVE = 3_600
+"""Points of a curve in a page; a finer grid is thinned, cycles.h5 keeps it."""
+
+
+def packed(values: Array) -> dict[str, Any]:
+    """Return values as base64 of little-endian 16-bit integers ``d``: value = o + k d, -32768 for NaN."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    step = (high - low) / STEPS or 1.0
+    middle = 0.5 * (low + high)
+    numbers = np.full(values.shape, MISSING, dtype="<i2")
+    good = np.isfinite(values)
+    numbers[good] = np.rint((values[good] - middle) / step)
+    return {"o": middle, "k": step, "d": base64.b64encode(numbers.tobytes()).decode("ascii")}
+
+
+def unpacked(data: Mapping[str, Any]) -> Array:
+    """Return the values of `packed`, as the script does."""
+    numbers = np.frombuffer(base64.b64decode(data["d"]), dtype="<i2")
+    return np.where(numbers == MISSING, np.nan, data["o"] + data["k"] * numbers)
+
+
+def curves_payload(name: str, chart: Curves) -> dict[str, Any]:
+    """Return one chart as JSON-ready values; ``name`` is the id of its figure in the page."""
+    keep = slice(None, None, max(1, -(-chart.x.size // LARGEST_LIVE)))
+    x = np.asarray(chart.x[keep], dtype="<f4")
+    return {
+        "id": name, "group": "theta" if chart.full_turn else name, "turn": chart.full_turn, "label": chart.abscissa,
+        "x": base64.b64encode(x.tobytes()).decode("ascii"), "panels": [_panel(panel, keep) for panel in chart.panels],
+        "spans": [_span(span) for span in chart.spans], "links": list(chart.links), "names": list(chart.names),
+    }  # fmt: skip
+
+
+def _panel(panel: Panel, keep: slice) -> dict[str, Any]:
+    return {
+        "y": panel.ordinate, "h": panel.height, "zero": panel.zero, "lim": panel.limits,
+        "lines": [_line(item, keep) for item in panel.lines], "bands": [_band(item, keep) for item in panel.bands],
+    }  # fmt: skip
+
+
+def _line(item: Line, keep: slice) -> dict[str, Any]:
+    error = None if item.error is None else packed(item.error[keep])
+    return {
+        "l": item.label, "t": item.tone, "w": item.width, "s": [int(part) for part in item.dash.split()],
+        "p": item.points, "on": item.shown, "v": packed(item.values[keep]), "e": error,
+    }  # fmt: skip
+
+
+def _band(item: Band, keep: slice) -> dict[str, Any]:
+    return {"l": item.label, "t": item.tone, "lo": packed(item.low[keep]), "hi": packed(item.high[keep])}
+
+
+def _span(span: Span) -> dict[str, Any]:
+    return {"a": span.low, "b": span.high, "l": span.label, "loud": span.loud}
+
+
+def book(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> Markup:
+    """Return the data of all charts of a page as the content of a script element that no browser runs.
+
+    ``<`` is written as an escape, so that no text can end the element.
+    """
+    data = {
+        "charts": [curves_payload(name, chart) for name, chart in charts.items()],
+        "phases": [_span(span) for span in phases],
+    }
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return Markup(clean(text).replace("<", "\\u003c"))

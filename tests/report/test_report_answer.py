@@ -1,0 +1,98 @@
+"""The answer on top of the page: what it says when the model explains the data, and when it does not."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import pytest
+from camtorque.report import write_run
+from camtorque.report.answer import answer, cards, verdict
+from camtorque.report.document import result_document
+from camtorque.report.texts import budget_rows, parameter_groups
+from report_cases import NASTY, parameter, run_result
+
+
+def words_of(path: Path) -> str:
+    """Return what a reader sees of a page."""
+    body = path.read_text(encoding="utf-8").split("<body>")[1].split('<p id="announcer"')[0]
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<svg.*?</svg>", " ", body, flags=re.S))))
+
+
+def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
+    doc = result_document(run_result())
+    assert verdict(doc)["level"] == "good"
+    parts = {part["head"]: part["text"] for part in answer(doc)}
+    assert "above the rigid model" in parts["The gap"]
+    assert "The data need chamber, driveline." in parts["What closes it"]
+    assert "They cannot tell whether they need friction." in parts["What closes it"]
+    assert "left out of the fit: 0.31 %" in parts["How sure"]
+    assert "known to ±0.42 %" in parts["How sure"]
+    assert "Not ruled out: spill (10 %)" in parts["How sure"]
+    assert parts["What to do"].endswith("To learn more: record standstill readings.")
+
+
+def test_what_was_not_computed_is_not_mentioned() -> None:
+    result = run_result()
+    doc = result_document(replace(result, fitted=replace(result.fitted, details={}, evidence=(), alternatives=())))
+    text = " ".join(part["text"] for part in answer(doc))
+    for word in ("left out of the fit", "as such is known", "Not ruled out", "The data need", "None", "nan"):
+        assert word not in text
+
+
+def test_an_unexplained_run_says_so_loudly_and_states_no_interval(tmp_path: Path) -> None:
+    result = run_result(explained=False)
+    doc = write_run(result, tmp_path)
+    head = verdict(doc)
+    assert (head["level"], head["head"]) == ("unexplained", "UNEXPLAINED")
+    assert f"It fails at 40 to 52 deg (end of delivery {NASTY}): up to −0.4 N m, 9.5 times" in head["text"]
+    assert not any("±" in card["value"] for card in cards(doc))
+    text = words_of(tmp_path / "report.html")
+    assert "UNEXPLAINED" in text
+    for part in ("deg ± ", "± 10 bar", "0.7 … 2.3"):
+        assert part not in text
+    assert all(row["interval"] == "–" for group in parameter_groups(doc) for row in group["rows"])
+    assert "bump 1" in (tmp_path / "figures" / "torque_full.svg").read_text(encoding="utf-8")
+
+
+def test_parameters_stand_by_what_the_data_added(tmp_path: Path) -> None:
+    write_run(run_result(), tmp_path)
+    groups = parameter_groups(result_document(run_result()))
+    assert [(group["name"], [row["name"] for row in group["rows"]]) for group in groups] == [
+        ("measured", ["feed pressure"]), ("from the sheet", ["dead volume", "guide friction"]),
+    ]  # fmt: skip
+    text = words_of(tmp_path / "report.html")
+    assert "2 parameters from the sheet" in text
+    assert "± 0 " not in text
+    assert "not identifiable" not in text
+    assert "ladder" not in text.lower()
+
+
+def test_tables_only_where_there_is_something_to_say(tmp_path: Path) -> None:
+    result = run_result()
+    passed = tuple(replace(row, cycles=0, cycles_single=0) for row in result.cycles.cut_flow)
+    calm = replace(result.cycles, cut_flow=passed, clocks=result.cycles.clocks[:1])
+    write_run(replace(result, cycles=calm), tmp_path)
+    text = words_of(tmp_path / "report.html")
+    assert "passed every cut (missed trigger)" in text
+    assert "Clocks" not in text
+
+
+def test_a_source_of_angle_error_is_listed_once() -> None:
+    before = [{"source": "trigger installation", "std_deg": 0.8, "text": "tolerance"},
+              {"source": "shaft twist", "std_deg": None, "text": "not corrected"}]  # fmt: skip
+    after = [{"source": "trigger angle", "std_deg": 0.1, "text": "fitted"},
+             {"source": "shaft compliance", "std_deg": 0.05, "text": ""},
+             {"source": "shaft twist", "std_deg": None, "text": "not corrected"}]  # fmt: skip
+    rows = {row["source"]: (row["before"], row["after"]) for row in budget_rows(before, after)}
+    assert rows == {"trigger angle": (0.8, 0.1), "shaft compliance": (None, 0.05)}
+
+
+@pytest.mark.parametrize("knowledge", ["measured", "narrowed"])
+def test_a_group_without_parameters_is_left_out(knowledge: str) -> None:
+    result = run_result()
+    rows = (parameter("leakage", 0.2, knowledge=knowledge),)
+    doc = result_document(replace(result, fitted=replace(result.fitted, parameters=rows)))
+    assert [group["name"] for group in parameter_groups(doc)] == [knowledge]

@@ -1,0 +1,80 @@
+"""The page of a comparison from a document and two mean cycles."""
+
+from __future__ import annotations
+
+import json
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.report import ComparedCurves, ComparePage, write_compare
+from camtorque.report.compare_page import compare_answer, compare_drawings, compare_rows
+from report_cases import NASTY
+
+
+def row(difference: float, stderr: float | None, verdict: str, unit: str = "um") -> dict[str, object]:
+    ends = None if stderr is None else [difference - 1.96 * stderr, difference + 1.96 * stderr]
+    return {"before": 1.0, "after": 1.0 + difference, "difference": difference, "stderr": stderr, "ci95": ends,
+            "unit": unit, "verdict": verdict, "smallest_change": None if stderr is None else 3.32 * stderr}  # fmt: skip
+
+
+def document(verdict: str = "changed") -> dict[str, object]:
+    inputs = [{"path": "a/recording.toml", "sha256": "ab" * 32}]
+    return {
+        "schema": "camtorque.compare/1",
+        "before": {"name": f"A {NASTY}", "speed_rpm": 1000.0, "inputs": inputs},
+        "after": {"name": "B", "speed_rpm": None, "inputs": []},
+        "verdict": verdict, "changed": ["leakage"] if verdict == "changed" else [],
+        "parameters": {"trigger_offset": row(0.01, 0.02, "not changed", "deg"),
+                       "leakage": row(0.45, 0.05, "changed", "mm^3/s/bar"), "pin_arm": row(0.0, None, "cannot tell")},
+        "losses": {"friction": row(0.02, 0.05, "cannot tell", "J per revolution")},
+        "torque": {"rms_difference_nm": 0.41, "max_difference_nm": 1.2, "odd_even_rms_nm": 0.03},
+    }  # fmt: skip
+
+
+def pair(with_chamber: bool = True) -> ComparedCurves:
+    theta = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    lift = 4e-3 * (1.0 - np.cos(theta))
+    torque = 10.0 * np.sin(theta)
+    chamber = 1e7 * (1.0 + np.sin(theta)) if with_chamber else None
+    return ComparedCurves("1000 rpm", theta, lift, torque, 1.1 * torque, np.full(720, 0.02), 1e7 + 0 * theta,
+                          1.1e7 + 0 * theta, chamber, chamber)  # fmt: skip
+
+
+def test_page_says_what_changed_and_what_would_have_been_seen(tmp_path: Path) -> None:
+    written = write_compare(ComparePage(document(), (pair(),), "../A/report.html", "../B/report.html"), tmp_path)
+    assert json.loads((tmp_path / "compare.json").read_text(encoding="utf-8")) == written
+    text = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert "<script>alert" not in text
+    assert "<b>Changed:</b> leakage +0.450 ± 0.05 mm³/s/bar." in unescape(text)
+    assert 'href="../A/report.html"' in text
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
+        "overlay_1.svg", "overlay_1.png", "changes.svg", "changes.png",
+    }  # fmt: skip
+    assert len(text) < 1_000_000
+
+
+def test_rows_stand_in_the_order_of_their_verdict() -> None:
+    rows = compare_rows(document()["parameters"])  # type: ignore[arg-type]
+    assert [item["verdict"] for item in rows] == ["changed", "cannot tell", "not changed"]
+    assert rows[1]["interval"] == rows[1]["error"] == rows[1]["smallest"] == "–"
+    assert rows[0]["smallest"] == "0.17"
+
+
+@pytest.mark.parametrize("verdict", ["changed", "not changed", "cannot tell"])
+def test_every_verdict_has_its_sentence(verdict: str) -> None:
+    assert "0.41 N m RMS" in compare_answer(document(verdict))
+
+
+def test_difference_is_after_minus_before() -> None:
+    overlay = compare_drawings(ComparePage(document(), (pair(False),)), document())[0]
+    torque, difference, pressure, _ = overlay.chart.panels  # type: ignore[union-attr]
+    np.testing.assert_allclose(difference.lines[0].values, torque.lines[1].values - torque.lines[0].values)
+    assert difference.lines[0].values.max() == pytest.approx(1.0)
+    assert [item.label for item in pressure.lines] == ["line, before", "line, after"]
+
+
+def test_a_comparison_without_curves_has_its_tables(tmp_path: Path) -> None:
+    write_compare(ComparePage(document(), ()), tmp_path)
+    assert "Parameters" in (tmp_path / "compare.html").read_text(encoding="utf-8")

@@ -1,0 +1,142 @@
+"""Charts as SVG and as data of the script: what is drawn is what was given, escaped and compact."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from camtorque.plain import clean
+from camtorque.records import ResidualBump
+from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
+from camtorque.report.curves_svg import curves_svg
+from camtorque.report.numbers import near, plus_minus, typeset, unit_text
+from camtorque.report.payload import book, packed, unpacked
+from camtorque.report.phases import bump_spans, phases
+from camtorque.report.rows_svg import rows_svg
+from camtorque.report.svg import Scale, path_data, simplified, tick_text, ticks
+from report_cases import NASTY
+
+
+def path_points(text: str) -> np.ndarray:
+    """Return the points of relative path data in tenths of a pixel."""
+    steps = [tuple(map(int, pair.split())) for pair in re.split("[Ml]", text)[1:]]
+    return np.cumsum(np.array(steps), axis=0)
+
+
+def test_a_simplified_curve_stays_within_a_third_of_a_pixel() -> None:
+    x = np.linspace(0.0, 900.0, 2000)
+    y = 100.0 * np.sin(x / 40.0) + 20.0 * np.exp(-(((x - 300.0) / 2.0) ** 2))
+    few_x, few_y = simplified(x, y)
+    assert few_x.size < 500
+    assert np.max(np.abs(np.interp(x, few_x, few_y) - y)) <= 0.3 + 1e-9
+
+
+def test_a_dense_curve_keeps_its_spikes() -> None:
+    x, y = np.linspace(0.0, 100.0, 20_000), np.zeros(20_000)
+    y[12_345] = 50.0
+    few_x, few_y = simplified(x, y)
+    assert few_y.max() == 50.0
+    assert few_x.size < 20
+
+
+def test_path_data_are_the_points_in_tenths() -> None:
+    x, y = np.array([0.0, 1.04, 1.04, 3.3]), np.array([5.0, 5.5, 5.5, -2.0])
+    np.testing.assert_array_equal(path_points(path_data(x, y)), [[0, 50], [10, 55], [33, -20]])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.0, 10.0, ["0", "2", "4", "6", "8", "10"]), (-0.03, 0.021, ["−0.03", "−0.02", "−0.01", "0.00", "0.01", "0.02"])],
+)
+def test_ticks_are_round_and_have_the_digits_they_need(low: float, high: float, expected: list[str]) -> None:
+    found = ticks(low, high)
+    assert [tick_text(value, found[1] - found[0]) for value in found] == expected
+
+
+def test_places_on_a_logarithmic_scale() -> None:
+    scale = Scale(0.1, 100.0, 0.0, 300.0, log=True)
+    np.testing.assert_allclose(scale.places(np.array([0.1, 1.0, 100.0])), [0.0, 100.0, 300.0], atol=1e-9)
+
+
+def curves(label: str = "measured") -> Curves:
+    x = np.arange(0.0, 360.0, 0.5)
+    y = np.cos(np.deg2rad(x))
+    y[100:120] = np.nan
+    panel = Panel("torque [N m]", (Line(label, y, "measured"),), (Band("band", y - 0.1, y + 0.1),))
+    return Curves(x, "cam angle [deg]", (panel,), spans=(Span(10.0, 60.0, label), Span(80.0, 90.0, label, loud=True)))
+
+
+def test_a_gap_in_a_curve_stays_a_gap() -> None:
+    drawn = curves_svg(curves(), "torque")
+    data = re.search(r'd="([^"]*)" fill="none"', drawn)
+    assert data is not None
+    assert data[1].count("M") == 2
+
+
+def test_texts_of_a_drawing_and_of_its_data_are_escaped() -> None:
+    for text in (curves_svg(curves(NASTY), NASTY), rows_svg(rows(NASTY), NASTY), str(book({"a": curves(NASTY)}))):
+        assert "<script" not in text
+        assert "alert" in text
+    assert "\x1b" not in str(book({"a": curves("\x1b[31m")}))
+
+
+def rows(label: str) -> Rows:
+    marks = Marks(
+        label, (1.0, -2.0, float("nan")), ("c0",), "point", (0.5, -3.0, float("nan")), (1.5, -1.0, float("nan"))
+    )
+    return Rows((label, "b", "c"), (RowPanel(label, (marks,), notes=(label, "", "unknown")),))
+
+
+def test_a_row_without_a_value_has_no_mark() -> None:
+    assert rows_svg(rows("a"), "rows").count('r="4"') == 3, "two values and the legend"
+
+
+def test_curves_come_out_of_the_data_again() -> None:
+    values = np.array([1.0, np.nan, -3.5, 7.25])
+    again = unpacked(packed(values))
+    np.testing.assert_allclose(again, values, atol=10.75 / 65_000)
+    np.testing.assert_allclose(unpacked(packed(np.full(3, 4.2))), 4.2)
+
+
+def test_phases_are_those_of_the_lift() -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    degrees = np.rad2deg(theta)
+    lift = np.interp(degrees, [0.0, 20.0, 60.0, 90.0, 150.0, 360.0], [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    found = {span.label: (span.low, span.high) for span in phases(theta, lift) if span.label != "base circle"}
+    for name, ends in (("forward stroke", (20.0, 60.0)), ("top", (60.0, 90.0)), ("return stroke", (90.0, 150.0))):
+        assert found[name] == pytest.approx(ends, abs=0.4), name
+
+
+def test_a_stroke_may_pass_the_zero_of_the_angle() -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    lift = np.maximum(np.cos(theta), 0.0) ** 40
+    found = [(span.label, round(span.low), round(span.high)) for span in phases(theta, lift)]
+    assert [name for name, *_ in found] == ["return stroke", "base circle", "forward stroke"]
+    assert found[0][1] == 0
+    assert found[-1][2] == 360
+
+
+def test_a_bump_over_the_zero_of_the_angle_is_marked_on_both_sides() -> None:
+    bump = ResidualBump(np.deg2rad(350.0), np.deg2rad(10.0), 0.3, 5.0, "delivery")
+    ends = [(round(span.low), round(span.high)) for span in bump_spans((bump,))]
+    assert ends == [(350, 360), (0, 10)]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("leakage 0.1 +- 0.02 mm^3/s/bar", "leakage 0.1 ± 0.02 mm³/s/bar"),
+        ("1.03 um, +/-10 %, 12 kg m^2", "1.03 µm, ±10 %, 12 kg m²"),
+        ("9 Nm at 212 urad/(N m); this tells us more", "9 N m at 212 µrad/(N m); this tells us more"),
+    ],
+)
+def test_one_typography(text: str, expected: str) -> None:
+    assert typeset(text) == expected
+
+
+def test_units_and_errors_as_texts() -> None:
+    assert [unit_text(unit) for unit in ("-", "um", "mm^3/s/bar", "us")] == ["", "µm", "mm³/s/bar", "µs"]
+    assert [plus_minus(value) for value in (0.0, None, 0.0312)] == ["–", "–", "0.031"]
+    assert near(50.0, 0.0) == "50"
+    assert clean("a\x1b[2J\u202eb\tc") == "a\ufffd[2J\ufffdb\tc"
