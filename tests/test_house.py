@@ -20,22 +20,13 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
 PROCESS = {"caches", "stopping", "system"}
-LEFT = {"units", "records", "grid_choice", "plain", "threads", "version", *CONFIGURATION, *PROCESS}
+SMALL = {"units", "records", "grid_choice", "plain", "limits", "results", "threads", "version"}
+LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report"]
-ORDER = ["left", *ROOMS, "run", "campaign", "studies", "arrays", "frames", "api", "commands", "cli", "__init__"]
-LAZY = {
-    "asammdf",
-    "apread",
-    "emcee",
-    "corner",
-    "pinocchio",
-    "mujoco",
-    "exudyn",
-    "tkinter",
-    "matplotlib",
-    "weasyprint",
-    "xarray",
-}
+FACES = ["arrays", "frames", "api", "export", "trend", "commands", "cli", "__init__"]
+ORDER = ["left", *ROOMS, "run", "campaign", "studies", *FACES]
+HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "asammdf", "apread", "tkinter"}
+LAZY = {"emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
 """Heavy optional packages that may be imported inside a function."""
 
 

@@ -16,6 +16,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.fit.result import fitted_torque
 from camtorque.ingest import read_recording
+from camtorque.limits import Limit
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from camtorque.records import CamCycles, Recording, RigidTorque
 from camtorque.report import RunResult, output_folder, write_alignment, write_run
@@ -31,10 +32,11 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a user may choose about a run: options of the alignment and of the fit."""
+    """What a user may choose about a run: options of the alignment and of the fit, limits."""
 
     align: AlignOptions = field(default_factory=AlignOptions)
     fit: FitOptions = field(default_factory=FitOptions)
+    limits: tuple[Limit, ...] = ()
 
 
 @dataclass
@@ -121,7 +123,10 @@ def analyse_recording(
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)
-    result = RunResult(recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(), seed=options.fit.seed)
+    result = RunResult(
+        recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(),
+        seed=options.fit.seed, limits=options.limits,
+    )  # fmt: skip
     return result, prepared
 
 

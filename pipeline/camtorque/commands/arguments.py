@@ -22,6 +22,7 @@ EFFECTS = (
 STUDIES = ("speed-accuracy", "stability")
 METHODS = ("closed", "recursion", "denoc")
 """Ways to solve the mechanics; a test holds them to those of the mechanism."""
+FORMATS = ("csv", "xlsx", "mat", "parquet")
 SHELLS = ("bash", "zsh", "fish")
 LARGEST_TOLERANCE = 0.01
 """The coarsest grid of the speed-accuracy study is off by less than this share of the peak torque."""
@@ -120,6 +121,31 @@ def run(parser: argparse.ArgumentParser) -> None:
         "--posterior", type=whole(0), default=0, metavar="STEPS", help="sample the posterior by chains of that length"
     )
     parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="of the random numbers (default 0)")
+    _limits(parser)
+
+
+def _limits(parser: argparse.ArgumentParser) -> None:
+    text = "bands that the numbers have to stay in, see docs/limits.md; exit status 3 where one does not pass"
+    parser.add_argument("--limits", type=Path, metavar="FILE", help=text)
+
+
+def limits(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `limits`."""
+    parser.add_argument("file", type=Path, metavar="LIMITS", help="bands, see docs/limits.md")
+    _results(parser)
+
+
+def _results(parser: argparse.ArgumentParser) -> None:
+    text = "result.json, its folder, or a folder with reports below it"
+    parser.add_argument("results", type=Path, nargs="+", metavar="RESULT", help=text)
+
+
+def export(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `export`."""
+    _results(parser)
+    _out(parser, required=False, otherwise="beside the report")
+    parser.add_argument("--format", choices=FORMATS, default="csv", help="of the tables (default csv)")
+    parser.add_argument("--trend", action="store_true", help="one row per report, and a figure over date and speed")
 
 
 def campaign(parser: argparse.ArgumentParser) -> None:

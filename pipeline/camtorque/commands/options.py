@@ -10,6 +10,7 @@ from camtorque.commands.outcome import Tell
 from camtorque.fit import FitOptions
 from camtorque.fit.prepare import LEAST_GRID
 from camtorque.grid_choice import grid_note
+from camtorque.limits import read_limits
 from camtorque.records import Refusal
 from camtorque.run import RunOptions
 
@@ -24,7 +25,11 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
     steps, seed = getattr(arguments, "posterior", 0), getattr(arguments, "seed", 0)
     if steps:
         require(("emcee", "corner"), "--posterior", "posterior")
-    return RunOptions(_align(arguments, tell), FitOptions(arguments.effects, not arguments.no_ladder, steps, seed))
+    given = getattr(arguments, "limits", None)
+    limits = () if given is None else read_limits(given)
+    return RunOptions(
+        _align(arguments, tell), FitOptions(arguments.effects, not arguments.no_ladder, steps, seed), limits
+    )
 
 
 def _align(arguments: argparse.Namespace, tell: Tell) -> AlignOptions:

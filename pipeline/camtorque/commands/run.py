@@ -7,8 +7,11 @@ from pathlib import Path
 
 from camtorque.commands.options import run_options
 from camtorque.commands.outcome import Outcome, Tell
-from camtorque.commands.texts import run_table
+from camtorque.commands.texts import limit_lines, run_table
+from camtorque.limits import PASS
 from camtorque.run import run_recording
+
+OUTSIDE = 3
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -16,7 +19,10 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     out = arguments.out or default_out(arguments.recording)
     doc = run_recording(arguments.recording, out, run_options(arguments, tell), tell)
     page = out / "report.html"
-    return Outcome(f"{run_table(doc)}\n\n{page}", {**doc, "report": str(page)})
+    judged = doc.get("limits")
+    told = "" if judged is None else "\n" + "\n".join(limit_lines(judged["rows"]))
+    status = 0 if judged is None or judged["verdict"] == PASS else OUTSIDE
+    return Outcome(f"{run_table(doc)}{told}\n\n{page}", {**doc, "report": str(page)}, status)
 
 
 def default_out(recording: Path) -> Path:

@@ -63,3 +63,18 @@ def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     notes = len(findings) - len(loud)
     tail = [f"info      {notes} {'note' if notes == 1 else 'notes'} on the page"] if notes else []
     return [*finding_lines(loud), *tail]
+
+
+def limit_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one line per limit."""
+    return [f"{row['verdict']:12}{row['quantity']:48}{_number(row['value']):>12}  {_band(row)}" for row in rows]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.5g}"
+
+
+def _band(row: Mapping[str, Any]) -> str:
+    low, high = ("" if row[end] is None else f"{row[end]:g}" for end in ("min", "max"))
+    band = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+    return "; ".join(part for part in (f"{band} {row['unit']}".strip(), row["reason"], row["text"]) if part)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from camtorque.fit import CampaignFit
+from camtorque.limits import Limit
 from camtorque.records import CamCycles, Finding, FittedTorque, Recording, RigidTorque
 
 
@@ -17,6 +18,7 @@ class RunResult:
     ----------
     timing : seconds by stage; ``report`` and ``total`` are added when the files are written
     created : ISO-8601 with zone
+    limits : what a user wants the numbers to stay within
     peak_memory_mb : largest resident size of the process so far, nan where the system does not tell
     """
 
@@ -28,6 +30,7 @@ class RunResult:
     created: str
     peak_memory_mb: float = float("nan")
     seed: int = 0
+    limits: tuple[Limit, ...] = ()
 
     @property
     def findings(self) -> tuple[Finding, ...]:

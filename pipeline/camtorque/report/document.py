@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.limits import judge, limits_document
 from camtorque.plain import plain
 from camtorque.records import (
     Alternative,
@@ -26,6 +27,7 @@ from camtorque.records import (
 from camtorque.report.bundle import RunResult
 from camtorque.report.gaps import gap_shares
 from camtorque.report.numbers import typeset
+from camtorque.toml_schema import ZERO_CELSIUS
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 
@@ -49,7 +51,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
     result : one finished run
     """
     fitted = result.fitted
-    return plain(
+    doc = plain(
         {
             "schema": SCHEMA,
             "version": __version__,
@@ -78,6 +80,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "peak_memory_mb": result.peak_memory_mb,
         }
     )
+    return {**doc, "limits": limits_document(judge(doc, result.limits))} if result.limits else doc
 
 
 def inputs_document(recording: Recording) -> list[dict[str, str]]:
@@ -156,7 +159,18 @@ def _recording(result: RunResult) -> dict[str, Any]:
         "peak_torque_nm": np.max(np.mean(cycles.torque, axis=0)),
         "odd_even_rms_nm": result.fitted.odd_even_rms,
         "trigger_jitter_s": cycles.trigger_jitter_s,
+        **_conditions(result),
         "cut_flow": [asdict(row) for row in cycles.cut_flow],
+    }
+
+
+def _conditions(result: RunResult) -> dict[str, Any]:
+    """Return what a trend is drawn over beside the speed; None where the recording does not tell."""
+    config, warm = result.recording.config, result.recording.config.fluid.temperature
+    return {
+        "date": None if config.date is None else config.date.isoformat(),
+        "fuel_temperature_c": None if warm is None else warm - ZERO_CELSIUS,
+        "line_pressure_peak_bar": np.max(np.mean(result.cycles.pressure, axis=0)) / BAR,
     }
 
 

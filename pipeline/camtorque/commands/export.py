@@ -1,0 +1,66 @@
+"""`camtorque export`: tables of reports for other programs, and trends over many of them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from camtorque.commands.options import require
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.export import report_tables, write_tables
+from camtorque.report import check_writable
+from camtorque.report.trend_figure import trend_figure
+from camtorque.results import read_results
+from camtorque.trend import AXES, told_parameters, trend_table
+
+PACKAGES = {"xlsx": ("openpyxl",), "parquet": ("pyarrow",)}
+DRAWN = {"fitted_rms_percent": "fitted RMS / % of peak", "chamber_peak_bar": "chamber peak / bar"}
+MOST_PARAMETERS = 6
+"""Parameters of the figure; the table has them all."""
+DPI = 150
+
+
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Write the tables of each report, or one trend over all."""
+    require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "export")
+    documents = read_results(arguments.results)
+    if arguments.out is not None:
+        check_writable(arguments.out)
+    paths = _trend(arguments, documents) if arguments.trend else _tables(arguments, documents, tell)
+    text = "\n".join(str(path) for path in paths)
+    return Outcome(text, {"schema": "camtorque.export/1", "files": [str(path) for path in paths]})
+
+
+def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: Tell) -> list[Path]:
+    paths = []
+    for name, stem in _stems(list(documents)).items():
+        folder = Path(name)
+        tell(f"tables of {stem}")
+        out = arguments.out or folder / "tables"
+        paths += write_tables(report_tables(folder, documents[name]), out / stem, arguments.format)
+    return paths
+
+
+def _stems(names: list[str]) -> dict[str, str]:
+    """Return how the files of each report begin: its folder's name, the whole path where names repeat."""
+    last = [Path(name).resolve().name for name in names]
+    return {
+        name: end if last.count(end) == 1 else name.strip("./").replace("/", "_")
+        for name, end in zip(names, last, strict=True)
+    }
+
+
+def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any]) -> list[Path]:
+    out = arguments.out or arguments.results[0]
+    check_writable(out)
+    table = trend_table(documents)
+    paths = write_tables({"trend": table}, out / "reports", arguments.format)
+    told = dict(list(told_parameters(documents).items())[:MOST_PARAMETERS])
+    drawn = {name: label for name, label in {**DRAWN, **told}.items() if table[name].notna().any()}
+    figure = trend_figure(table, AXES, drawn)
+    for suffix in ("svg", "png"):
+        paths.append(out / f"trend.{suffix}")
+        figure.savefig(paths[-1], dpi=DPI)
+    return paths

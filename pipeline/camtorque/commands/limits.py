@@ -1,0 +1,26 @@
+"""`camtorque limits`: any number of reports held against bands."""
+
+from __future__ import annotations
+
+import argparse
+
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands.texts import limit_lines
+from camtorque.limits import PASS, judge, limits_document, overall, read_limits, refuse_unknown
+from camtorque.results import read_results
+
+OUTSIDE = 3
+
+
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Judge every report by every limit; exit status 3 unless all pass."""
+    limits, documents = read_limits(arguments.file), read_results(arguments.results)
+    refuse_unknown(tuple(documents.values()), limits)
+    judged = {name: judge(document, limits) for name, document in documents.items()}
+    verdict = overall([row for rows in judged.values() for row in rows])
+    results = [{"name": name, **limits_document(rows)} for name, rows in judged.items()]
+    lines = []
+    for result in results:
+        lines += [f"{result['name']}  {result['verdict']}", *("  " + line for line in limit_lines(result["rows"]))]
+    doc = {"schema": "camtorque.limits/1", "limits": str(arguments.file), "verdict": verdict, "results": results}
+    return Outcome("\n".join([*lines, "", verdict]), doc, 0 if verdict == PASS else OUTSIDE)

@@ -1,0 +1,196 @@
+"""A finished report -> tables that other programs read: CSV, Excel, MATLAB, Parquet.
+
+Numbers in border units, named by the end of the column. A text that a spreadsheet would take for a formula gets an
+apostrophe in front: names and notes come from files of strangers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+from scipy.io import savemat
+
+from camtorque.records import Array, Refusal
+from camtorque.units import BAR, DEGREE, RPM
+
+BORDER = {
+    "rad": ("deg", 1.0 / DEGREE),
+    "rad/s": ("rpm", 1.0 / RPM),
+    "Pa": ("bar", 1.0 / BAR),
+    "N m": ("nm", 1.0),
+    "N": ("n", 1.0),
+    "m": ("mm", 1.0e3),
+    "m/rad": ("mm_per_rad", 1.0e3),
+    "1": ("", 1.0),
+}
+"""Unit in cycles.h5 -> end of the column's name and factor."""
+VALUE_KEYS = ("value", "unit", "stderr", "stderr_statistical")
+PARAMETER_KEYS = (*VALUE_KEYS, "knowledge", "role", "at_bound", "identifiable", "meaning")
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+SHEET_COLUMNS = 16384
+"""Columns of an Excel sheet."""
+Tables = Mapping[str, pd.DataFrame]
+
+
+def report_tables(folder: Path, document: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
+    """Return the tables of a report.
+
+    Parameters
+    ----------
+    folder : holds cycles.h5
+    document : content of result.json
+
+    Returns
+    -------
+    tables : ``torque``, ``pressure`` (one row per angle, one column per cycle), ``cycles`` (one row per cycle),
+        ``means`` (one row per angle: measured, models, causes, forces), ``parameters``, ``findings``
+
+    Raises
+    ------
+    Refusal : there is no cycles.h5
+    """
+    path = folder / "cycles.h5"
+    if not path.is_file():
+        raise Refusal(f"{path}: no such file; expected it beside result.json, make the report again")
+    with h5py.File(path) as file:
+        index = file["cycles/index"][:]
+        angle = file["theta"][:] / DEGREE
+        tables = {
+            "torque": _over_cycles(file["cycles/torque"], angle, index),
+            "pressure": _over_cycles(file["cycles/pressure"], angle, index),
+            "cycles": _per_cycle(file, index),
+            "means": _means(file, angle),
+        }
+    tables["parameters"] = pd.DataFrame([_parameter(name, row) for name, row in document["parameters"].items()])
+    tables["findings"] = pd.DataFrame(document["findings"], columns=["severity", "code", "text", "where"])
+    return {name: _safe(table) for name, table in tables.items()}
+
+
+def _parameter(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
+    low, high = row["ci95"]
+    return {"name": name, **{key: row.get(key) for key in PARAMETER_KEYS}, "low95": low, "high95": high}
+
+
+def _over_cycles(data: h5py.Dataset, angle: Array, index: Array) -> pd.DataFrame:
+    suffix, factor = BORDER[data.attrs["units"]]
+    quantity = data.name.rpartition("/")[2]
+    columns = {f"{quantity}_{number}_{suffix}": row for number, row in zip(index, factor * data[:], strict=True)}
+    return pd.DataFrame({"cam_angle_deg": angle, **columns})
+
+
+def _per_cycle(file: h5py.File, index: Array) -> pd.DataFrame:
+    role = [text.decode() for text in file["cycles/role"][:]]
+    return pd.DataFrame({"cycle": index, "speed_rpm": file["cycles/speed"][:] / RPM, "role": role})
+
+
+def _means(file: h5py.File, angle: Array) -> pd.DataFrame:
+    columns = {"cam_angle_deg": angle}
+
+    def visit(path: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.shape == angle.shape and not path.startswith(("theta", "cycles")):
+            suffix, factor = BORDER[item.attrs["units"]]
+            columns[f"{path.replace('/', '_')}_{suffix}".rstrip("_")] = factor * item[:]
+
+    file.visititems(visit)
+    return pd.DataFrame(columns)
+
+
+def _safe(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table without a text that a spreadsheet runs; a lone sign, such as the unit "-", is none."""
+    changed = {
+        name: [safe_text(item) if isinstance(item, str) else item for item in table[name]]
+        for name in table.columns
+        if table[name].dtype.kind not in "fiub"
+    }
+    return table.assign(**changed).rename(columns=safe_text)
+
+
+def safe_text(text: str) -> str:
+    """Return a text that no spreadsheet takes for a formula."""
+    return f"'{text}" if len(text) > 1 and text.startswith(FORMULA) else text
+
+
+def _write_csv(tables: Tables, stem: Path) -> list[Path]:
+    def write(table: pd.DataFrame, path: Path) -> None:
+        table.to_csv(path, index=False, lineterminator="\n", float_format="%.9g")
+
+    paths = {name: stem.with_name(f"{stem.name}_{name}.csv") for name in tables}
+    return [_written(paths[name], partial(write, table)) for name, table in tables.items()]
+
+
+def _write_parquet(tables: Tables, stem: Path) -> list[Path]:
+    def write(table: pd.DataFrame, path: Path) -> None:
+        table.to_parquet(path, index=False)
+
+    paths = {name: stem.with_name(f"{stem.name}_{name}.parquet") for name in tables}
+    return [_written(paths[name], partial(write, table)) for name, table in tables.items()]
+
+
+def _write_xlsx(tables: Tables, stem: Path) -> list[Path]:
+    """Write one workbook, a sheet per table, row by row: a recording of cycles is too much to be held as cells."""
+    from openpyxl import Workbook
+
+    book = Workbook(write_only=True)
+    for name, table in tables.items():
+        if table.shape[1] > SHEET_COLUMNS:
+            found = f"--format xlsx: {name} has {table.shape[1]} columns"
+            raise Refusal(f"{found}, a sheet holds {SHEET_COLUMNS}; take csv, mat or parquet")
+        sheet = book.create_sheet(name)
+        sheet.append(list(table.columns))
+        for row in table.astype(object).where(table.notna(), None).itertuples(index=False, name=None):
+            sheet.append(row)
+    return [_written(stem.with_name(f"{stem.name}.xlsx"), book.save)]
+
+
+def _write_mat(tables: Tables, stem: Path) -> list[Path]:
+    content = {name: {column: _column(table[column]) for column in table.columns} for name, table in tables.items()}
+    write = partial(savemat, mdict=content, do_compression=True, long_field_names=True, appendmat=False)
+    return [_written(stem.with_name(f"{stem.name}.mat"), write)]
+
+
+def _column(values: pd.Series) -> Any:
+    return values.to_numpy() if values.dtype.kind in "fiub" else np.array(values.fillna("").tolist(), dtype=object)
+
+
+def _written(path: Path, write: Callable[[Path], Any]) -> Path:
+    """Write under a temporary name, then rename."""
+    unfinished = path.with_name(f".{path.stem}.partial{path.suffix}")
+    try:
+        write(unfinished)
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return path
+
+
+FORMATS: dict[str, Callable[[Tables, Path], list[Path]]] = {
+    "csv": _write_csv,
+    "xlsx": _write_xlsx,
+    "mat": _write_mat,
+    "parquet": _write_parquet,
+}
+"""Format -> its writer."""
+
+
+def write_tables(tables: Tables, stem: Path, file_format: str) -> list[Path]:
+    """Write tables and return the paths.
+
+    Parameters
+    ----------
+    tables : from `report_tables` or `camtorque.trend`
+    stem : folder and begin of the name, such as ``reports/run_7/run_7``
+    file_format : one of `FORMATS`
+
+    Raises
+    ------
+    Refusal : more columns than a sheet holds
+    """
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    return FORMATS[file_format](tables, stem)

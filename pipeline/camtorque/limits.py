@@ -1,0 +1,181 @@
+"""Limits on the numbers of result.json: a band per quantity, pass or fail.
+
+A limits file is the product's own, so an unknown key is refused. The quantity is the path of a number in result.json
+(docs/result_schema.md), such as ``parameters.leakage.value``; it is judged in the unit of that file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.records import Refusal
+from camtorque.toml_schema import Band, Key, TableSchema
+from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.units import did_you_mean
+
+LIMITS_SCHEMA = "camtorque-limits/1"
+PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
+NUMBER = Band(-1e15, 1e15, "any number that a report holds")
+LIMIT = TableSchema("[[limit]]", "one band", (
+    Key("quantity", "text", "path of a number in result.json, such as parameters.leakage.value"),
+    Key("min", "number", "least value that passes", default=None, band=NUMBER),
+    Key("max", "number", "largest value that passes", default=None, band=NUMBER),
+    Key("unit", "text", "unit of the band; refused where the result states another", default=""),
+    Key("guard", "number", "so many standard uncertainties have to lie inside the band too", default=0.0,
+        band=Band(0.0, 10.0, "standard uncertainties")),
+    Key("text", "text", "why this limit", default=""),
+), many=True)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One band.
+
+    Attributes
+    ----------
+    quantity : path of a number in result.json
+    min, max : band in the unit of that number; None where it is open
+    unit : of the band, "" where it is not stated
+    guard : standard uncertainties that have to lie inside the band too (decision rule of ISO 14253-1 with a guard band)
+    text : why
+    """
+
+    quantity: str
+    min: float | None
+    max: float | None
+    unit: str = ""
+    guard: float = 0.0
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one limit says of one result; ``value`` and ``stderr`` are None where the result does not tell."""
+
+    limit: Limit
+    value: float | None
+    stderr: float | None
+    verdict: str
+    reason: str
+
+
+def read_limits(path: Path | str) -> tuple[Limit, ...]:
+    """Return the limits of a file.
+
+    Raises
+    ------
+    Refusal : missing file or key, unknown key, no band or an empty one; all problems at once
+    """
+    file = Path(path)
+    _, values = read_toml(file, f"expected a limits file (schema {LIMITS_SCHEMA})")
+    if values.get("schema") != LIMITS_SCHEMA:
+        raise Refusal(f"{file}: schema is {values.get('schema')!r:.80}, expected {LIMITS_SCHEMA!r}")
+    unknown = sorted(set(values) - {"schema", "limit"})
+    if unknown:
+        raise Refusal(f"{file}: unknown key {unknown[0]!r}, expected schema and [[limit]] tables")
+    problems, limits = Problems(), []
+    for table in Table(values, file, "").tables("limit"):
+        with problems.collecting():
+            limits.append(_limit(table, problems))
+    problems.raise_any()
+    return tuple(limits)
+
+
+def _limit(table: Table, problems: Problems) -> Limit:
+    for key in table.values:
+        if key not in LIMIT.names:
+            hint = did_you_mean(key, LIMIT.names) or f", expected some of {', '.join(LIMIT.names)}"
+            raise Refusal(f"{table.file} {table.header}: unknown key {key!r}{hint}")
+    values = read_keys(table, LIMIT, problems)
+    problems.raise_any()
+    limit = Limit(**values)
+    if limit.min is None and limit.max is None:
+        raise Refusal(f"{table.where(limit.quantity)}: found neither min nor max, expected at least one of them")
+    if limit.min is not None and limit.max is not None and limit.min > limit.max:
+        raise Refusal(f"{table.where(limit.quantity)}: min {limit.min:g} is above max {limit.max:g}; exchange them")
+    return limit
+
+
+def judge(document: Mapping[str, Any], limits: Sequence[Limit]) -> tuple[Verdict, ...]:
+    """Return what each limit says of one result.
+
+    Parameters
+    ----------
+    document : content of result.json
+    """
+    return tuple(_judged(document, limit) for limit in limits)
+
+
+def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
+    *above, last = limit.quantity.split(".")
+    group: Any = document
+    for name in above:
+        group = group.get(name) if isinstance(group, Mapping) else None
+    value = group.get(last) if isinstance(group, Mapping) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return Verdict(limit, None, None, CANNOT_TELL, "the result holds no number of that name")
+    unit = group.get("unit")
+    if limit.unit and unit and limit.unit != unit:
+        return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result in {unit}")
+    error = group.get("stderr") if last == "value" else None
+    return _compared(limit, float(value), None if error is None else float(error))
+
+
+def _compared(limit: Limit, value: float, stderr: float | None) -> Verdict:
+    """Compare a value with its band; with a guard, a band that the uncertainty reaches across is not decided."""
+    low, high = -np.inf if limit.min is None else limit.min, np.inf if limit.max is None else limit.max
+    if limit.guard and stderr is None:
+        return Verdict(limit, value, None, CANNOT_TELL, "a guard is wanted and the result states no uncertainty")
+    spread = limit.guard * (stderr or 0.0)
+    if low <= value - spread and value + spread <= high:
+        return Verdict(limit, value, stderr, PASS, "")
+    if value + spread < low or value - spread > high:
+        off = f"{value - high:.4g} above the band" if value > high else f"{low - value:.4g} below the band"
+        return Verdict(limit, value, stderr, FAIL, off)
+    return Verdict(limit, value, stderr, CANNOT_TELL, f"within {limit.guard:g} standard uncertainties of a limit")
+
+
+def overall(verdicts: Sequence[Verdict]) -> str:
+    """Return ``fail`` where one failed, else ``cannot tell`` where one could not be told, else ``pass``."""
+    told = {row.verdict for row in verdicts}
+    return next((word for word in (FAIL, CANNOT_TELL) if word in told), PASS)
+
+
+def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limit]) -> None:
+    """Refuse a quantity that none of the results has: most likely it is misspelt.
+
+    Raises
+    ------
+    Refusal : naming the quantity and those that are alike
+    """
+    known = sorted({path for document in documents for path in quantities(document)})
+    for limit in limits:
+        if limit.quantity not in known:
+            hint = did_you_mean(limit.quantity, tuple(known)) or f", expected one such as {', '.join(known[:3])}"
+            raise Refusal(f"limit {limit.quantity!r}: found in no result{hint}")
+
+
+def quantities(document: Mapping[str, Any], above: str = "") -> list[str]:
+    """Return the path of every number of a document, of those that are null too."""
+    found = []
+    for name, value in document.items():
+        path = f"{above}{name}"
+        if isinstance(value, Mapping):
+            found += quantities(value, f"{path}.")
+        elif value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+            found.append(path)
+    return found
+
+
+def limits_document(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    """Return verdicts as a part of result.json: ``verdict`` and one row per limit."""
+    rows = [
+        {**asdict(row.limit), "value": row.value, "stderr": row.stderr, "verdict": row.verdict, "reason": row.reason}
+        for row in verdicts
+    ]
+    return {"verdict": overall(verdicts), "rows": rows}

@@ -1,0 +1,60 @@
+"""Many reports -> one table: what a pump did over date, speed, load and temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from camtorque.export import safe_text
+
+AXES = {
+    "date": "date",
+    "speed_rpm": "speed / rpm",
+    "line_pressure_peak_bar": "peak line pressure / bar",
+    "fuel_temperature_c": "fuel temperature / °C",
+}
+"""Column -> label of what a trend is drawn over."""
+
+
+def trend_table(documents: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+    """Return one row per report: conditions, metrics, chamber, losses, parameters with their uncertainty.
+
+    Parameters
+    ----------
+    documents : folder -> content of result.json
+    """
+    rows = [{"report": safe_text(name), **_row(document)} for name, document in documents.items()]
+    table = pd.DataFrame(rows)
+    return table.sort_values(["date", "speed_rpm"], kind="stable", na_position="last", ignore_index=True)
+
+
+def _row(document: Mapping[str, Any]) -> dict[str, Any]:
+    recording, held = document["recording"], document["metrics"]["fitted_held_out_cycles"]
+    row: dict[str, Any] = {
+        "recording": safe_text(recording["name"]),
+        "pump": safe_text(recording.get("pump") or ""),
+        **{name: recording.get(name) for name in AXES},
+        "cycles_used": recording["cycles_used"],
+        "fitted_rms_percent": held["rms_percent_of_peak"],
+        "rigid_rms_percent": document["metrics"]["rigid"]["rms_percent_of_peak"],
+        "trigger_angle_deg": document["alignment"]["trigger_angle_deg"]["value"],
+    }
+    peak = (document["chamber"] or {}).get("peak_bar") or {}
+    row |= {"chamber_peak_bar": peak.get("value"), "chamber_peak_bar_stderr": peak.get("stderr")}
+    losses = {name: value for name, value in document["losses"].items() if name != "unit"}
+    row |= {f"loss_{name}" + ("" if name.endswith("percent") else "_j"): value for name, value in losses.items()}
+    for name, estimate in document["parameters"].items():
+        row |= {name: estimate["value"], f"{name}_stderr": estimate["stderr"]}
+    return row
+
+
+def told_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Return parameter -> label of those shared ones that at least one report measured or narrowed."""
+    found = {}
+    for document in documents.values():
+        for name, row in document["parameters"].items():
+            if row.get("knowledge") in ("measured", "narrowed") and row.get("role") == "shared":
+                found[name] = f"{name.replace('_', ' ')} / {row['unit']}"
+    return found

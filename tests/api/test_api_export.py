@@ -1,0 +1,135 @@
+"""Export: every format holds the report's numbers; no text becomes a formula; trends over many reports."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from camtorque import cli, export
+from camtorque.records import Refusal
+from camtorque.report import write_run
+from report.report_cases import run_result
+from scipy.io import loadmat
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("reports") / "case"
+    folder.mkdir()
+    write_run(run_result(), folder)
+    return folder
+
+
+def exported(report: Path, out: Path, file_format: str, capsys: pytest.CaptureFixture[str]) -> list[Path]:
+    assert cli.main(["export", str(report), "--format", file_format, "--out", str(out), "--json"]) == 0
+    return [Path(name) for name in json.loads(capsys.readouterr().out)["files"]]
+
+
+def measured(report: Path) -> np.ndarray:
+    with h5py.File(report / "cycles.h5") as file:
+        return file["mean/torque"][:]
+
+
+def test_csv_and_parquet(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = {f"case_{name}" for name in ("torque", "pressure", "cycles", "means", "parameters", "findings")}
+    for file_format, read in (("csv", pd.read_csv), ("parquet", pd.read_parquet)):
+        paths = exported(report, tmp_path, file_format, capsys)
+        assert {path.stem for path in paths} == names
+        means = read(tmp_path / f"case_means.{file_format}")
+        np.testing.assert_allclose(means["mean_torque_nm"], measured(report), rtol=1e-8)
+        assert means["cam_angle_deg"].iloc[-1] == pytest.approx(359.5)
+        parameters = read(tmp_path / f"case_parameters.{file_format}").set_index("name")
+        assert parameters.loc["feed_pressure", "value"] == 1.7
+        assert np.isnan(parameters.loc["dead_volume", "stderr"])
+        torque = read(tmp_path / f"case_torque.{file_format}")
+        np.testing.assert_allclose(torque.drop(columns="cam_angle_deg").mean(axis=1), measured(report), rtol=1e-7)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_mat(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (path,) = exported(report, tmp_path, "mat", capsys)
+    content = loadmat(path, simplify_cells=True)
+    np.testing.assert_array_equal(content["means"]["mean_torque_nm"], measured(report))
+    assert next(iter(content["parameters"]["name"])) == "feed_pressure"
+
+
+def test_xlsx(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (path,) = exported(report, tmp_path, "xlsx", capsys)
+    sheets = pd.read_excel(path, sheet_name=None)
+    assert set(sheets) == {"torque", "pressure", "cycles", "means", "parameters", "findings"}
+    np.testing.assert_allclose(sheets["means"]["mean_torque_nm"], measured(report), rtol=1e-12)
+
+
+def test_a_sheet_of_too_many_columns_is_refused(tmp_path: Path) -> None:
+    table = pd.DataFrame(np.zeros((1, export.SHEET_COLUMNS + 1)))
+    with pytest.raises(Refusal, match="has 16385 columns, a sheet holds 16384; take csv"):
+        export.write_tables({"torque": table}, tmp_path / "x", "xlsx")
+
+
+@pytest.mark.parametrize(
+    ("text", "safe"),
+    [
+        ("=1+1", "'=1+1"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("+x", "'+x"),
+        ("-2+3", "'-2+3"),
+        ("\tx", "'\tx"),
+        ("-", "-"),
+        ("a=b", "a=b"),
+    ],
+)
+def test_no_text_becomes_a_formula(text: str, safe: str) -> None:
+    assert export.safe_text(text) == safe
+
+
+def test_texts_of_a_report_are_made_safe(tmp_path: Path) -> None:
+    result = run_result()
+    evil = replace(result.fitted.parameters[0], meaning='=HYPERLINK("http://x")')
+    write_run(replace(result, fitted=replace(result.fitted, parameters=(evil,))), tmp_path)
+    document = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    tables = export.report_tables(tmp_path, document)
+    assert tables["parameters"]["meaning"].tolist() == ['\'=HYPERLINK("http://x")']
+
+
+def test_a_report_without_its_cycles(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "result.json").write_bytes((report / "result.json").read_bytes())
+    assert cli.main(["export", str(tmp_path)]) == 2
+    assert "cycles.h5: no such file; expected it beside result.json" in capsys.readouterr().err
+
+
+def test_reports_of_one_name_do_not_overwrite_each_other(
+    report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for above in ("before", "after"):
+        (tmp_path / above / "case").mkdir(parents=True)
+        for name in ("result.json", "cycles.h5"):
+            (tmp_path / above / "case" / name).write_bytes((report / name).read_bytes())
+    paths = exported(tmp_path, tmp_path / "out", "mat", capsys)
+    assert len({path.name for path in paths}) == 2
+
+
+def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for number in range(3):
+        result = run_result(f"run{number}")
+        config = result.recording.config
+        config.date, config.fluid.temperature = date(2026, 1, 3 - number), 300.0 + number
+        row = replace(result.fitted.parameters[0], value=1.0 + number, knowledge="measured")
+        fitted = replace(result.fitted, parameters=(row, *result.fitted.parameters[1:]))
+        (tmp_path / config.id).mkdir()
+        write_run(replace(result, fitted=fitted), tmp_path / config.id)
+    assert cli.main(["export", "--trend", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    assert len(capsys.readouterr().out.split()) == 3
+    table = pd.read_csv(tmp_path / "out" / "reports_trend.csv")
+    assert table["date"].tolist() == ["2026-01-01", "2026-01-02", "2026-01-03"]
+    assert table["feed_pressure"].tolist() == [3.0, 2.0, 1.0]
+    assert table["fuel_temperature_c"].tolist() == pytest.approx([28.85, 27.85, 26.85])
+    svg = (tmp_path / "out" / "trend.svg").read_text(encoding="utf-8")
+    for label in ("feed pressure / bar", "fuel temperature", "date", "chamber peak"):
+        assert label in svg
+    assert "speed / rpm" not in svg  # all three ran at one speed

@@ -1,0 +1,132 @@
+"""Limits: read with every slip told, judged with and without a guard, exit status 3."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from camtorque import cli
+from camtorque.limits import Limit, judge, overall, read_limits
+from camtorque.records import Refusal
+from camtorque.report import write_run
+from report.report_cases import run_result
+
+HEAD = 'schema = "camtorque-limits/1"\n'
+DOCUMENT = {
+    "metrics": {"fitted": {"rms_nm": 0.2}},
+    "parameters": {"leakage": {"value": 0.30, "stderr": 0.05, "unit": "mm^3/s/bar"}},
+    "chamber": None,
+    "forces": {"contact_lost": False},
+}
+
+
+def limits_file(folder: Path, text: str) -> Path:
+    path = folder / "limits.toml"
+    path.write_text(HEAD + text, encoding="utf-8")
+    return path
+
+
+def judged(**changes: object) -> tuple[str, str]:
+    (row,) = judge(DOCUMENT, [Limit(**{"quantity": "parameters.leakage.value", "min": None, "max": None, **changes})])  # type: ignore[arg-type]
+    return row.verdict, row.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "reason"),
+    [
+        ({"max": 0.30}, "pass", ""),
+        ({"max": 0.29}, "fail", "0.01 above the band"),
+        ({"min": 0.5}, "fail", "0.2 below the band"),
+        ({"max": 0.35, "guard": 2.0}, "cannot tell", "within 2 standard uncertainties"),
+        ({"max": 0.45, "guard": 2.0}, "pass", ""),
+        ({"max": 0.15, "guard": 2.0}, "fail", "above the band"),
+        ({"max": 1.0, "unit": "l/h"}, "cannot tell", "the band is in l/h, the result in mm^3/s/bar"),
+        ({"quantity": "chamber.peak_bar.value", "max": 1.0}, "cannot tell", "no number of that name"),
+        ({"quantity": "forces.contact_lost", "max": 1.0}, "cannot tell", "no number of that name"),
+        ({"quantity": "metrics.fitted.rms_nm", "max": 1.0, "guard": 2.0}, "cannot tell", "states no uncertainty"),
+    ],
+)
+def test_a_value_and_its_band(changes: dict[str, object], verdict: str, reason: str) -> None:
+    told, why = judged(**changes)
+    assert told == verdict
+    assert reason in why
+
+
+def test_the_worst_verdict_counts() -> None:
+    limit = Limit("metrics.fitted.rms_nm", None, 1.0)
+    good, bad, open_ = (judge(DOCUMENT, [replace(limit, max=m, guard=g)])[0] for m, g in ((1, 0), (0.1, 0), (1, 2)))
+    assert overall([good]) == "pass"
+    assert overall([good, open_]) == "cannot tell"
+    assert overall([good, open_, bad]) == "fail"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", r"expected at least one \[\[limit\]\]"),
+        ('[[limit]]\nquantity = "a.b"\n', "found neither min nor max"),
+        ('[[limit]]\nquantity = "a.b"\nmin = 2\nmax = 1\n', "min 2 is above max 1"),
+        ('[[limit]]\nquantity = "a.b"\nmaximum = 1\n', "unknown key 'maximum', did you mean 'max'"),
+        ("[[limit]]\nmax = 1\n", "quantity: this key is missing"),
+        ('[[limit]]\nquantity = "a"\nmax = 1\nguard = -1\n', "expected a number from 0 to 10"),
+        ('[[limit]]\nquantity = "a"\nmax = "1"\n', "expected a number"),
+        ("[limits]\nx = 1\n", "unknown key 'limits'"),
+    ],
+)
+def test_a_limits_file_that_cannot_be_used(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(Refusal, match=told):
+        read_limits(limits_file(tmp_path, text))
+
+
+def test_another_schema(tmp_path: Path) -> None:
+    path = tmp_path / "x.toml"
+    path.write_text('schema = "other/1"\n', encoding="utf-8")
+    with pytest.raises(Refusal, match="schema is 'other/1', expected 'camtorque-limits/1'"):
+        read_limits(path)
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("reports")
+    for name in ("one", "two"):
+        (root / name).mkdir()
+        write_run(run_result(name), root / name)
+    return root
+
+
+def test_many_reports_against_limits(tmp_path: Path, reports: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    feed = '[[limit]]\nquantity = "parameters.feed_pressure.value"\nunit = "bar"\ntext = "pump sheet"\n'
+    assert cli.main(["limits", str(limits_file(tmp_path, feed + "max = 2.0\n")), str(reports), "--json"]) == 0
+    doc = json.loads(capsys.readouterr().out)
+    assert doc["verdict"] == "pass"
+    assert [row["rows"][0]["value"] for row in doc["results"]] == [1.7, 1.7]
+    assert cli.main(["limits", str(limits_file(tmp_path, feed + "max = 1.0\n")), str(reports / "one")]) == 3
+    printed = capsys.readouterr().out
+    assert "fail" in printed
+    assert "at most 1 bar; 0.7 above the band; pump sheet" in printed
+
+
+def test_a_quantity_that_no_report_has(tmp_path: Path, reports: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = limits_file(tmp_path, '[[limit]]\nquantity = "parameters.feed_presure.value"\nmax = 1\n')
+    assert cli.main(["limits", str(path), str(reports)]) == 2
+    assert "found in no result, did you mean 'parameters.feed_pressure.value'?" in capsys.readouterr().err
+
+
+def test_no_report_and_foreign_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = limits_file(tmp_path, '[[limit]]\nquantity = "a.b"\nmax = 1\n')
+    (tmp_path / "r").mkdir()
+    for content, told in ((None, "found no result.json"), ("{", "is not valid JSON"), ("{}", "schema is None")):
+        if content is not None:
+            (tmp_path / "r" / "result.json").write_text(content, encoding="utf-8")
+        assert cli.main(["limits", str(path), str(tmp_path / "r")]) == 2
+        assert told in capsys.readouterr().err
+
+
+def test_limits_stand_in_the_result_of_a_run(tmp_path: Path) -> None:
+    limits = (Limit("parameters.feed_pressure.value", None, 1.0),)
+    doc = write_run(replace(run_result(), limits=limits), tmp_path)
+    assert doc["limits"]["verdict"] == "fail"
+    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["limits"] == doc["limits"]
+    assert "limits" not in write_run(run_result(), tmp_path)
