@@ -67,6 +67,7 @@ class TriggerSpec:
     sensor : ``digital``, ``inductive`` or ``hall``
     revolutions_per_cycle : turns of the wheel per turn of the cam
     side : ``cam`` or ``motor``: which end of the shaft it sits on
+    meaning : what happens at the nominal angle, in the bench's words
     reference : ``index`` where the nominal angle is that of the index channel's pulse, else ""
     """
 
@@ -82,6 +83,7 @@ class TriggerSpec:
     revolutions_per_cycle: int = 1
     side: str = "cam"
     reference: str = ""
+    meaning: str = ""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         text=text,
         **recording,
         pump_sheet=PumpData(**_without(single["pump"], "follower_mass_note")) if root.has("pump") else None,
-        trigger=TriggerSpec(**_without(single["trigger"], "meaning")),
+        trigger=TriggerSpec(**single["trigger"]),
         sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
         loggers=loggers,
         channels=tuple(_channel(table, loggers, duration) for table in channels),

@@ -56,10 +56,13 @@ SLIPS: dict[str, dict[str, float]] = {
     "mm": {"m": 1.0e3, "um": 1.0e-3, "in": 25.4},
     "rpm": {"Hz": 60.0, "rad/s": 9.5493},
     "um": {"mm": 1.0e3, "m": 1.0e6},
-    "s": {"us": 1.0e-6, "ms": 1.0e-3},
+    "s": {"ms": 1.0e-3, "us": 1.0e-6},
     "bar": {"Pa": 1.0e-5, "kPa": 1.0e-2, "MPa": 10.0},
 }
 """Unit of a key -> units that are written into it by mistake, the usual one first, with their factor to that unit."""
+
+LEAST_SLIP = 0.05
+"""Who writes the number of another unit writes 8 or 0.8, never 0.0045."""
 
 REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 """The default of a key that has none."""
@@ -136,7 +139,7 @@ class Key:
 
     def slip(self, value: float) -> str:
         """Return ": did you mean 8 mm = 0.008?" where another unit brings the value into the band."""
-        if self.band is None:
+        if self.band is None or abs(value) < LEAST_SLIP:
             return ""
         for name, factor in SLIPS.get(self.unit, {}).items():
             if self.band.holds(value * factor):

@@ -28,7 +28,7 @@ def used(*findings: str, align: tuple[str, ...] = (), lost: int | None = None) -
     return Verdict(findings=frozenset(findings), align=frozenset(align), lost=lost)
 
 
-OF_THE_SHEETS = frozenset({"lift_negative", "delay_tolerance_assumed"})
+OF_THE_SHEETS = frozenset({"lift_negative", "delay_tolerance_assumed", "certificate_age_unknown"})
 """Findings about the sheets in ``calibration/``, the same for every case."""
 
 HEADER_CUTS = {
@@ -115,7 +115,7 @@ VERDICTS: dict[str, Verdict] = {
     "clipped_torque": used("torque_clipped"),
     "constant_pressure": used("channel_constant"),
     "constant_trigger": used("channel_constant"),
-    "swapped_channels": used("channels_swapped"),
+    "swapped_channels": used("channels_swapped", "torque_against_pressure"),
     "inverted_torque": used(align=("torque_inverted",)),
     "trigger_missed": used("pulses_irregular"),
     "trigger_doubled": used("pulses_irregular"),

@@ -60,6 +60,7 @@ def test_nothing_is_wrong_but_what_the_sheets_leave_open(name: str):
     example(name)
     expected = {"lift_negative", "delay_tolerance_assumed"}
     # this run took a pressure zero further off the certificate than the 0.15 % of range on the sheet
+    expected |= {"certificate_age_unknown"} if name in ("A_0500rpm", "A_1250rpm") else set()  # no date in a CSV
     expected |= {"zero_off_certificate"} if name == "A_1000rpm" else set()
     assert {f.code for f in check_recording(EXAMPLES / name)} == expected
 

@@ -11,7 +11,7 @@ from camtorque.ingest.table_file import SmallTable, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
-RESOLUTION = re.compile(r"resolution\s*[:=]?\s*([\d.]+(?:e-?\d+)?)\s*([a-zµμ]+)", re.IGNORECASE)
+RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
 
 

@@ -12,7 +12,7 @@ from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
 from camtorque.units import tidy_unit, unit_factor
 
-UNCERTAINTY = re.compile(r"k\s*=\s*(\d+(?:\.\d+)?)\D{0,30}?(\d+(?:\.\d+)?)\s*%", re.IGNORECASE)
+UNCERTAINTY = re.compile(r"k\s*=\s*(\d{1,9}(?:\.\d{1,9})?)\D{0,30}?(\d{1,9}(?:\.\d{1,9})?)\s*%", re.IGNORECASE)
 APPLIED = re.compile(r"^applied_(?P<quantity>[a-z]+)_(?P<unit>.+)$")
 LEAST_POINTS = 3
 
@@ -57,6 +57,8 @@ def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str) ->
     applied = table.columns[applied_names[0]] * unit_factor(unit, quantity, f"{path} column {applied_names[0]!r}")
     volts = table.columns[volt_names[0]] * unit_factor(volt_names[0].removeprefix("output_"), "voltage", str(path))
     stated = UNCERTAINTY.search(table.comment)
+    if stated and not float(stated[1]) > 0.0:
+        raise Refusal(f"{path}: states an uncertainty at k={stated[1]}; k has to be above 0, usually 2")
     relative = float(stated[2]) / 100.0 / float(stated[1]) if stated else float("nan")
     return _fit(path, applied, volts, relative)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +14,26 @@ from camtorque.units import is_known_unit
 SNIFF_BYTES = 1 << 18
 SEPARATORS = (";", "\t", ",", " ")
 NAMES = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blank"}
+HEAD_BYTES = 4096
+UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 COMMENT = "#%!'\""
-STAMP = re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d:?\d\d)?$")
+STAMPS: dict[str, re.Pattern[str]] = {
+    "iso": re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d:?\d\d)?$"),
+    "day first": re.compile(r"^\d{1,2}[.]\d{1,2}[.]\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
+    "slashes": re.compile(r"^\d{1,2}/\d{1,2}/\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
+    "clock": re.compile(r"^\d{1,2}:\d\d:\d\d([.,]\d+)?$"),
+    "date": re.compile(r"^\d{4}-\d\d-\d\d$|^\d{1,2}[./]\d{1,2}[./]\d{4}$"),
+}
+"""Kinds of date and time; a date alone is a column that is skipped."""
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 RATE = re.compile(r"(\d[\d.,]*)\W{0,3}(hz|khz|1/s)\b", re.IGNORECASE)
 RATE_WORDS = re.compile(r"rate|freq|abtast|sampl", re.IGNORECASE)
-TIME_NAME = re.compile(r"^(time|zeit|t|timestamp|zeitstempel|datetime|temps|tiempo|x)$", re.IGNORECASE)
+TIME_NAME = re.compile(
+    r"^(time|zeit|timestamp|time.?stamp|zeitstempel|date.?time|temps|tiempo|x_value|elapsed.?time|time.axis)$",
+    re.IGNORECASE,
+)
+MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
+"""Time, unless a column is named outright so, or the recording takes it for a channel."""
 BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 
 
@@ -30,7 +46,8 @@ class CsvLayout:
     data_offset : byte at which the first data row begins
     header_lines : lines before it
     names, units : one per column, units "" where the file says nothing
-    has_stamps : the time column holds ISO 8601 date and time
+    first_row : fields of the first data row
+    surplus : names that the header has beyond the columns, at its end
     header_rate : sampling rate in the header [Hz], None where there is none
     """
 
@@ -41,20 +58,31 @@ class CsvLayout:
     header_lines: int
     names: tuple[str, ...]
     units: tuple[str, ...]
-    has_stamps: bool
+    first_row: tuple[str, ...]
     header_rate: float | None
+    surplus: tuple[str, ...] = ()
+    start: float | None = None
 
     @property
     def n_columns(self) -> int:
         """Number of columns."""
         return len(self.names)
 
-    def time_column(self, declared: str) -> int | None:
+    def time_column(self, declared: str, channels: tuple[str, ...] = ()) -> int | None:
         """Return the column that holds the time: the declared one, else the one that is named so."""
         if declared:
             return self.names.index(declared) if declared in self.names else None
-        found = [number for number, name in enumerate(self.names) if TIME_NAME.match(name)]
-        return found[0] if found else None
+        free = [number for number, name in enumerate(self.names) if name not in channels]
+        for pattern in (TIME_NAME, MAYBE_TIME):
+            found = [number for number in free if pattern.match(self.names[number])]
+            if found:
+                return found[0]
+        return None
+
+    def stamp_kind(self, column: int | None) -> str:
+        """Return the key of `STAMPS` that a column's first field is, "" for a number."""
+        field = self.first_row[column] if column is not None else ""
+        return next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
 
 
 def split_row(line: str, separator: str) -> list[str]:
@@ -66,10 +94,12 @@ def split_row(line: str, separator: str) -> list[str]:
 
 def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     """Find out the layout of a file; ``wanted`` are names that one header line has to hold."""
-    with path.open("rb") as file:
-        head = file.read(SNIFF_BYTES)
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise Refusal(f"{path}: is UTF-16 text; export it as UTF-8 or latin-1")
+    head = b""
+    for piece in text_pieces(path, SNIFF_BYTES):
+        head += piece
+        if len(head) >= SNIFF_BYTES:
+            break
+    head = head[:SNIFF_BYTES]
     encoding = _encoding(head)
     raw_lines = head.split(b"\n")
     if len(head) == SNIFF_BYTES:
@@ -78,7 +108,7 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     separator, decimal, n_columns, first = _table(path, lines)
     offset = sum(len(line) + 1 for line in raw_lines[:first])
     header = lines[:first]
-    names, units = _names(path, header, separator, n_columns, wanted)
+    names, units, surplus = _names(path, header, separator, n_columns, wanted)
     row = split_row(lines[first], separator)
     return CsvLayout(
         encoding=encoding,
@@ -88,9 +118,33 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
         header_lines=first,
         names=names,
         units=units,
-        has_stamps=any(STAMP.match(field) for field in row),
+        first_row=tuple(row),
         header_rate=_header_rate(header),
+        surplus=surplus,
     )
+
+
+def text_pieces(path: Path, size: int) -> Iterator[bytes]:
+    """Yield a text file in pieces of about ``size`` bytes; UTF-16 comes out as UTF-8."""
+    with path.open("rb") as file:
+        wide = utf16(file.read(HEAD_BYTES))
+        file.seek(0)
+        if not wide:
+            while piece := file.read(size):
+                yield piece
+            return
+        decoder = codecs.getincrementaldecoder(wide)(errors="replace")
+        while piece := file.read(size):
+            yield decoder.decode(piece).lstrip("\ufeff").encode("utf-8")
+
+
+def utf16(head: bytes) -> str:
+    """Return the name of the UTF-16 codec of a text, "" where it is another: by its mark, or zeros in every second."""
+    if head.startswith(UTF16_MARKS):
+        return "utf-16-le" if head.startswith(b"\xff\xfe") else "utf-16-be"
+    if len(head) >= 8 and not any(head[1:64:2]) and all(head[0:64:2]):
+        return "utf-16-le"
+    return "utf-16-be" if len(head) >= 8 and not any(head[0:64:2]) and all(head[1:64:2]) else ""
 
 
 def _encoding(head: bytes) -> str:
@@ -106,7 +160,7 @@ def _encoding(head: bytes) -> str:
 
 def _is_value(field: str, decimal: str) -> bool:
     text = field.replace(",", ".") if decimal == "," else field
-    return not field or bool(NUMBER.match(text)) or bool(STAMP.match(field))
+    return not field or bool(NUMBER.match(text)) or any(pattern.match(field) for pattern in STAMPS.values())
 
 
 def _is_row(line: str, separator: str, decimal: str) -> int:
@@ -139,25 +193,26 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, int, int]:
 
 def _names(
     path: Path, header: list[str], separator: str, n_columns: int, wanted: tuple[str, ...]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return column names and units; the line of names is the one that holds the wanted names."""
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return names, units, and names beyond the columns; the line of names is the one that holds the wanted names."""
     rows = [
         split_row(line.lstrip("\ufeff").lstrip(COMMENT) if line[:1] in COMMENT else line, separator) for line in header
     ]
     candidates = []
     for number, row in enumerate(rows):
-        if len(row) != n_columns:
+        row, beyond = row[:n_columns], tuple(field for field in row[n_columns:] if field)
+        if len(row) != n_columns or set(beyond) & set(wanted):
             continue
         plain = [_name_and_unit(field) for field in row]
         hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
-        candidates.append((hits, number, row, plain))
+        candidates.append((hits - len(beyond), number, row, plain, beyond))
     if not candidates:
         raise Refusal(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
             "by name, add a line with the names"
         )
-    hits, number, row, plain = max(candidates, key=lambda item: (item[0], -item[1]))
-    if not hits:
+    hits, number, row, plain, beyond = max(candidates, key=lambda item: (item[0], -item[1]))
+    if hits + len(beyond) <= 0:
         shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
         raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
     names = tuple(field if field in wanted else name for field, (name, _) in zip(row, plain, strict=True))
@@ -166,7 +221,7 @@ def _names(
         # a line of units stands below the names
         if len(other) == n_columns and not any(units) and any(is_known_unit(field) for field in other):
             units = tuple(field.strip("[]() ") for field in other)
-    return names, units
+    return names, units, beyond
 
 
 def _name_and_unit(field: str) -> tuple[str, str]:
@@ -195,3 +250,14 @@ def hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ..
         return ()
     text = f"csv_dialect says {hint!r}, the file is {told}; the file decides"
     return (Finding("csv_dialect_differs", "warning", text, where),)
+
+
+def surplus_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
+    """Tell a header that has more names than the rows have fields."""
+    if not layout.surplus:
+        return ()
+    text = (
+        f"the header has {len(layout.surplus)} more name(s) than the rows have fields; the last, "
+        f"{', '.join(layout.surplus)}, are taken for empty"
+    )
+    return (Finding("csv_header_longer", "warning", text, where),)

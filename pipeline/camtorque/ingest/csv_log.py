@@ -12,19 +12,31 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
 import numpy as np
 import pandas as pd
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.csv_layout import NUMBER, CsvLayout, hint_findings, sniff, split_row
+from camtorque.ingest.csv_layout import (
+    NUMBER,
+    CsvLayout,
+    hint_findings,
+    sniff,
+    split_row,
+    surplus_findings,
+    text_pieces,
+)
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, RawChannel, RawFile, read_into, refusing
 from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
 from camtorque.records import Array, Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, unit_factor
 
 BLOCK_BYTES = 8 * 2**20
+LONGEST_LINE = 2**20
+"""A row of a thousand columns has 20 kilobytes [bytes]."""
+DAY_FIRST = r"^(?P<day>\d{1,2})[./](?P<month>\d{1,2})[./](?P<year>\d{4})[ T]+(?P<clock>\S+)$"
+SLASHES = r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+)$"
 MISSING = ("", "nan", "na", "n/a", "-", "--", "null")
 
 
@@ -69,9 +81,13 @@ class CachedSource:
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a CSV or ASCII file."""
-    layout = sniff(path, tuple(spec.channel for spec in specs))
+    return read_table(path, sniff(path, tuple(spec.channel for spec in specs)), specs, hint)
+
+
+def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read columns of a text whose layout is known."""
     columns = [_column(path, layout, spec.channel) for spec in specs]
-    time_column = layout.time_column(specs[0].time_channel)
+    time_column = layout.time_column(specs[0].time_channel, tuple(spec.channel for spec in specs))
     if specs[0].time_channel and time_column is None:
         shown = ", ".join(layout.names)
         raise Refusal(f"{path}: no time column {specs[0].time_channel!r}; the columns are {shown}")
@@ -79,7 +95,8 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     damage = Damage()
     with refusing(path, "CSV"):
         sources, tail = _columns(path, layout, wanted, time_column, damage)
-    findings = [*hint_findings(layout, hint, path.name), *_damage_findings(damage, path.name), *tail]
+    notes = (*hint_findings(layout, hint, path.name), *surplus_findings(layout, path.name))
+    findings = [*notes, *_damage_findings(damage, path.name), *tail]
     channels = []
     for number, (spec, column) in enumerate(zip(specs, columns, strict=True)):
         base, stamp = _times(path, layout, sources, time_column, spec)
@@ -112,12 +129,12 @@ def _times(
         rate, findings = agreed_rate(layout.header_rate, spec.sample_rate, where, 1e-9, "the header says")
     if column is None:
         rate = layout.header_rate or spec.sample_rate
-        return TimeBase(spec.start_time or 0.0, rate, findings=findings), None
-    times = sources[column]
-    factor = 1.0 if layout.has_stamps else _time_factor(times, layout.units[column], spec, where)
+        return TimeBase(spec.start_time or layout.start or 0.0, rate, findings=findings), None
+    times, kind = sources[column], layout.stamp_kind(column)
+    factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = time_base(times, spec.sample_rate, where, to_seconds=factor)
     base = TimeBase(base.start, base.rate, base.breaks, base.break_steps, (*base.findings, *findings))
-    if not layout.has_stamps:
+    if kind in ("", "clock"):
         return base, None
     return TimeBase(0.0, base.rate, base.breaks, base.break_steps, base.findings), base.start
 
@@ -144,7 +161,7 @@ def _columns(
     in_memory = path.stat().st_size <= IN_MEMORY_BYTES
     parts: dict[int, list[Array]] = {column: [] for column in wanted}
     files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}  # noqa: SIM115
-    stamps = time_column if layout.has_stamps else None
+    stamps = time_column if layout.stamp_kind(time_column) else None
     count, line, tail = 0, layout.header_lines + 1, b""
     for block, is_last in _blocks(path, layout.data_offset):
         if is_last and not block.endswith(b"\n"):
@@ -163,20 +180,25 @@ def _columns(
     return {column: ArraySource(np.concatenate(part)) for column, part in parts.items()}, findings
 
 
+def _refuse_long_line(path: Path, rest: bytes) -> None:
+    if len(rest) > LONGEST_LINE:
+        raise Refusal(
+            f"{path}: a line of more than {LONGEST_LINE} bytes begins with {rest[:30]!r}; no row of a log is so long: "
+            "the file is damaged or no table"
+        )
+
+
 def _blocks(path: Path, offset: int) -> Iterator[tuple[bytes, bool]]:
     """Yield blocks of whole lines; the last one may end inside a line."""
-    with path.open("rb") as file:
-        file.seek(offset)
-        rest = b""
-        while True:
-            piece = file.read(BLOCK_BYTES)
-            if not piece:
-                yield rest, True
-                return
-            whole, newline, rest_of_piece = (rest + piece).rpartition(b"\n")
-            rest = rest_of_piece
-            if newline:
-                yield whole + newline, False
+    rest, skip = b"", offset
+    for piece in text_pieces(path, BLOCK_BYTES):
+        whole, newline, rest_of_piece = (rest + piece[skip:]).rpartition(b"\n")
+        skip = max(skip - len(piece), 0)
+        rest = rest_of_piece
+        _refuse_long_line(path, rest)
+        if newline:
+            yield whole + newline, False
+    yield rest, True
 
 
 def parse_block(
@@ -214,12 +236,21 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int 
         encoding="latin-1",
     )
     if stamps is not None:
-        frame[stamps] = _seconds(pd.to_datetime(frame[stamps].str.replace(",", "."), utc=True, format="ISO8601"))
+        frame[stamps] = _stamps(frame[stamps], layout.stamp_kind(stamps))
     return frame
 
 
-def _seconds(stamps: pd.Series) -> pd.Series:
-    return (stamps - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+def _stamps(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] = "raise") -> pd.Series:
+    """Return date and time in seconds since 1970, a time of day in seconds since midnight."""
+    texts = texts.str.strip().str.replace(",", ".")
+    if kind == "clock":
+        return pd.to_timedelta(texts, errors=errors) / pd.Timedelta(seconds=1)
+    if kind != "iso":
+        parts = texts.str.extract(DAY_FIRST if kind == "day first" else SLASHES)
+        padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
+        texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + parts["clock"]
+    times = pd.to_datetime(texts, utc=True, format="ISO8601", errors=errors)
+    return (times - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
 
 
 def _parse_lines(
@@ -227,6 +258,7 @@ def _parse_lines(
 ) -> list[Array]:
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
     rows: list[list[float]] = []
+    texts: list[str] = []
     for text in block[:-1].decode("latin-1").split("\n"):
         fields = split_row(text.rstrip("\r"), layout.separator)
         while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
@@ -235,19 +267,27 @@ def _parse_lines(
             damage.row(line)
             lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
             rows += [[np.nan] * len(wanted)] * lost
+            texts += [""] * lost
         else:
-            rows.append([_cell(fields[c], layout.decimal, c == stamps, damage, line) for c in wanted])
+            rows.append([np.nan if c == stamps else _cell(fields[c], layout.decimal, damage, line) for c in wanted])
+            texts.append("" if stamps is None else fields[stamps])
         line += 1
-    return list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
+    columns = list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
+    if stamps is not None and rows:
+        columns[wanted.index(stamps)] = _stamp_column(texts, layout.stamp_kind(stamps), damage, line - len(rows))
+    return columns
 
 
-def _cell(text: str, decimal: str, is_stamp: bool, damage: Damage, line: int) -> float:
-    if is_stamp:
-        stamp = pd.to_datetime(text.replace(",", "."), errors="coerce", utc=True, format="ISO8601")
-        if pd.isna(stamp):
-            damage.cell(line)
-            return np.nan
-        return (stamp - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+def _stamp_column(texts: list[str], kind: str, damage: Damage, line: int) -> Array:
+    """Return date and time in seconds since 1970; what is none is nan and counted."""
+    seconds = _stamps(pd.Series(texts, dtype=str), kind, errors="coerce").to_numpy(dtype=np.float64)
+    for number in np.flatnonzero(np.isnan(seconds)):
+        if texts[number].lower() not in MISSING:
+            damage.cell(line + int(number))
+    return seconds
+
+
+def _cell(text: str, decimal: str, damage: Damage, line: int) -> float:
     plain = text.replace(decimal, ".") if decimal != "." else text
     if NUMBER.match(plain):
         return float(plain)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.csv_layout import utf16
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
@@ -18,7 +19,6 @@ from camtorque.units import did_you_mean
 HEAD_BYTES = 4096
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 HDF5_PLACES = (0, 512, 1024, 2048)
-UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ FORMATS: dict[str, Format] = {
     "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
     "catman": Format("catman binary", (), "catman", _is_catman),
     "csv": Format("CSV or ASCII text", ("ascii", "txt"), "csv_log",
-                  lambda head: b"\x00" not in head or head.startswith(UTF16_MARKS)),
+                  lambda head: b"\x00" not in head or bool(utf16(head))),
 }  # fmt: skip
 """Name of a format -> how it is told and what reads it; the first that fits a file's beginning is its format."""
 

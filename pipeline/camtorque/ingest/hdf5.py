@@ -16,6 +16,7 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.raw import CallSource, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import agreed_rate, time_base
+from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, unit_factor
 
@@ -86,6 +87,7 @@ def _find(file: h5py.File, path: Path, group: str, name: str) -> h5py.Dataset:
 def _source(path: Path, data: h5py.Dataset) -> CallSource:
     if data.dtype.kind not in "fiu":
         raise Refusal(f"{path}: data set {data.name} holds {data.dtype}, expected numbers")
+    _refuse_unstored(path, data)
     long = [axis for axis, size in enumerate(data.shape) if size != 1]
     if len(long) > 1 or not data.shape:
         raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples")
@@ -97,6 +99,14 @@ def _source(path: Path, data: h5py.Dataset) -> CallSource:
             return file[key][place]
 
     return CallSource(int(shape[axis]), call, path, "HDF5")
+
+
+def _refuse_unstored(path: Path, data: h5py.Dataset) -> None:
+    """Refuse a data set that declares samples which the file does not store: nothing was ever written there."""
+    declared, stored = int(data.size) * data.dtype.itemsize, int(data.id.get_storage_size())
+    if declared and not stored:
+        raise Refusal(f"{path}: data set {data.name} declares {data.size} samples, the file stores none of them")
+    refuse_bomb(declared, stored, f"{path}: data set {data.name}")
 
 
 def _same_length(path: Path, times: h5py.Dataset, n_times: int, n_samples: int) -> None:

@@ -14,6 +14,8 @@ from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Refusal
 
 MAX_BLOCKS = 2_000_000
+CHAINED = ("DG", "CG", "CN", "DL", "FH", "AT", "EV", "CH")
+"""Kinds whose first link is the next block of the same kind."""
 DZ_HEAD = struct.Struct("<2sBBIQQ")
 
 
@@ -27,6 +29,7 @@ def check_mf4(path: Path) -> None:
         if len(head) < 64 or not head[8:9].isdigit():
             raise Refusal(f"{path}: the first 64 bytes are not an MDF 4 identification; copy the file again")
         seen: dict[int, str] = {}
+        following: dict[int, int] = {}
         waiting = [(64, "the file header")]
         while waiting:
             offset, origin = waiting.pop()
@@ -34,13 +37,30 @@ def check_mf4(path: Path) -> None:
                 continue
             kind, links, length = _block(file, path, size, offset, origin)
             seen[offset] = kind
+            if kind in CHAINED and links and links[0]:
+                following[offset] = links[0]
             if len(seen) > MAX_BLOCKS:
                 raise Refusal(f"{path}: more than {MAX_BLOCKS} blocks; the links of the file run in circles")
             if kind == "DZ":
                 _check_compressed(file, path, offset, length)
             waiting += [(link, f"{kind} at byte {offset}") for link in links if link]
+    _refuse_circles(path, following)
     if "HD" not in seen.values():
         raise Refusal(f"{path}: has no header block (##HD) at byte 64; copy the file again")
+
+
+def _refuse_circles(path: Path, following: dict[int, int]) -> None:
+    """Refuse a chain of blocks that comes back to one it has passed; each block has at most one that follows."""
+    ends: set[int] = set()
+    for start in following:
+        passed: set[int] = set()
+        at = start
+        while at in following and at not in ends:
+            if at in passed:
+                raise Refusal(f"{path}: the chain of blocks at byte {at} runs in a circle: the file is damaged")
+            passed.add(at)
+            at = following[at]
+        ends |= passed
 
 
 def _block(file: BinaryIO, path: Path, size: int, offset: int, origin: str) -> tuple[str, tuple[int, ...], int]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +15,17 @@ from camtorque.config_toml import load_recording_config
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.hashes import input_file
+from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger
 from camtorque.ingest.raw import RawChannel, RawFile
-from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor, with_idle_zero
+from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor, with_idle_zero
 from camtorque.quantities import SHEET_NEEDED, channel_factor
-from camtorque.records import Channel, Finding, Recording, Refusal, SensorCalibration
+from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.toml_table import Problems
 from camtorque.units import UNIT_OFFSETS, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100
+CLOCKS_APART = 3600.0
+"""Clocks of two loggers that nobody set may differ by so much [s]."""
 SPAN_SAMPLES = 1_000_000
 """Samples looked at for the range of a channel whose sheet states none."""
 DURATION_TOLERANCE = 1.0e-4
@@ -52,7 +57,7 @@ def read_recording(path: Path) -> Recording:
     papers = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
     papers += [file for sensor in sensors.values() for file in sensor.files]
     logs = [spec.path for spec in config.channels]
-    return Recording(
+    recording = Recording(
         config=config,
         channels=channels,
         lift_table=cam_table,
@@ -64,8 +69,24 @@ def read_recording(path: Path) -> Recording:
             *file_findings,
             *findings,
             *_ends(config, channels),
+            *_apart(config, raw),
         ),
     )
+    plausible = [*_plausible(config, cam_table), *check_loads(recording)]
+    return replace(recording, findings=_said_once(*recording.findings, *plausible))
+
+
+def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]:
+    """Hold the numbers of the pump against each other and the trigger against the lift table."""
+    if table is None:
+        return []
+    problems, findings = Problems(), []
+    with problems.collecting():
+        findings += check_pump(config, table)
+    with problems.collecting():
+        check_trigger(config, table)
+    problems.raise_any()
+    return findings
 
 
 def _said_once(*findings: Finding) -> tuple[Finding, ...]:
@@ -143,7 +164,7 @@ def _channel(
 ) -> tuple[Channel, list[Finding]]:
     where = f"{spec.path.name} {spec.channel}"
     scale, is_volts, findings = _scale(spec, raw, where)
-    findings += certificate_age(sensor, raw.stamp, where) if sensor is not None else []
+    findings += certificate_age(sensor, _moment(config, raw), where) if sensor is not None else []
     calibration = sensor.calibration if sensor is not None else _shifted_zero(spec)
     reference = config.sensors.get(spec.quantity)
     if sensor is not None and not is_volts:
@@ -171,6 +192,13 @@ def _channel(
         text = f"{channel.duration:.4f} s are there, recording.toml declares {expected:.4f} s"
         findings.append(Finding("duration_differs", "error", text, where))
     return channel, findings
+
+
+def _moment(config: RecordingConfig, raw: RawChannel) -> float | None:
+    """Return when the recording was made in seconds since 1970: as recording.toml says, else as the file does."""
+    if config.date is None:
+        return raw.stamp
+    return datetime(config.date.year, config.date.month, config.date.day, 12, tzinfo=UTC).timestamp()
 
 
 def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool, list[Finding]]:
@@ -232,6 +260,24 @@ def _idle_zero(
     return with_idle_zero(
         calibration, float(values.mean()), math.hypot(drift, float(values.std()) / math.sqrt(values.size))
     )
+
+
+def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
+    """Tell logs whose headers say that they were taken at other times: one may be of another run."""
+    stamps = {spec: channel.stamp for spec, channel in raw.items() if channel.stamp and channel.stamp > FIRST_STAMP}
+    if len(stamps) < 2:
+        return []
+    first, last = min(stamps, key=stamps.__getitem__), max(stamps, key=stamps.__getitem__)
+    apart = stamps[last] - stamps[first]
+    length = max(channel.source.n_samples / channel.sample_rate for channel in raw.values())
+    shared = all(logger.clock != "independent" for logger in config.loggers)
+    if apart <= (length if shared else max(length, CLOCKS_APART)):
+        return []
+    text = (
+        f"the headers of {first.path.name} and {last.path.name} are {apart:.4g} s apart, the logs last {length:.4g} s: "
+        "one may be of another run"
+    )
+    return [Finding("logs_of_other_times", "warning", text, config.path.name)]
 
 
 def _ends(config: RecordingConfig, channels: tuple[Channel, ...]) -> list[Finding]:

@@ -27,6 +27,10 @@ READING_STEP = 1.0e-4
 """Standstill readings are noted to a tenth of a millivolt [V]; scaled ones to the same part of 10 V of range."""
 CERTIFICATE_DAYS = 366
 """A certificate older than this is told; sensors are calibrated once a year."""
+MILLIVOLTS = 0.1
+"""A zero is noted in volts below this; millivolts written as volts lie above [V]."""
+LOW_PASS_DELAYS = {1: 1.0, 2: 1.41421, 3: 2.0, 4: 2.61313}
+"""Order of a Butterworth low-pass -> its delay at low frequency times its corner [rad]; Bessel ones are near."""
 FIRST_STAMP = 946_684_800.0
 """2000-01-01: a logger that says an earlier date has no clock [s since 1970]."""
 
@@ -193,12 +197,38 @@ def _with_zero(
     return replace(calibration, zero_volts=zero, zero_std=std, zero_source="standstill")
 
 
+def _refuse_millivolts(off: float, tolerance: float, calibration: SensorCalibration, line: CertificateLine) -> None:
+    """Refuse standstill readings that fit the certificate only if they are in millivolts."""
+    shrunk = abs(line.gain) * abs(1e-3 * calibration.zero_volts - line.zero_volts)
+    if abs(off) > 5.0 * tolerance and shrunk <= tolerance and abs(calibration.zero_volts) > MILLIVOLTS:
+        value = calibration.zero_volts
+        raise Refusal(
+            f"[sensors.{calibration.quantity}] zero_before_V, zero_after_V: a zero of {value:g} V is "
+            f"{100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's: did you mean "
+            f"{value:g} mV = {1e-3 * value:g} V?"
+        )
+
+
+def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
+    """Refuse a total delay that is shorter than that of the low-pass which it includes."""
+    cutoff, order = sheet["cutoff_hz"], max(sheet.filter_order, 1)
+    if cutoff is None or order not in LOW_PASS_DELAYS:
+        return
+    least = LOW_PASS_DELAYS[order] / (2.0 * math.pi * cutoff)
+    if delay < 0.5 * least:
+        raise Refusal(
+            f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
+            f"(order {order}, {cutoff:g} Hz), which it has to include"
+        )
+
+
 def _zero_findings(calibration: SensorCalibration, sheet: Sheet, line: CertificateLine) -> list[Finding]:
     """Tell a standstill zero that lies further from the certificate's than the sheet allows."""
     off = line.gain * (calibration.zero_volts - line.zero_volts)
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain))
     if calibration.zero_source != "standstill" or abs(off) <= tolerance:
         return []
+    _refuse_millivolts(off, tolerance, calibration, line)
     text = (
         f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
         f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used"
@@ -208,12 +238,18 @@ def _zero_findings(calibration: SensorCalibration, sheet: Sheet, line: Certifica
 
 def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Finding]:
     """Tell a certificate that is older than a year, or younger than the recording; ``stamp`` counts from 1970 [s]."""
-    if stamp is None or sensor.calibration_date is None or stamp < FIRST_STAMP:
+    if sensor.calibration_date is None:
         return []
+    if stamp is None or stamp < FIRST_STAMP:
+        text = (
+            f"nothing says when this was recorded, so the certificate of {sensor.calibration.serial} of "
+            f"{sensor.calibration_date} cannot be judged; give date in [recording]"
+        )
+        return [Finding("certificate_age_unknown", "info", text)]
     days = (datetime.fromtimestamp(stamp, UTC).date() - sensor.calibration_date).days
     if 0 <= days <= CERTIFICATE_DAYS:
         return []
-    what = f"{days} days old" if days > 0 else f"{-days} days younger than the recording"
+    what = f"{days} days old" if days > 0 else f"dated {-days} days after the recording"
     return [Finding("certificate_age", "warning", f"the certificate of {sensor.calibration.serial} is {what}", where)]
 
 
@@ -246,6 +282,7 @@ def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
         usual = USUAL_DELAYS.get(quantity, 0.0)
         text = f"{1e3 * usual:g} ms +/- 100 %"
         return usual, usual / math.sqrt(3.0), [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
+    _refuse_short_delay(sheet, delay)
     percent = sheet.percent("group_delay_note")
     if percent is not None:
         return delay, delay * percent / 100.0 / math.sqrt(3.0), []

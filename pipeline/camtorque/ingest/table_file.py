@@ -10,6 +10,9 @@ import numpy as np
 from camtorque.ingest.csv_layout import split_row
 from camtorque.records import Array, Refusal
 
+LARGEST_FILE = 4 * 2**20
+"""Ten columns of 36 000 rows [bytes]."""
+
 
 @dataclass(frozen=True)
 class SmallTable:
@@ -23,9 +26,7 @@ class SmallTable:
 
 def read_small_table(path: Path, what: str) -> SmallTable:
     """Read a table with comma, semicolon or tab, decimal point or (not with commas between columns) decimal comma."""
-    if not path.is_file():
-        raise Refusal(f"{path}: no such file; expected {what} (paths are relative to the file that names it)")
-    lines = _text(path).splitlines()
+    lines = _text(path, what).splitlines()
     comment = " ".join(line.lstrip("#% ") for line in lines if line.startswith(("#", "%")))
     rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith(("#", "%"))]
     if len(rows) < 2:
@@ -41,8 +42,17 @@ def read_small_table(path: Path, what: str) -> SmallTable:
     return SmallTable(path, dict(zip(names, np.array(values).T, strict=True)), comment, decimals)
 
 
-def _text(path: Path) -> str:
-    data = path.read_bytes()
+def _text(path: Path, what: str) -> str:
+    try:
+        if not path.is_file():
+            raise Refusal(f"{path}: no such file; expected {what} (paths are relative to the file that names it)")
+        if path.stat().st_size > LARGEST_FILE:
+            raise Refusal(
+                f"{path}: {path.stat().st_size} bytes, {what} has at most {LARGEST_FILE}; is it the right file?"
+            )
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise Refusal(f"{str(path)[:200]}: cannot be read ({getattr(error, 'strerror', error)})") from error
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

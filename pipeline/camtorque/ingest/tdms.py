@@ -25,8 +25,12 @@ from camtorque.units import did_you_mean
 
 LEAD_IN = 28
 INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
+MOST_SEGMENTS = 100_000
+"""A logger that writes ten times a second fills so many in three hours; beyond it reading takes minutes."""
 UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
 SCALE_COUNT = "NI_Number_Of_Scales"
+MOST_SCALES = 12
+"""A chain of raw count, volts, bridge and unit has four; each may be computed from two others."""
 
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
@@ -54,6 +58,11 @@ def check_segments(path: Path) -> tuple[Finding, ...]:
             file.seek(position)
             lead = file.read(LEAD_IN)
             number += 1
+            if number > MOST_SEGMENTS:
+                raise Refusal(
+                    f"{path}: more than {MOST_SEGMENTS} segments in {size} bytes; defragment the file "
+                    "(TDMS Defragment in LabVIEW or DIAdem) and use that"
+                )
             if len(lead) < LEAD_IN or lead[:4] != b"TDSm":
                 raise Refusal(
                     f"{path}: segment {number} at byte {position} has no lead-in: the file is cut or damaged there; "
@@ -129,6 +138,7 @@ def _epoch(stamp: Any) -> float | None:
 
 
 def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
+    _refuse_many_scales(file, channel, path)
     scaling = get_scaling(channel.properties, file[channel.group_name].properties, file.properties)
     if scaling is None and int(channel.properties.get(SCALE_COUNT, 0)) > 0:
         raise Refusal(f"{path}: channel {channel.name!r} has a scale of an unknown kind; export it scaled")
@@ -137,7 +147,20 @@ def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
         return CallSource(len(channel), lambda start, stop: _by_library(path, channel, start, stop), path, "TDMS")
     # the library's scales expect an object with the raw values in .data
     scale = None if scaling is None else lambda raw: scaling.scale(SimpleNamespace(data=raw, scaler_data=None))
+    if scale is not None:
+        with refusing(path, "TDMS", f"scale of {channel.name!r}"):  # one that points to itself ends here
+            scale(np.zeros(1))
     return FileSource(path, pieces, scale)
+
+
+def _refuse_many_scales(file: TdmsFile, channel: TdmsChannel, path: Path) -> None:
+    for properties in (channel.properties, file[channel.group_name].properties, file.properties):
+        count = properties.get(SCALE_COUNT, 0)
+        if not isinstance(count, (int, np.integer)) or not 0 <= count <= MOST_SCALES:
+            raise Refusal(
+                f"{path}: channel {channel.name!r} states {count!r:.40} scales, expected at most {MOST_SCALES}; "
+                "the file is damaged, export it scaled"
+            )
 
 
 def _by_library(path: Path, channel: TdmsChannel, start: int, stop: int) -> np.ndarray:

@@ -8,6 +8,19 @@ from typing import BinaryIO
 from camtorque.records import Refusal
 
 PIECE = 1 << 20
+ALWAYS_UNPACKED = 256 * 2**20
+"""Data up to this size are unpacked however well they are packed [bytes]."""
+BEST_PACKING = 50
+"""Measured signals pack ten to one at best; what claims more beyond `ALWAYS_UNPACKED` is a bomb."""
+
+
+def refuse_bomb(unpacked: int, packed: int, where: str) -> None:
+    """Refuse data that would unpack to a size that no measured signal packs from."""
+    if unpacked > max(ALWAYS_UNPACKED, BEST_PACKING * packed):
+        raise Refusal(
+            f"{where} unpacks to {unpacked / 2**20:.0f} MB or more from {packed / 2**20:.3g} MB, which no measured "
+            "signal does; export the log again"
+        )
 
 
 def checked_size(file: BinaryIO, packed: int, where: str) -> int:
@@ -22,6 +35,7 @@ def checked_size(file: BinaryIO, packed: int, where: str) -> int:
             data = unpacker.decompress(piece, PIECE)
             while data or unpacker.unconsumed_tail:
                 total += len(data)
+                refuse_bomb(total, packed, where)
                 data = unpacker.decompress(unpacker.unconsumed_tail, PIECE)
         total += len(unpacker.flush())
     except zlib.error as error:

@@ -1,0 +1,196 @@
+"""Numbers that are each within their band and still cannot belong together: a slip is refused with its place.
+
+`PUMP_RATIOS` compares sizes of one pump with each other, `check_loads` the largest torque with what the largest
+pressure can cause. The limits come from 24 pumps of other makers and five own recordings, for which the ratios lie in
+``seen``; what lies a factor of five or so outside is told, what lies far outside is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.config import PumpData, RecordingConfig
+from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.toml_table import Problems
+from camtorque.units import BAR
+
+PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
+STEEL_DENSITY = 7850.0
+BLOCKS, BLOCK_SAMPLES = 16, 50_000
+"""Pieces of a log looked at for its largest values; each holds several revolutions at usual rates."""
+LOADED = 30.0 * BAR
+"""Below this peak pressure friction and spring rule the torque."""
+LOAD_SEEN, LOAD_USUAL, LOAD_POSSIBLE = (0.8, 1.5), (0.55, 2.2), (0.3, 4.0)
+HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
+"""Contact stress of rolling steel is 0.5 to 2.5 GPa; 6 GPa marks any steel at first touch [Pa]."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A ratio of sizes of one pump: what it is, its value, limits, the keys to look at."""
+
+    what: str
+    value: Callable[[PumpData, CamTable], float]
+    seen: tuple[float, float]
+    usual: tuple[float, float]
+    possible: tuple[float, float]
+    keys: str
+
+
+def _steel(radius: float) -> float:
+    return STEEL_DENSITY * radius**3
+
+
+PUMP_RATIOS: dict[str, Ratio] = {
+    "lift": Ratio("largest lift over base circle radius", lambda p, t: float(np.max(t.lift)) / p.base_circle_radius,
+                  (0.24, 0.49), (0.03, 1.0), (0.003, 1.6), "the unit of the lift table, base_circle_radius_m"),
+    "plunger": Ratio("plunger diameter over base circle radius", lambda p, t: p.plunger_diameter / p.base_circle_radius,
+                     (0.25, 0.57), (0.08, 1.6), (0.02, 3.0), "plunger_diameter_m, base_circle_radius_m"),
+    "roller": Ratio("roller radius over base circle radius", lambda p, t: p.roller_radius / p.base_circle_radius,
+                    (0.25, 0.55), (0.08, 1.6), (0.02, 4.0), "roller_radius_m, base_circle_radius_m"),
+    "roller_width": Ratio("roller width over its radius", lambda p, t: p.roller_width / p.roller_radius,
+                          (0.6, 1.5), (0.1, 6.0), (0.02, 20.0), "roller_width_m, roller_radius_m"),
+    "offset": Ratio("follower offset over base circle and roller radius",
+                    lambda p, t: abs(p.follower_offset) / (p.base_circle_radius + p.roller_radius),
+                    (0.0, 0.1), (0.0, 0.5), (0.0, 0.95), "follower_offset_m"),
+    "cam_inertia": Ratio("cam inertia over its mass times base circle radius squared",
+                         lambda p, t: p.cam_inertia / (p.cam_mass * p.base_circle_radius**2),
+                         (0.11, 0.74), (0.03, 5.0), (0.003, 50.0), "cam_inertia_kg_m2, cam_mass_kg"),
+    "cam_mass": Ratio("cam mass over that of a steel cube of its radius",
+                      lambda p, t: p.cam_mass / _steel(p.base_circle_radius),
+                      (1.4, 12.0), (0.2, 100.0), (0.02, 2000.0), "cam_mass_kg, base_circle_radius_m"),
+    "follower_mass": Ratio("follower mass over that of a steel cube of the cam's radius",
+                           lambda p, t: p.follower_mass / _steel(p.base_circle_radius),
+                           (0.42, 4.4), (0.06, 10.0), (0.005, 100.0), "follower_mass_kg, base_circle_radius_m"),
+    "spring": Ratio("spring preload over the force it gains by the lift",
+                    lambda p, t: p.spring_preload / (p.spring_stiffness * float(np.max(t.lift)))
+                    if p.spring_stiffness and p.spring_preload else 1.0,
+                    (0.32, 1.63), (0.1, 6.0), (0.003, 300.0), "spring_stiffness_N_per_m, spring_preload_N"),
+    "roller_mass": Ratio("roller mass over follower mass", lambda p, t: (p.roller_mass or 0.0) / p.follower_mass,
+                         (0.0, 0.5), (0.0, 0.9), (0.0, 1.0), "roller_mass_kg, follower_mass_kg"),
+    "roller_inertia": Ratio("roller inertia over that of a ring of the follower's mass",
+                            lambda p, t: (p.roller_inertia or 0.0) / (p.follower_mass * p.roller_radius**2),
+                            (0.0, 0.3), (0.0, 0.8), (0.0, 1.0), "roller_inertia_kg_m2, roller_radius_m"),
+}  # fmt: skip
+
+
+def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
+    """Compare sizes of one pump with each other.
+
+    Raises
+    ------
+    Refusals : sizes that no one pump has, all of them
+    """
+    problems, findings = Problems(), []
+    where = f"{config.path} [pump]"
+    for ratio in PUMP_RATIOS.values():
+        value = ratio.value(config.pump, table)
+        text = f"{ratio.what} is {value:.3g}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; check {ratio.keys}"
+        if not ratio.possible[0] <= value <= ratio.possible[1]:
+            problems.texts.append(f"{where}: {text}")
+        elif not ratio.usual[0] <= value <= ratio.usual[1]:
+            findings.append(Finding("pump_unusual", "warning", text, f"{config.path.name} [pump]"))
+    problems.raise_any()
+    return findings
+
+
+def check_trigger(config: RecordingConfig, table: CamTable) -> None:
+    """Refuse a nominal angle that is said to end the pre-stroke where the lift table does not rise."""
+    trigger = config.trigger
+    if not PRE_STROKE.search(trigger.meaning) or trigger.side != "cam":
+        return
+    at = trigger.nominal_angle + trigger.installation_tolerance * np.linspace(-1.0, 1.0, 21)
+    step = np.radians(2.0)
+    lift = [np.interp(at + shift, table.theta, table.lift, period=2.0 * np.pi) for shift in (-step, step)]
+    if np.any(lift[1] - lift[0] > 4.0 * table.resolution):
+        return
+    grid = np.radians(np.arange(0.0, 360.0, 1.0))
+    rise = np.diff(np.interp(np.append(grid, grid[0] + 2.0 * np.pi), table.theta, table.lift, period=2.0 * np.pi))
+    rising = np.degrees(grid[rise > 0.05 * rise.max()])
+    raise Refusal(
+        f"{config.path} [trigger] nominal_angle_deg: {np.degrees(trigger.nominal_angle):g} degrees is said to be the "
+        f"{trigger.meaning!r}, but the lift rises from {rising.min():g} to {rising.max():g} degrees; the lift "
+        "table is turned or the angle is wrong"
+    )
+
+
+def check_loads(recording: Recording) -> list[Finding]:
+    """Hold torque and contact stress against the pressure: how large each can be at the other's largest value.
+
+    Raises
+    ------
+    Refusal : torque and pressure cannot come from this pump; names what each number would have to be
+    """
+    torque, pressure = recording.of("torque"), recording.of("pressure")
+    if recording.lift_table is None or not pressure or pressure[0].calibration is None:
+        return []
+    pump, where = recording.config.pump, f"{recording.config.path} [pump]"
+    peak = _largest(pressure[0])
+    if not peak > LOADED:
+        return []
+    findings = _contact(pump, pump.plunger_area * peak, where)
+    if not torque or torque[0].calibration is None:
+        return findings
+    slope, rise = _steepest(recording.lift_table)
+    speed = recording.config.nominal_speed
+    spring = pump.spring_preload + pump.spring_stiffness * float(np.max(recording.lift_table.lift))
+    by_pressure = pump.plunger_area * peak * slope
+    other = (spring + pump.follower_mass * speed**2 * rise) * slope
+    measured = _largest(torque[0])
+    text = (
+        f"the largest torque is {measured:.3g} N m, the largest pressure of {peak / BAR:.4g} bar gives "
+        f"{by_pressure:.3g} N m on a plunger of {1e3 * pump.plunger_diameter:g} mm where the lift rises steepest "
+        f"({1e3 * slope:.3g} mm/rad)"
+    )
+    low, high = measured / (by_pressure + other), measured / by_pressure
+    if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
+        raise Refusal(f"{where}: {text}; {_implied(pump, slope, measured / by_pressure)}")
+    if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:
+        findings.append(Finding("torque_against_pressure", "warning",
+                                f"{text}; {_implied(pump, slope, measured / by_pressure)}", where))  # fmt: skip
+    return findings
+
+
+def _implied(pump: PumpData, slope: float, ratio: float) -> str:
+    diameter = 1e3 * pump.plunger_diameter * math.sqrt(ratio)
+    return (
+        f"one is wrong: plunger_diameter_m ({diameter:.3g} mm would fit), the unit of the lift table "
+        f"({1e3 * slope * ratio:.3g} mm/rad), the sensitivity of pressure (x {ratio:.3g}) or of torque "
+        f"(x {1.0 / ratio:.3g}); or the logs are not of one run"
+    )
+
+
+def _contact(pump: PumpData, force: float, where: str) -> list[Finding]:
+    """Judge the line contact of roller and base circle under the plunger's force (Hertz; both convex)."""
+    shares = (1.0 - pump.poisson_ratio**2) * (1.0 / pump.youngs_modulus_cam + 1.0 / pump.youngs_modulus_roller)
+    curvature = 1.0 / pump.base_circle_radius + 1.0 / pump.roller_radius
+    stress = math.sqrt(force * curvature / (math.pi * pump.roller_width * shares))
+    text = (
+        f"the contact stress at the largest pressure is {1e-9 * stress:.3g} GPa, rolling steel has 0.5 to 2.5; check "
+        "roller_width_m, roller_radius_m, plunger_diameter_m, youngs_modulus_*_Pa"
+    )
+    if stress > HERTZ_POSSIBLE:
+        raise Refusal(f"{where}: {text}")
+    return [Finding("contact_stress_unusual", "warning", text, where)] if stress > HERTZ_USUAL else []
+
+
+def _steepest(table: CamTable) -> tuple[float, float]:
+    """Return largest slope [m/rad] and largest rise of slope [m/rad^2], over 5 degrees to quieten the table's noise."""
+    grid = np.radians(np.arange(0.0, 365.0, 5.0))
+    lift = np.interp(grid, table.theta, table.lift, period=2.0 * np.pi)
+    slope = np.diff(lift) / np.diff(grid)
+    return float(np.max(np.abs(slope))), float(np.max(np.abs(np.diff(slope)))) / float(np.radians(5.0))
+
+
+def _largest(channel: Channel) -> float:
+    """Return the largest value that is no stray sample: the 99.9th percentile of pieces all over the log."""
+    last = max(channel.n_samples - BLOCK_SAMPLES, 0)
+    starts = np.unique(np.linspace(0, last, BLOCKS).astype(int))
+    values: Array = np.concatenate([channel.read(int(s), int(s) + BLOCK_SAMPLES) for s in starts])
+    values = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(values, 99.9)) if values.size else math.nan

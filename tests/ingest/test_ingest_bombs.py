@@ -1,0 +1,149 @@
+"""Files that claim, or unpack to, more than they hold are refused before memory or minutes are spent on them."""
+
+import resource
+import struct
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from camtorque.ingest import read_recording
+from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.formats import FORMATS, file_format
+from camtorque.records import Refusal
+from damaged.build import MAT, PLANS
+from damaged.logs import Plan, clean_log, write_folder, write_tdms
+
+
+def folder_of(tmp_path: Path, plan: Plan) -> tuple[Path, Path]:
+    folder = write_folder(tmp_path / "r", [clean_log(revolutions=3.0)], plan)
+    return folder, next(path for path in folder.iterdir() if path.suffix != ".toml")
+
+
+@pytest.fixture(autouse=True)
+def little_memory():
+    """Each refusal comes with less than 1 GB: numpy raises MemoryError beyond it, which is no refusal."""
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 2**30, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@pytest.mark.parametrize(("chunks", "written"), [(None, 0), ((1000,), 0), ((1000,), 5000)])
+def test_an_hdf5_that_claims_a_billion_samples(tmp_path: Path, chunks: tuple[int, ...] | None, written: int):
+    folder, file = folder_of(tmp_path, PLANS["hdf5"])
+    with h5py.File(file, "a") as data:
+        del data["Main/Torque"]
+        claimed = data["Main"].create_dataset("Torque", shape=(10**12,), dtype="f4", chunks=chunks)
+        if written:
+            claimed[:written] = 1.0
+    with pytest.raises(Refusal, match=r"the file stores none of them|no measured signal does"):
+        read_recording(folder)
+
+
+def mat_element(kind: int, data: bytes) -> bytes:
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def test_a_mat_of_zeros(tmp_path: Path):
+    folder, file = folder_of(tmp_path, MAT)
+    packer = zlib.compressobj(9)
+    count = 60_000_000
+    flags = mat_element(6, struct.pack("<II", 6, 0)) + mat_element(5, struct.pack("<ii", 1, count))
+    head = flags + mat_element(1, b"Torque")
+    body = [
+        packer.compress(struct.pack("<II", 14, len(head) + 8 + 8 * count) + head + struct.pack("<II", 9, 8 * count))
+    ]
+    body += [packer.compress(bytes(8_000_000)) for _ in range(8 * count // 8_000_000)]
+    packed = b"".join([*body, packer.flush()])
+    file.write_bytes(file.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
+    with pytest.raises(Refusal, match=r"unpacks to .* MB or more from .* MB, which no measured signal does"):
+        read_recording(folder)
+
+
+def test_a_tdms_scale_that_points_to_itself(tmp_path: Path):
+    folder, file = folder_of(tmp_path, PLANS["tdms"])
+    write_tdms(file, clean_log(revolutions=3.0), scaled=True)
+    data = file.read_bytes()
+    assert data.count(struct.pack("<I", 0xFFFFFFFF)) >= 1
+    at = data.index(b"Linear_Input_Source") + len("Linear_Input_Source") + 4
+    file.write_bytes(data[:at] + struct.pack("<I", 0) + data[at + 4 :])
+    with pytest.raises(Refusal, match="scale of 'Torque': cannot be read as TDMS"):
+        read_recording(folder)
+
+
+def test_a_tdms_with_too_many_scales(tmp_path: Path):
+    folder, file = folder_of(tmp_path, PLANS["tdms"])
+    write_tdms(file, clean_log(revolutions=3.0), scaled=True)
+    data = file.read_bytes()
+    at = data.index(b"NI_Number_Of_Scales") + len("NI_Number_Of_Scales") + 4
+    file.write_bytes(data[:at] + struct.pack("<I", 2**31) + data[at + 4 :])
+    with pytest.raises(Refusal, match="states 2147483648 scales, expected at most 12"):
+        read_recording(folder)
+
+
+def test_a_tdms_of_empty_segments(tmp_path: Path):
+    folder, file = folder_of(tmp_path, PLANS["tdms"])
+    empty = b"TDSm" + struct.pack("<iiQQ", 0, 4713, 0, 0)
+    file.write_bytes(file.read_bytes() + 300_000 * empty)
+    with pytest.raises(Refusal, match="more than 100000 segments"):
+        read_recording(folder)
+
+
+def test_an_mf4_whose_blocks_run_in_a_circle(tmp_path: Path):
+    pytest.importorskip("asammdf")
+    folder, file = folder_of(tmp_path, replace(PLANS["mf4"], writer_options={"compression": 0}))
+    data = bytearray(file.read_bytes())
+    at = data.index(b"##CN")
+    data[at + 24 : at + 32] = struct.pack("<Q", at)
+    file.write_bytes(data)
+    with pytest.raises(Refusal, match="runs in a circle"):
+        read_recording(folder)
+
+
+def test_a_csv_with_an_endless_line(tmp_path: Path):
+    folder, file = folder_of(tmp_path, PLANS["csv"])
+    with file.open("ab") as stream:
+        for _ in range(4):
+            stream.write(b"1" * 8_000_000)
+    with pytest.raises(Refusal, match="a line of more than 1048576 bytes begins with b'1111"):
+        read_recording(folder)
+
+
+def test_a_huge_lift_table(tmp_path: Path):
+    pump = read_recording(folder_of(tmp_path, PLANS["hdf5"])[0]).config.pump
+    file = tmp_path / "cam.csv"
+    file.write_text("cam_angle_deg,lift_mm\n" + "".join(f"{0.00018 * n:.5f},1.0\n" for n in range(400_000)))
+    with pytest.raises(Refusal, match="a lift table has at most"):
+        read_cam_table(replace(pump, cam_table_path=file))
+
+
+@pytest.mark.parametrize(
+    ("comment", "message"),
+    [("resolution 1.2.3 um", None), ("resolution 1e9999 um", "unknown unit"), ("resolution 1 furlong", "unknown unit")],
+)
+def test_odd_comments_of_a_lift_table(tmp_path: Path, comment: str, message: str | None):
+    pump = read_recording(folder_of(tmp_path, PLANS["hdf5"])[0]).config.pump
+    file = tmp_path / "cam.csv"
+    angle = np.arange(0.0, 360.0, 5.0)
+    rows = "".join(f"{a},{4 - 4 * np.cos(np.radians(a)):.4f}\n" for a in angle)
+    file.write_text(f"# {comment}\ncam_angle_deg,lift_mm\n{rows}")
+    if message is None:
+        assert 0.0 < read_cam_table(replace(pump, cam_table_path=file))[0].resolution < 1.0
+        return
+    with pytest.raises(Refusal, match=message):
+        read_cam_table(replace(pump, cam_table_path=file))
+
+
+def test_content_decides_before_the_suffix(tmp_path: Path):
+    folder, file = folder_of(tmp_path, PLANS["hdf5"])
+    text = (folder / "recording.toml").read_text(encoding="utf-8")
+    renamed = file.rename(file.with_suffix(".csv"))
+    (folder / "recording.toml").write_text(
+        text.replace(file.name, renamed.name).replace('file_format = "hdf5"\n', ""), encoding="utf-8"
+    )
+    assert FORMATS[file_format(renamed, "")].shown == "HDF5"
+    assert read_recording(folder).of("torque")[0].n_samples > 0

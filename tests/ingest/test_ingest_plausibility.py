@@ -1,0 +1,130 @@
+"""Slips that no single number shows: sizes that no one pump has, torque that the pressure cannot cause."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.ingest import read_recording
+from camtorque.ingest.plausibility import PUMP_RATIOS
+from camtorque.records import Refusal
+from damaged.logs import CALIBRATION
+
+EXAMPLE = CALIBRATION.parent / "raw_examples" / "A_1000rpm"
+TORQUE = "torque_T22-40117.toml"
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    shutil.copytree(EXAMPLE, tmp_path / "raw_examples" / "A")
+    shutil.copytree(CALIBRATION, tmp_path / "calibration")
+    return tmp_path
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def read(bench: Path):
+    return read_recording(bench / "raw_examples" / "A")
+
+
+def codes(bench: Path) -> set[str]:
+    return {finding.code for finding in read(bench).findings}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("plunger_diameter_m = 0.008", "plunger_diameter_m = 0.08", "plunger diameter over base circle radius is 4"),
+        ("plunger_diameter_m = 0.008", "plunger_diameter_m = 0.0016", r"plunger_diameter_m \(7\.39 mm would fit\)"),
+        ("cam_inertia_kg_m2 = 5e-05", "cam_inertia_kg_m2 = 0.05", "cam inertia over its mass times"),
+        ("follower_mass_kg = 0.075", "follower_mass_kg = 75", "follower mass over that of a steel cube"),
+        (
+            "spring_preload_N = 110.0",
+            "roller_mass_kg = 0.2\nspring_preload_N = 110.0",
+            "roller mass over follower mass",
+        ),
+        ("roller_width_m = 0.005", "roller_width_m = 0.0005", "contact stress at the largest pressure is .* GPa"),
+        ("nominal_angle_deg = 20.0", "nominal_angle_deg = 110.0", "the lift rises from .* to .* degrees"),
+        ("zero_before_V = 0.0011\nzero_after_V = -0.0003", "zero_before_V = 0.4\nzero_after_V = 0.4", "mean 0.4 mV"),
+    ],
+)
+def test_impossible_pumps_are_refused(bench: Path, old: str, new: str, message: str):
+    edit(bench / "raw_examples" / "A" / "recording.toml", old, new)
+    with pytest.raises(Refusal, match=message):
+        read(bench)
+
+
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [
+        (10.0, "largest lift over base circle radius is 4"),
+        (25.4, "largest lift over base circle radius"),
+        (0.1, "the unit of the lift table"),
+    ],
+)
+def test_a_lift_table_in_another_unit_is_refused(bench: Path, factor: float, message: str):
+    file = bench / "calibration" / "cam_A.csv"
+    lines = file.read_text().splitlines()
+    rows = [line.split(",") for line in lines[2:]]
+    file.write_text("\n".join(lines[:2] + [f"{angle},{factor * float(lift):.6f}" for angle, lift in rows]) + "\n")
+    with pytest.raises(Refusal, match=message):
+        read(bench)
+
+
+def test_a_turned_lift_table_is_refused(bench: Path):
+    file = bench / "calibration" / "cam_A.csv"
+    lines = file.read_text().splitlines()
+    rows = np.array([[float(field) for field in line.split(",")] for line in lines[2:]])[:360]
+    rows[:, 1] = np.roll(rows[:, 1], 90)
+    file.write_text("\n".join(lines[:2] + [f"{angle:g},{lift:.6f}" for angle, lift in rows]) + "\n")
+    with pytest.raises(Refusal, match=r"the lift rises from 9\d to 14\d degrees; the lift table is turned"):
+        read(bench)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("group_delay_s = 0.00045", "group_delay_s = 0.0", "shorter than the 0.000225 s of its own low-pass"),
+        ("group_delay_s = 0.00045", "group_delay_s = 0.0045", "from 0 to 0.002 s"),
+        ("group_delay_s = 0.00045", "group_delay_s = 0.45", "did you mean 0.45 ms = 0.00045"),
+        ("residual_ripple_V = 0.005", "residual_ripple_V = nan", "residual_ripple_V: found nan"),
+        ("accuracy_class = 0.5", "accuracy_class = -0.5", "accuracy_class: found -0.5"),
+    ],
+)
+def test_impossible_sheets_are_refused(bench: Path, old: str, new: str, message: str):
+    edit(bench / "calibration" / TORQUE, old, new)
+    with pytest.raises(Refusal, match=message):
+        read(bench)
+
+
+def test_unusual_pumps_are_told(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    assert not codes(bench) & {"pump_unusual", "torque_against_pressure", "contact_stress_unusual"}
+    edit(toml, "follower_mass_kg = 0.075", "follower_mass_kg = 0.75")
+    edit(toml, "spring_stiffness_N_per_m = 20000.0", "spring_stiffness_N_per_m = 200000.0")
+    texts = [finding.text for finding in read(bench).findings if finding.code == "pump_unusual"]
+    assert ["follower_mass_kg" in texts[0], "spring_stiffness_N_per_m" in texts[1]] == [True, True]
+
+
+def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench: Path):
+    edit(bench / "raw_examples" / "A" / "recording.toml", "plunger_diameter_m = 0.008", "plunger_diameter_m = 0.004")
+    assert "torque_against_pressure" in codes(bench)
+
+
+def test_stale_and_future_certificates_are_told_by_the_date_of_the_recording(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    edit(toml, '[recording]\nid = "A_1000rpm"', '[recording]\nid = "A_1000rpm"\ndate = 2030-01-01')
+    assert "certificate_age" in codes(bench)
+    edit(toml, "2030-01-01", "2020-01-01")
+    texts = [finding.text for finding in read(bench).findings if finding.code == "certificate_age"]
+    assert "days after the recording" in texts[0]
+
+
+def test_every_limit_holds_what_was_seen():
+    for ratio in PUMP_RATIOS.values():
+        assert ratio.possible[0] <= ratio.usual[0] <= ratio.seen[0] <= ratio.seen[1] <= ratio.usual[1]
+        assert ratio.usual[1] <= ratio.possible[1]
