@@ -234,6 +234,41 @@ def test_check_tells_what_a_recording_holds(capsys: pytest.CaptureFixture[str]) 
         assert word in printed
 
 
+def test_check_shows_the_cut_flow_and_what_the_recording_is_enough_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
+    doc = json.loads(capsys.readouterr().out)
+    assert doc["usable"] == ["align", "run"]
+    assert {"missed_trigger", "misfire"} <= {row["reason"] for row in doc["cut_flow"]}
+
+
+def test_check_lists_every_error(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(copy, "plunger_diameter_m = 0.008", "plunger_diameter_m = 8")
+    edit(copy, 'edge = "rising"', 'edge = "up"')
+    assert cli.main(["check", str(copy)]) == 2
+    printed = capsys.readouterr().out
+    assert printed.startswith("2 things have to be put right:")
+    assert "did you mean 8 mm = 0.008?" in printed
+    assert "expected one of rising, falling" in printed
+
+
+def test_check_lists_what_is_wrong_with_files_and_sheets_together(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit(copy, 'channel = "Geber"', 'channel = "Gebre"')
+    (copy.parent.parent / "calibration" / "torque_T22-40117.csv").unlink()
+    assert cli.main(["check", str(copy), "--json"]) == 2
+    refused_by = json.loads(capsys.readouterr().out)["refused"]
+    assert ["did you mean 'Geber'" in refused_by[0], "no such file" in refused_by[1]] == [True, True]
+
+
+def test_check_never_passes_what_align_refuses(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(copy, "pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 2")
+    assert cli.main(["check", str(copy)]) == 2
+    last = capsys.readouterr().out.strip().splitlines()[-1]
+    assert last.startswith("refused")
+    assert cli.main(["align", str(copy), "--out", str(copy.parent / "o")]) == 2
+
+
 def test_align_needs_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["align", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
     assert "cycles used" in capsys.readouterr().out
@@ -276,7 +311,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("module", "unwanted"),
     [
         ("camtorque.cli", {"numpy"}),
-        ("camtorque.commands.check", {"pandas", "matplotlib", "numba", "scipy.signal"}),
+        ("camtorque.commands.check", {"pandas", "matplotlib", "h5py", "nptdms", "asammdf"}),
         ("camtorque.commands.run", {"pandas", "lmfit", "asammdf", "emcee", "camtorque.studies"}),
         ("camtorque.commands.predict", {"pandas", "camtorque.studies"}),
     ],

@@ -1,36 +1,81 @@
-"""`camtorque check`: what a recording holds and what is wrong with it."""
+"""`camtorque check`: what a recording holds, what is wrong with it (all of it), and which cycles the alignment uses."""
 
 from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
 
+import numpy as np
+
+from camtorque.align import align
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import finding_lines
-from camtorque.ingest import RecordingSummary, summarise_recording
+from camtorque.ingest import RecordingSummary, read_recording, summarise
 from camtorque.plain import plain
-from camtorque.units import BAR
+from camtorque.quantities import CHANNEL_QUANTITIES
+from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.toml_table import Refusals
+from camtorque.units import RPM
 
-SHOWN = {"torque": ("N m", 1.0), "pressure": ("bar", 1.0 / BAR)}
-ERRORS = 1
+SCHEMA = "camtorque.check/1"
+ERRORS, REFUSED = 1, 2
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
-    """Sum up one recording without a model."""
-    summary = summarise_recording(arguments.recording)
-    findings = [asdict(row) for row in summary.findings]
+    """Sum up one recording and align it; status 2 where `align` refuses, 1 where a finding is an error."""
+    try:
+        recording = read_recording(arguments.recording)
+    except Refusals as refusals:
+        if len(refusals.problems) == 1:
+            raise
+        text = "\n".join([f"{len(refusals.problems)} things have to be put right:", *refusals.problems])
+        return Outcome(text, {"schema": SCHEMA, "refused": list(refusals.problems)}, REFUSED)
+    summary = summarise(recording)
+    tell("aligning to the cam angle")
+    cycles, refusal = _aligned(recording)
+    findings = [asdict(row) for row in (*summary.findings, *(cycles.findings if cycles else ()))]
     found = "\n".join(finding_lines(findings)) or "  nothing wrong was found"
-    doc = plain({"schema": "camtorque.check/1", **asdict(summary)})
+    doc = {"schema": SCHEMA, **asdict(summary), "findings": findings, "usable": _usable(recording, cycles)}
+    doc["cut_flow"] = [asdict(row) for row in cycles.cut_flow] if cycles else []
+    doc["refused"] = [refusal] if refusal else []
     status = ERRORS if any(row["severity"] == "error" for row in findings) else 0
-    return Outcome(f"{_head(summary)}\n{found}", doc, status)
+    end = cut_flow_lines(cycles, doc["usable"]) if cycles else [f"refused   {refusal}"]
+    text = "\n".join([_head(summary, cycles), found, *end])
+    return Outcome(text, plain(doc), REFUSED if refusal else status)
 
 
-def _head(summary: RecordingSummary) -> str:
-    lines = [f"{summary.id}  ({summary.file_format}), {summary.speed_rpm:.1f} rpm by its pulses"]
+def _aligned(recording: Recording) -> tuple[CamCycles | None, str]:
+    try:
+        return align(recording), ""
+    except Refusal as refusal:
+        return None, str(refusal)
+
+
+def _usable(recording: Recording, cycles: CamCycles | None) -> list[str]:
+    """Return the commands that this recording has enough for."""
+    if cycles is None:
+        return []
+    complete = cycles.torque is not None and recording.lift_table is not None and bool(recording.of("pressure"))
+    return ["align", "run"] if complete else ["align"]
+
+
+def cut_flow_lines(cycles: CamCycles, usable: list[str]) -> list[str]:
+    """Return the cut-flow as a table and what the recording can be used for."""
+    lines = [f"{cycles.index.size} of {cycles.cycles_found} cycles used"]
+    for row in cycles.cut_flow:
+        lines.append(f"  {row.reason:24}{row.cycles_single:>6} fail {row.cycles_left:>6} left   {row.text}")
+    missing = "" if "run" in usable else " ('run' needs torque, pressure and [pump] with its lift table)"
+    return [*lines, f"enough for: {', '.join(usable)}{missing}"]
+
+
+def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:
+    speed = summary.speed_rpm if cycles is None else float(np.mean(cycles.speed)) / RPM
+    lines = [f"{summary.id}  ({summary.file_format}), {speed:.1f} rpm by its pulses"]
     for row in summary.channels:
-        unit, factor = SHOWN.get(row.quantity, ("V", 1.0))
+        quantity = CHANNEL_QUANTITIES[row.quantity]
+        low, high = quantity.shown_factor * row.low, quantity.shown_factor * row.high
         lines.append(
             f"  {row.quantity:9}{row.n_samples:>9} samples at {row.sample_rate:>9.6g} Hz, {row.duration:7.2f} s, "
-            f"{factor * row.low:9.4g} to {factor * row.high:9.4g} {unit:4} {row.file} [{row.logger}]"
+            f"{low:9.4g} to {high:9.4g} {quantity.shown_unit:4} {row.file} [{row.logger}]"
         )
     return "\n".join(lines)

@@ -57,14 +57,18 @@ def check_recording(path: Path) -> list[Finding]:
 
 
 def summarise_recording(path: Path) -> RecordingSummary:
-    """Read a recording, look at every sample once and sum up.
+    """Read a recording and sum it up; see `summarise`.
 
     Raises
     ------
     Refusal
         where the recording cannot be read at all
     """
-    recording = read_recording(path)
+    return summarise(read_recording(path))
+
+
+def summarise(recording: Recording) -> RecordingSummary:
+    """Look at every sample once and sum up."""
     config: RecordingConfig = recording.config
     findings = list(recording.findings)
     summaries, speeds = [], []
@@ -141,9 +145,10 @@ def _range_findings(channel: Channel, scan: Scan, where: str) -> list[Finding]:
 
 
 def _expected(config: RecordingConfig) -> float:
-    """Return pulses per revolution as they show: missing teeth left out, a double tooth added."""
+    """Return pulses per turn of the cam as they show: missing teeth left out, a double tooth added."""
     trigger = config.trigger
-    return trigger.pulses_per_rev - trigger.missing_teeth + int(trigger.double_tooth)
+    shown = trigger.pulses_per_rev - trigger.missing_teeth + int(trigger.double_tooth)
+    return shown * trigger.revolutions_per_cycle
 
 
 def _speed(times: Array, config: RecordingConfig) -> float:

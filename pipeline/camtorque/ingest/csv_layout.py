@@ -12,6 +12,8 @@ from camtorque.records import Finding, Refusal
 from camtorque.units import is_known_unit
 
 SNIFF_BYTES = 1 << 18
+SNIFF_LINES = 300
+"""Lines that tell the layout where they hold any row of numbers."""
 SEPARATORS = (";", "\t", ",", " ")
 NAMES = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blank"}
 HEAD_BYTES = 4096
@@ -173,6 +175,14 @@ def _is_row(line: str, separator: str, decimal: str) -> int:
 
 def _table(path: Path, lines: list[str]) -> tuple[str, str, int, int]:
     """Return separator, decimal sign, columns and the first data row: the reading that explains most lines."""
+    found = _best_table(lines[:SNIFF_LINES]) or _best_table(lines)
+    if found is None:
+        what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
+        raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
+    return found
+
+
+def _best_table(lines: list[str]) -> tuple[str, str, int, int] | None:
     best: tuple[int, int, str, str, int] | None = None
     for separator in SEPARATORS:
         for decimal in (".", ",") if separator != "," else (".",):
@@ -185,8 +195,7 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, int, int]:
             if best is None or score > best[:2]:
                 best = (*score, separator, decimal, counts.index(usual))
     if best is None:
-        what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
-        raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
+        return None
     _, usual, separator, decimal, first = best
     return separator, decimal, usual, first
 

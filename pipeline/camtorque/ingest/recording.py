@@ -50,9 +50,11 @@ def read_recording(path: Path) -> Recording:
         one line that says what is wrong, where, and what to do
     """
     config = load_recording_config(Path(path))
-    cam_table, cam_findings = read_cam_table(config.pump) if config.pump_sheet is not None else (None, ())
-    raw, file_findings = _read_files(config)
-    sensors = read_sensors(config, raw)
+    problems = Problems()
+    cam_table, cam_findings = _lift_table(config, problems)
+    raw, file_findings = _read_files(config, problems)
+    sensors = read_sensors(config, raw, problems)
+    problems.raise_any()
     channels, findings = _channels(config, raw, sensors)
     papers = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
     papers += [file for sensor in sensors.values() for file in sensor.files]
@@ -94,33 +96,44 @@ def _said_once(*findings: Finding) -> tuple[Finding, ...]:
     return tuple({(finding.code, finding.text): finding for finding in reversed(findings)}.values())[::-1]
 
 
-def _read_files(config: RecordingConfig) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:
+def _lift_table(config: RecordingConfig, problems: Problems) -> tuple[CamTable | None, tuple[Finding, ...]]:
+    if config.pump_sheet is not None:
+        with problems.collecting():
+            return read_cam_table(config.pump)
+    return None, ()
+
+
+def _read_files(config: RecordingConfig, problems: Problems) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:
     """Read each file once for all its channels."""
     declared = declared_format(config.file_format, str(config.path))
     raw: dict[ChannelSpec, RawChannel] = {}
     findings: list[Finding] = []
     for file in dict.fromkeys(spec.path for spec in config.channels):
-        form = FORMATS[file_format(file, declared)]
-        specs = tuple(spec for spec in config.channels if spec.path == file)
-        result: RawFile = form.read(file, specs, config.csv_dialect)
-        raw |= dict(zip(specs, result.channels, strict=True))
-        findings += result.findings
+        with problems.collecting():
+            form = FORMATS[file_format(file, declared)]
+            specs = tuple(spec for spec in config.channels if spec.path == file)
+            result: RawFile = form.read(file, specs, config.csv_dialect)
+            raw |= dict(zip(specs, result.channels, strict=True))
+            findings += result.findings
     return raw, findings
 
 
-def read_sensors(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[str, Sensor]:
+def read_sensors(
+    config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel], problems: Problems
+) -> dict[str, Sensor]:
     """Return the sensor of each quantity that has one, or whose delay and accuracy the model needs."""
-    sensors, problems = {}, Problems()
+    sensors = {}
     for spec in config.channels:
         reference = config.sensors.get(spec.quantity)
         if reference is None and spec.quantity in SHEET_NEEDED:
             reference = SensorRef(spec.quantity, spec.sensor, None, None, None)
         if reference is not None and spec.quantity not in sensors:
             with problems.collecting():
-                scale, is_volts, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
-                span = math.nan if is_volts else _span(raw[spec], scale)
+                span = math.nan
+                if spec in raw:
+                    scale, is_volts, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
+                    span = math.nan if is_volts else _span(raw[spec], scale)
                 sensors[spec.quantity] = read_sensor(reference, spec.unit, span)
-    problems.raise_any()
     return sensors
 
 
