@@ -78,11 +78,11 @@
         const a = u.valToPos(span.a, "x", true), b = u.valToPos(span.b, "x", true);
         u.ctx.fillStyle = color(span.loud ? "warnsoft" : "soft");
         u.ctx.fillRect(a, top, b - a, height);
-        if (span.loud || (u.first && b - a > 90 * devicePixelRatio)) {
+        if (u.first && (span.loud || b - a > 90 * devicePixelRatio)) {
           u.ctx.fillStyle = color(span.loud ? "warn" : "muted");
           u.ctx.font = 11 * devicePixelRatio + "px sans-serif";
           u.ctx.textAlign = "center";
-          u.ctx.fillText(span.l, 0.5 * (Math.max(a, left) + Math.min(b, left + width)), top + 12 * devicePixelRatio);
+          u.ctx.fillText(span.l, 0.5 * (Math.max(a, left) + Math.min(b, left + width)), span.loud ? top + height - 5 * devicePixelRatio : top + 12 * devicePixelRatio);
         }
       }
       u.ctx.restore();
@@ -249,6 +249,7 @@
     const group = groups.get(chart.group);
     const x = Array.from(new Float32Array(bytes(chart.x)));
     figure.classList.add("on");
+    figure.querySelector(".plot").removeAttribute("tabindex");
     const plots = chart.panels.map((panel, number) => draw(chart, panel, x, number, group, host));
     group.plots.push(...plots);
     host.setAttribute("role", "group");

@@ -1,0 +1,192 @@
+"""The pages in a real browser: curves drawn, zoomed, switched and read out; no request, no violation, no barrier."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from camtorque.report import ComparePage, write_compare, write_run
+from report_cases import run_result
+from test_report_compare import document, pair
+
+webdriver = pytest.importorskip("selenium.webdriver")
+from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMEDRIVER = shutil.which("chromedriver")
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None or CHROMEDRIVER is None, reason="no chromium with chromedriver here"),
+]
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
+)  # fmt: skip
+AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
+WATCH = """window.violations = []; document.addEventListener("securitypolicyviolation",
+  (e) => window.violations.push(e.violatedDirective + " " + e.blockedURI));"""
+WINDOW = "return [...camtorque.groups.get('theta').plots].map(({u}) => [u.scales.x.min, u.scales.x.max])"
+Window = list[list[float]]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    for flag in FLAGS:
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options, Service(str(CHROMEDRIVER)))
+    driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("pages")
+    for name in ("run", "unexplained", "compare"):
+        (folder / name).mkdir()
+    write_run(run_result(), folder / "run")
+    write_run(run_result(explained=False), folder / "unexplained")
+    write_compare(ComparePage(document(), (pair(),), "../run/report.html"), folder / "compare")
+    return {
+        "run": folder / "run" / "report.html", "unexplained": folder / "unexplained" / "report.html",
+        "compare": folder / "compare" / "compare.html",
+    }  # fmt: skip
+
+
+def opened(browser: Any, path: Path, width: int = 1280, dark: bool = False) -> Any:
+    """Open a page in a window of some width and return the browser; what was logged before is forgotten."""
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    for kind in ("browser", "performance"):
+        browser.get_log(kind)
+    browser.get(path.as_uri())
+    return browser
+
+
+@pytest.mark.parametrize("name", ["run", "unexplained", "compare"])
+def test_nothing_is_requested_and_nothing_is_forbidden(browser: Any, pages: dict[str, Path], name: str) -> None:
+    opened(browser, pages[name])
+    assert browser.get_log("browser") == []
+    assert browser.execute_script("return window.violations") == []
+    events = [json.loads(row["message"])["message"] for row in browser.get_log("performance")]
+    asked = {row["params"]["request"]["url"] for row in events if row["method"] == "Network.requestWillBeSent"}
+    assert {url for url in asked if not url.startswith("data:")} == {pages[name].as_uri()}
+
+
+def test_every_curve_is_drawn(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"])
+    drawn = browser.execute_script("""
+      const found = [];
+      for (const group of camtorque.groups.values()) for (const {u, panel, chart} of group.plots) {
+        const area = [u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height];
+        const count = () => { const all = u.ctx.getImageData(...area).data; let n = 0;
+          for (let i = 3; i < all.length; i += 4) n += all[i] > 0; return n; };
+        const before = count();
+        u.batch(() => u.series.forEach((s, k) => { if (k) u.setSeries(k, {show: false}); }));
+        found.push([chart.id + " " + panel.y, panel.lines.length, before, count()]);
+        u.batch(() => u.series.forEach((s, k) => { if (k) u.setSeries(k, {show: true}); }));
+      }
+      return found;""")
+    assert len(drawn) >= 12
+    for name, lines, with_curves, without in drawn:
+        assert lines >= 1, name
+        assert with_curves > without, f"{name}: nothing is drawn"
+
+
+def drawn_window(browser: Any) -> list[float]:
+    """Return the window of all linked curves, which has to be one."""
+    found: Window = browser.execute_script(WINDOW)
+    assert all(part == pytest.approx(found[0]) for part in found), found
+    return found[0]
+
+
+def test_zoom_by_button_mouse_and_back(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"])
+    assert drawn_window(browser) == [0, 360]
+    buttons = {item.text: item for item in browser.find_elements(By.CSS_SELECTOR, ".tools button")}
+    buttons["Forward stroke"].click()
+    low, high = drawn_window(browser)
+    assert 0.0 <= low < 10.0
+    assert 80.0 < high < 120.0
+    field = browser.find_element(By.CSS_SELECTOR, "#fig-pressure .u-over")
+    ActionChains(browser).move_to_element_with_offset(field, -100, 0).click_and_hold().move_by_offset(
+        200, 0
+    ).release().perform()
+    closer = drawn_window(browser)
+    assert closer[1] - closer[0] < 0.5 * (high - low)
+    ActionChains(browser).double_click(field).perform()
+    assert drawn_window(browser) == [0, 360]
+
+
+def test_a_curve_is_switched_off_and_on(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"])
+    shown = "const u = camtorque.groups.get('theta').plots[0].u; return u.series.filter((s, k) => k && s.show).length"
+    before = browser.execute_script(shown)
+    key = browser.find_element(By.XPATH, "//button[contains(., 'rigid model')]")
+    key.click()
+    assert key.get_attribute("aria-pressed") == "false"
+    assert browser.execute_script(shown) == before - 1
+    key.click()
+    assert browser.execute_script(shown) == before
+
+
+def test_the_cursor_is_linked_and_read_out(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"])
+    field = browser.find_element(By.CSS_SELECTOR, "#fig-torque_full .u-over")
+    ActionChains(browser).move_to_element_with_offset(field, 40, 0).perform()
+    places = browser.execute_script("return camtorque.groups.get('theta').plots.map(({u}) => u.cursor.idx)")
+    assert len(set(places)) == 1
+    assert places[0] is not None
+    assert re.match(r"[\d.]+ deg, ", browser.find_element(By.CSS_SELECTOR, ".readout").text)
+    live = browser.find_element(By.CSS_SELECTOR, "#fig-pressure .live")
+    live.send_keys(Keys.ARROW_RIGHT)
+    moved = browser.execute_script("return camtorque.groups.get('theta').plots.map(({u}) => u.cursor.idx)")
+    assert len(set(moved)) == 1
+    assert moved[0] > places[0]
+    said = browser.execute_async_script("setTimeout(() => arguments[0](announcer.textContent), 400)")
+    assert re.search(r"cam angle [\d.]+ deg: line pressure, measured [\d.]+ bar, chamber", said), said
+
+
+@pytest.mark.parametrize("width", [375, 1280])
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("name", ["run", "unexplained", "compare"])
+def test_no_barrier_and_no_overflow(browser: Any, pages: dict[str, Path], name: str, dark: bool, width: int) -> None:
+    opened(browser, pages[name], width, dark)
+    browser.execute_script("document.querySelectorAll('details').forEach((item) => { item.open = true; })")
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= width
+    browser.execute_script(AXE)
+    found = browser.execute_async_script("axe.run().then((all) => arguments[0](all.violations))")
+    serious = [(row["id"], row["nodes"][0]["html"][:200]) for row in found if row["impact"] in ("serious", "critical")]
+    assert serious == []
+
+
+def test_without_a_script_the_drawings_stand(browser: Any, pages: dict[str, Path]) -> None:
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        opened(browser, pages["run"])
+        for name in ("torque_full", "torque_return", "pressure"):
+            drawing = browser.find_element(By.CSS_SELECTOR, f"#fig-{name} .plot svg")
+            assert drawing.rect["width"] > 300
+        assert browser.find_element(By.CSS_SELECTOR, "#fig-torque_full .live").rect["height"] == 0
+    finally:
+        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+
+
+def test_on_paper_the_drawings_stand_on_few_pages(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"])
+    data = browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})["data"]
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data))) <= 6
