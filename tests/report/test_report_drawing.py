@@ -128,6 +128,7 @@ def test_a_bump_over_the_zero_of_the_angle_is_marked_on_both_sides() -> None:
     [
         ("leakage 0.1 +- 0.02 mm^3/s/bar", "leakage 0.1 ± 0.02 mm³/s/bar"),
         ("1.03 um, +/-10 %, 12 kg m^2", "1.03 µm, ±10 %, 12 kg m²"),
+        ("a + 1.88e+03 x b, now -8.2e-05 %", "a + 1.88·10³ × b, now -8.2·10⁻⁵ %"),
         ("9 Nm at 212 urad/(N m); this tells us more", "9 N m at 212 µrad/(N m); this tells us more"),
     ],
 )

@@ -15,6 +15,8 @@ SIGNS = (
     (re.compile(r"(?<=[A-Za-z\u00b5)])\^(-?\d+)"), lambda found: found[1].translate(POWERS)),
     (re.compile(r"(?<![A-Za-z])u(?=rad\b)|(?<=[\d)] )u(?=[ms]\b)"), "\u00b5"),
     (re.compile(r"(?<=\d )Nm\b"), "N m"),
+    (re.compile(r"(?<=\d) x (?=[a-z])"), " \u00d7 "),
+    (re.compile(r"(?<=\d)e([+-]?\d+)\b"), lambda found: "\u00b710" + str(int(found[1])).translate(POWERS)),
 )
 
 
@@ -48,7 +50,7 @@ def num(value: float | None, digits: int = 3) -> str:
     text = f"{value:.{digits}g}"
     if "e" in text and 1e-4 <= abs(value) < 1e6:
         text = f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
-    return text.replace("-", MINUS)
+    return typeset(text).replace("-", MINUS)
 
 
 def signed(value: float | None, digits: int = 2) -> str:
