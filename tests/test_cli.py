@@ -289,7 +289,7 @@ def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: py
     assert cli.main(["predict", str(pump), "--speed", "500", "--tolerance", "1e-3", "--out", str(tmp_path / "o")]) == 0
     text = "360 points per revolution leave at most 2.1e-05"
     assert text in capsys.readouterr().out
-    assert text in (tmp_path / "o" / "predict.html").read_text(encoding="utf-8")
+    assert text.replace("e-05", "·10⁻⁵") in (tmp_path / "o" / "predict.html").read_text(encoding="utf-8")
     doc = json.loads((tmp_path / "o" / "predict.json").read_text(encoding="utf-8"))
     assert "grid_error" in {row["code"] for row in doc["findings"]}
     assert len(doc["curves"]["theta_deg"]) == 360

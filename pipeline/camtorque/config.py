@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -108,7 +107,7 @@ class SensorRef:
     idle_to: float | None = None
     zero_before: float | None = None
     zero_after: float | None = None
-    sheet: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    sheet: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

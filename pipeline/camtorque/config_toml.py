@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from camtorque.config import (
@@ -153,7 +152,7 @@ def _sensor(quantity: str, values: dict[str, Any], idle: dict[str, Any], file: P
         )
     sheet = {name: value for name, value in values.items() if name in SHEET_ATTRIBUTES}
     rest = _without(values, *SHEET_ATTRIBUTES)
-    return SensorRef(quantity=quantity, **rest, idle_from=start, idle_to=stop, sheet=MappingProxyType(sheet))
+    return SensorRef(quantity=quantity, **rest, idle_from=start, idle_to=stop, sheet=dict(sheet))
 
 
 def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: float | None) -> ChannelSpec:

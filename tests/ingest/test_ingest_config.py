@@ -1,5 +1,6 @@
 """recording.toml: every required key is required, every bad value refused, every unknown key told."""
 
+import pickle
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -163,3 +164,8 @@ def test_every_word_for_a_format_is_known_and_another_is_refused():
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_has_a_module_that_reads(name: str) -> None:
     assert callable(import_module(f"camtorque.ingest.{FORMATS[name].module}").read)
+
+
+def test_a_configuration_travels_between_processes(tmp_path: Path):
+    config = load_recording_config(write(tmp_path, TEXT))
+    assert pickle.loads(pickle.dumps(config)) == config

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
 import pytest
-from camtorque.report import write_run
+from camtorque.limits import Limit
+from camtorque.records import Refusal
+from camtorque.report import write_pdf, write_run
 from camtorque.report.answer import answer, cards, verdict
 from camtorque.report.document import result_document
 from camtorque.report.texts import budget_rows, parameter_groups
@@ -96,3 +99,26 @@ def test_a_group_without_parameters_is_left_out(knowledge: str) -> None:
     rows = (parameter("leakage", 0.2, knowledge=knowledge),)
     doc = result_document(replace(result, fitted=replace(result.fitted, parameters=rows)))
     assert [group["name"] for group in parameter_groups(doc)] == [knowledge]
+
+
+def test_limits_stand_on_the_page(tmp_path: Path) -> None:
+    limits = (Limit("chamber.peak_bar.value", None, 1000.0, "bar", 0.0, f"pipe {NASTY}"),
+              Limit("losses.input", 1.0, None))  # fmt: skip
+    write_run(replace(run_result(), limits=limits), tmp_path)
+    text = words_of(tmp_path / "report.html")
+    assert "Limits: fail" in text
+    assert f"pipe {NASTY}" in text
+
+
+def test_a_page_becomes_a_pdf(tmp_path: Path) -> None:
+    pytest.importorskip("weasyprint")
+    write_run(run_result(), tmp_path)
+    path = write_pdf(tmp_path / "report.html")
+    assert path.read_bytes().startswith(b"%PDF")
+    assert not [item for item in tmp_path.iterdir() if item.name.startswith(".")]
+
+
+def test_without_weasyprint_a_pdf_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    with pytest.raises(Refusal, match=r"--pdf: WeasyPrint cannot be used .* pip install 'camtorque\[pdf\]'"):
+        write_pdf(tmp_path / "report.html")

@@ -121,7 +121,12 @@ def run(parser: argparse.ArgumentParser) -> None:
         "--posterior", type=whole(0), default=0, metavar="STEPS", help="sample the posterior by chains of that length"
     )
     parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="of the random numbers (default 0)")
+    _pdf(parser)
     _limits(parser)
+
+
+def _pdf(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--pdf", action="store_true", help="the page as PDF too (extra `pdf`)")
 
 
 def _limits(parser: argparse.ArgumentParser) -> None:

@@ -25,6 +25,8 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
     steps, seed = getattr(arguments, "posterior", 0), getattr(arguments, "seed", 0)
     if steps:
         require(("emcee", "corner"), "--posterior", "posterior")
+    if getattr(arguments, "pdf", False):
+        require(("weasyprint",), "--pdf", "pdf")
     given = getattr(arguments, "limits", None)
     limits = () if given is None else read_limits(given)
     return RunOptions(

@@ -9,6 +9,7 @@ from camtorque.commands.options import run_options
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import limit_lines, run_table
 from camtorque.limits import PASS
+from camtorque.report import write_pdf
 from camtorque.run import run_recording
 
 OUTSIDE = 3
@@ -19,6 +20,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     out = arguments.out or default_out(arguments.recording)
     doc = run_recording(arguments.recording, out, run_options(arguments, tell), tell)
     page = out / "report.html"
+    if arguments.pdf:
+        tell("printing the page")
+        write_pdf(page)
     judged = doc.get("limits")
     told = "" if judged is None else "\n" + "\n".join(limit_lines(judged["rows"]))
     status = 0 if judged is None or judged["verdict"] == PASS else OUTSIDE

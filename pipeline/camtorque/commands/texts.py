@@ -12,6 +12,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
     lines = [
         f"{recording['name']}  {recording['speed_rpm']:.1f} rpm, {recording['cycles_used']} of "
         f"{recording['cycles_found']} cycles used",
+        *unexplained_lines(doc),
         "",
         f"{'':22}{'RMS':>16}{'forward gap':>14}{'return minimum':>17}",
     ]
@@ -30,6 +31,15 @@ def run_table(doc: Mapping[str, Any]) -> str:
     parts = [f"{k.replace('_', ' ')} {losses[k]:.2f}" for k in ("pressure", "friction", "damping") if k in losses]
     lines.append(f"work      {losses['input']:.2f} J/rev = {', '.join(parts)}; open {losses['closure_percent']:+.2f} %")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
+
+
+def unexplained_lines(doc: Mapping[str, Any]) -> list[str]:
+    """Return where the model fails, nothing where it explains the recording."""
+    if doc["explained"]:
+        return []
+    places = [f"{bump['start_deg']:.0f} to {bump['stop_deg']:.0f} deg ({bump['phase']})" for bump in doc["bumps"]]
+    where = f" at {'; '.join(places)}" if places else ""
+    return [f"UNEXPLAINED: the model fails{where}; no interval below can be relied on"]
 
 
 def _value(estimate: Mapping[str, Any], unit: str) -> str:

@@ -16,6 +16,7 @@ from camtorque.report.compare_page import ComparedCurves, ComparePage, write_com
 from camtorque.report.figures import FIGURES
 from camtorque.report.folder import check_output, check_writable, output_files, output_folder
 from camtorque.report.overview_figures import thumbnail
+from camtorque.report.pdf import write_pdf
 from camtorque.report.write import write_alignment, write_prediction, write_run
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "write_alignment",
     "write_campaign",
     "write_compare",
+    "write_pdf",
     "write_prediction",
     "write_run",
 ]
