@@ -10,10 +10,10 @@ import argparse
 import json
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from camtorque.commands import COMMANDS
 from camtorque.commands.outcome import Outcome
@@ -62,11 +62,18 @@ def execute(parsed: argparse.Namespace) -> int:
     # progress is for a person who waits; a log file or a pipe gets the result alone
     progress = tell if sys.stderr.isatty() and not parsed.quiet else silent
     outcome: Outcome = import_module(COMMANDS[parsed.command].module).execute(parsed, progress)
-    if getattr(parsed, "json", False):
-        print(json.dumps(outcome.document, ensure_ascii=False, allow_nan=False))
+    as_json = getattr(parsed, "json", False)
+    for text, document in outcome.stream:
+        print(_json(document) if as_json else text, flush=True)
+    if as_json and outcome.document:
+        print(_json(outcome.document))
     elif outcome.text:
         print(outcome.text)
     return outcome.status
+
+
+def _json(document: Mapping[str, Any]) -> str:
+    return json.dumps(document, ensure_ascii=False, allow_nan=False)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -161,6 +161,23 @@ def campaign(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: as many as processors)")
 
 
+def watch(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `watch`."""
+    text = "recording whose CSV files grow, or folder in which finished recordings appear"
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help=text)
+    every = number(0.1, 3600.0)
+    parser.add_argument("--every", type=every, default=2.0, metavar="S", help="seconds between looks (default 2)")
+    parser.add_argument(
+        "--block", type=whole(2, 100000), default=20, metavar="CYCLES", help="new cycles of a block (default 20)"
+    )
+    share = number(0.0, 10.0, above=True)
+    text = "noise of the mean torque that is small enough, percent of its peak (default 0.1)"
+    parser.add_argument("--enough", type=share, default=0.1, metavar="PERCENT", help=text)
+    parser.add_argument("--until-enough", action="store_true", help="stop when there are enough cycles")
+    forever = float("inf")
+    parser.add_argument("--seconds", type=number(0.0), default=forever, metavar="S", help="stop after that time")
+
+
 def predict(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `predict`."""
     speeds = number(0.0, FASTEST_RPM, above=True)

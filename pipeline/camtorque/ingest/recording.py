@@ -49,7 +49,11 @@ def read_recording(path: Path) -> Recording:
     Refusal
         one line that says what is wrong, where, and what to do
     """
-    config = load_recording_config(Path(path))
+    return recording_of(load_recording_config(Path(path)))
+
+
+def recording_of(config: RecordingConfig) -> Recording:
+    """Read the recording that a configuration describes; see `read_recording`."""
     problems = Problems()
     cam_table, cam_findings = _lift_table(config, problems)
     raw, file_findings = _read_files(config, problems)

@@ -1,0 +1,329 @@
+"""During a test: what each new block of cycles looks like, and whether there are enough of them.
+
+Two ways to follow a test: a recording whose CSV files grow, and a folder in which finished recordings appear. No model:
+pump and losses are `camtorque run`'s, here it is the measurement that is looked at.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.align import AlignOptions, align
+from camtorque.config_toml import load_recording_config
+from camtorque.ingest import read_recording
+from camtorque.ingest.recording import recording_of
+from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.threads import on_one_thread
+from camtorque.units import DEGREE, RPM
+
+CONFIG_NAME = "recording.toml"
+LOOK_SHARE = 0.25
+"""Looking takes at most this share of the time: a long file is read from its begin each time."""
+BASE_LIFT, LEAST_BASE = 0.01, 5.0 * DEGREE
+"""The base circle is where the lift is below this share of its largest, at least so many radians."""
+SAME_SPEED = 0.02
+WIDE, DRIFT_SHARE = 3.0, 0.002
+"""A drift is beyond so many standard errors and this share of the peak torque: twice the model error that the fit
+admits. The uncertainty of the zero itself does not count: it is the same at both times."""
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """What a user may choose.
+
+    Attributes
+    ----------
+    every : time between two looks [s]
+    block_cycles : new cycles that make a block of a growing recording
+    enough_percent : noise of the mean torque that is small enough, in percent of its peak: the fit admits a model error
+        of 0.1 %, less noise adds nothing
+    until_enough : stop then
+    seconds : stop after that time [s]
+    """
+
+    every: float = 2.0
+    block_cycles: int = 20
+    enough_percent: float = 0.1
+    until_enough: bool = False
+    seconds: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one block of cycles looks like.
+
+    Attributes
+    ----------
+    name : recording, and number of the block where it grows
+    cycles, lost : used and rejected cycles of the block; reasons : why, by cut
+    speed_rpm : mean of the block
+    base_torque_nm : mean torque on the base circle, None without torque
+    drift_nm, drift_limit_nm : its change since the first block, and what the scatter allows
+    jitter_deg : jitter of the trigger edge in cam angle
+    clipped : cycles with a clipped channel
+    noise_percent : of the mean torque of half the cycles so far at this speed, percent of peak; None without torque
+    cycles_wanted : cycles at this speed that make it small enough
+    enough : True where there are so many
+    """
+
+    name: str
+    cycles: int
+    lost: int
+    reasons: tuple[str, ...]
+    speed_rpm: float
+    base_torque_nm: float | None
+    drift_nm: float | None
+    drift_limit_nm: float | None
+    jitter_deg: float
+    clipped: int
+    noise_percent: float | None
+    cycles_wanted: int | None
+    enough: bool
+
+    @property
+    def drifted(self) -> bool:
+        """Tell whether the torque on the base circle moved by more than the scatter allows."""
+        return (
+            self.drift_nm is not None and self.drift_limit_nm is not None and abs(self.drift_nm) > self.drift_limit_nm
+        )
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Nothing to be told yet, and why."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Level:
+    """Torque on the base circle: mean and standard error of the mean; largest mean torque of the revolution [N m]."""
+
+    mean: float
+    stderr: float
+    peak: float
+
+
+@dataclass
+class Pool:
+    """Cycles at one speed so far: their number, degrees of freedom times mean variance, peak of the mean torque."""
+
+    speed: float
+    cycles: int = 0
+    squares: float = 0.0
+    freedom: int = 0
+    peak: float = 0.0
+
+
+@dataclass
+class Memory:
+    """What a watch remembers between two looks."""
+
+    first: Level | None = None
+    pools: list[Pool] = field(default_factory=list)
+
+    def pool(self, speed: float) -> Pool:
+        """Return the cycles at about that speed."""
+        for pool in self.pools:
+            if abs(pool.speed / speed - 1.0) < SAME_SPEED:
+                return pool
+        self.pools.append(Pool(speed))
+        return self.pools[-1]
+
+
+def base_level(recording: Recording, cycles: CamCycles, rows: slice) -> Level | None:
+    """Return the torque of some cycles on the base circle, None without torque or lift table."""
+    if cycles.torque is None or recording.lift_table is None:
+        return None
+    table = recording.lift_table
+    lift = np.interp(cycles.theta, table.theta, table.lift, period=2.0 * np.pi)
+    order = np.argsort(lift, kind="stable")
+    least = int(np.ceil(LEAST_BASE / (2.0 * np.pi) * lift.size))
+    base = order[: max(least, int(np.count_nonzero(lift < BASE_LIFT * lift.max())))]
+    level = cycles.torque[rows][:, base].mean(axis=1)
+    stderr = float(level.std(ddof=1) / np.sqrt(level.size)) if level.size > 1 else float("nan")
+    return Level(float(level.mean()), stderr, float(cycles.torque.mean(axis=0).max()))
+
+
+def look(
+    name: str, recording: Recording, cycles: CamCycles, rows: slice, lost: int, memory: Memory, enough_percent: float
+) -> Block:
+    """Return what the cycles ``rows`` of a recording look like, and remember them.
+
+    Parameters
+    ----------
+    name : of the block
+    recording, cycles : all that is there so far
+    rows : the cycles of this block
+    lost : cycles of this block that were rejected
+    memory : of the watch; is changed
+    enough_percent : see `WatchOptions`
+    """
+    level = base_level(recording, cycles, rows)
+    memory.first = memory.first or level
+    drift, limit = _drift(memory.first, level)
+    pool = memory.pool(cycles.mean_speed)
+    _remember(pool, cycles, rows)
+    noise, wanted = _noise(pool, enough_percent)
+    speed = float(np.mean(cycles.speed[rows]))
+    return Block(
+        name, int(cycles.speed[rows].size), lost,
+        tuple(f"{row.cycles_single} {row.reason}" for row in cycles.cut_flow if row.cycles_single),
+        speed / RPM, None if level is None else level.mean, drift, limit, cycles.trigger_jitter_s * speed / DEGREE,
+        sum(row.cycles_single for row in cycles.cut_flow if row.reason.endswith("_clipped")), noise, wanted,
+        wanted is not None and pool.cycles >= wanted,
+    )  # fmt: skip
+
+
+def _drift(first: Level | None, level: Level | None) -> tuple[float | None, float | None]:
+    if first is None or level is None or first is level:
+        return None, None
+    scatter = WIDE * float(np.hypot(first.stderr, level.stderr))
+    return level.mean - first.mean, max(scatter, DRIFT_SHARE * first.peak) if np.isfinite(scatter) else None
+
+
+def _remember(pool: Pool, cycles: CamCycles, rows: slice) -> None:
+    if cycles.torque is None:
+        return
+    torque = cycles.torque[rows]
+    pool.cycles += len(torque)
+    if len(torque) > 1:
+        pool.squares += (len(torque) - 1) * float(np.mean(np.var(torque, axis=0, ddof=1)))
+        pool.freedom += len(torque) - 1
+    pool.peak = max(pool.peak, float(np.max(np.abs(torque.mean(axis=0)))))
+
+
+def _noise(pool: Pool, enough_percent: float) -> tuple[float | None, int | None]:
+    """Return the noise of the mean of half the cycles (the fit sees every other one), and the cycles wanted."""
+    if not pool.freedom or not pool.peak:
+        return None, None
+    one = 100.0 * np.sqrt(pool.squares / pool.freedom) / pool.peak
+    # both halves need two cycles at least
+    return float(one * np.sqrt(2.0 / pool.cycles)), max(4, int(np.ceil(2.0 * (one / enough_percent) ** 2)))
+
+
+def watch(
+    folder: Path,
+    options: WatchOptions | None = None,
+    sleep: Callable[[float], None] = time.sleep,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Block | Waiting]:
+    """Yield each block as it appears, until there are enough or the time is over.
+
+    Parameters
+    ----------
+    folder : a recording whose CSV files grow, or a folder in which finished recordings appear
+    options : choices of the user
+    sleep, clock : of the process; a replay brings its own
+
+    Raises
+    ------
+    Refusal : there is no such folder, or its recording.toml cannot be used
+    """
+    options = options or WatchOptions()
+    if not folder.is_dir():
+        raise Refusal(f"{folder}: found no such folder, expected one to watch; check the path")
+    looks = _growing(folder, options) if (folder / CONFIG_NAME).is_file() else _appearing(folder, options)
+    end = clock() + options.seconds
+    said: Waiting | None = None
+    while True:
+        start = clock()
+        for item in next(looks):
+            if isinstance(item, Block) or item != said:
+                yield item
+            said = item if isinstance(item, Waiting) else said
+            if options.until_enough and isinstance(item, Block) and item.enough:
+                return
+        if clock() >= end:
+            return
+        sleep(max(options.every, (clock() - start) * (1.0 / LOOK_SHARE - 1.0)))
+
+
+Looks = Iterator[list[Block | Waiting]]
+
+
+def _growing(folder: Path, options: WatchOptions) -> Looks:
+    """Yield what is new at each look at one recording that grows."""
+    config, memory = load_recording_config(folder), Memory()
+    sizes: tuple[int, ...] = ()
+    blocks, used, found = 0, 0, 0
+    while True:
+        now = tuple(spec.path.stat().st_size if spec.path.is_file() else 0 for spec in config.channels)
+        if now == sizes:
+            yield [Waiting(config.id, "the files do not grow")] if blocks else []
+            continue
+        sizes = now
+        try:
+            recording, cycles = _so_far(folder)
+        except Refusal as refusal:
+            yield [Waiting(config.id, str(refusal))]
+            continue
+        if cycles.index.size - used < options.block_cycles:
+            yield []
+            continue
+        blocks += 1
+        rows, lost = slice(used, cycles.index.size), cycles.cycles_found - found - (cycles.index.size - used)
+        used, found = cycles.index.size, cycles.cycles_found
+        yield [look(f"{config.id} block {blocks}", recording, cycles, rows, lost, memory, options.enough_percent)]
+
+
+@on_one_thread
+def _so_far(folder: Path) -> tuple[Recording, CamCycles]:
+    """Return a growing recording up to the last whole line of each of its files."""
+    config = load_recording_config(folder)
+    with tempfile.TemporaryDirectory(prefix="camtorque-watch-") as scratch:
+        copies = {
+            path: _whole_lines(path, Path(scratch) / f"{number}_{path.name}")
+            for number, path in enumerate(dict.fromkeys(spec.path for spec in config.channels))
+        }
+        channels = tuple(replace(spec, path=copies[spec.path], duration=None) for spec in config.channels)
+        recording = recording_of(replace(config, channels=channels))
+        return recording, align(recording, AlignOptions())
+
+
+def _whole_lines(path: Path, copy: Path) -> Path:
+    """Copy a file that another program writes, without the line that is being written."""
+    if not path.is_file():
+        raise Refusal(f"{path}: found no such file yet, expected the log to begin; start the logger")
+    shutil.copyfile(path, copy)
+    with copy.open("rb+") as file:
+        end = file.seek(0, 2)
+        tail = min(end, 1 << 16)
+        file.seek(end - tail)
+        file.truncate(end - tail + file.read(tail).rfind(b"\n") + 1)
+    return copy
+
+
+def _appearing(folder: Path, options: WatchOptions) -> Looks:
+    """Yield what is new at each look at a folder in which finished recordings appear."""
+    memory, done, sizes = Memory(), set[Path](), dict[Path, int]()
+    while True:
+        items: list[Block | Waiting] = []
+        for config in sorted(folder.rglob(CONFIG_NAME), key=lambda path: (path.stat().st_mtime, path)):
+            block = config.parent
+            size = sum(file.stat().st_size for file in block.iterdir() if file.is_file())
+            # a recording is finished when it has not grown since the look before
+            finished, sizes[block] = sizes.get(block) == size, size
+            if finished and block not in done:
+                done.add(block)
+                items.append(_finished(block.relative_to(folder).as_posix(), block, memory, options))
+        yield items if done else [Waiting(folder.name, f"no finished recording below {folder} yet")]
+
+
+@on_one_thread
+def _finished(name: str, block: Path, memory: Memory, options: WatchOptions) -> Block | Waiting:
+    try:
+        recording = read_recording(block)
+        cycles = align(recording, AlignOptions())
+    except Refusal as refusal:
+        return Waiting(name, f"refused: {refusal}")
+    lost = cycles.cycles_found - cycles.index.size
+    return look(name, recording, cycles, slice(None), lost, memory, options.enough_percent)

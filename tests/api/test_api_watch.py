@@ -1,0 +1,155 @@
+"""Watch: a recording replayed at its own speed by a clock of the test's, finished blocks, drift, enough."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import camtorque
+import numpy as np
+import pytest
+from camtorque import cli
+from camtorque.align import AlignOptions
+from camtorque.records import Refusal
+from camtorque.watch import Block, Memory, Waiting, WatchOptions, base_level, look, watch
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "raw_examples" / "A_1250rpm"
+LOG = "A_1250rpm_all.csv"
+DURATION = 2.0
+"""Of the part that is replayed [s]."""
+RATE = 50000.0
+
+
+@dataclass
+class Replay:
+    """Writes the log of a recording at the speed at which it was recorded, by its own clock."""
+
+    folder: Path
+    head: bytes
+    lines: list[bytes]
+    now: float = 0.0
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass: write what a logger would have written, the last line half."""
+        self.now += seconds
+        rows = min(int(self.now * RATE), len(self.lines))
+        half = self.lines[rows][:7] if rows < len(self.lines) else b""
+        (self.folder / LOG).write_bytes(self.head + b"".join(self.lines[:rows]) + half)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    shutil.copytree(ROOT / "calibration", tmp_path / "calibration")
+    folder = tmp_path / "raw" / "A"
+    shutil.copytree(EXAMPLE, folder)
+    (folder / LOG).unlink()
+    return folder
+
+
+@pytest.fixture
+def replay(bench: Path) -> Replay:
+    lines = (EXAMPLE / LOG).read_bytes().splitlines(keepends=True)
+    first = next(k for k, line in enumerate(lines) if line[:1].isdigit() or line[:1] == b"-")
+    return Replay(bench, b"".join(lines[:first]), lines[first : first + int(DURATION * RATE)])
+
+
+def test_a_growing_recording_block_by_block(bench: Path, replay: Replay) -> None:
+    options = WatchOptions(every=0.5, block_cycles=8, seconds=DURATION + 1.0)
+    seen = list(watch(bench, options, replay.sleep, replay.clock))
+    blocks = [item for item in seen if isinstance(item, Block)]
+    assert isinstance(seen[0], Waiting)
+    assert "found no such file yet" in seen[0].reason
+    assert isinstance(seen[-1], Waiting)
+    assert seen[-1].reason == "the files do not grow"
+    assert len(blocks) == 4
+    whole = camtorque.align(bench)
+    assert sum(block.cycles for block in blocks) == whole.index.size
+    assert blocks[0].speed_rpm == pytest.approx(1250.0, rel=2e-3)
+    noise = [block.noise_percent for block in blocks]
+    assert noise == sorted(noise, reverse=True)  # type: ignore[type-var]
+    # the zero of this recording creeps by 0.14 N m in two seconds
+    first, last = blocks[0].base_torque_nm, blocks[-1].base_torque_nm
+    assert first is not None
+    assert last is not None
+    assert blocks[-1].drift_nm == pytest.approx(last - first)
+    assert [block.drifted for block in blocks] == [False, False, False, True]
+
+
+def test_it_stops_when_there_are_enough(bench: Path, replay: Replay) -> None:
+    options = WatchOptions(every=0.5, block_cycles=8, enough_percent=5.0, until_enough=True)
+    *_, last = watch(bench, options, replay.sleep, replay.clock)
+    assert isinstance(last, Block)
+    assert last.enough
+    assert last.cycles_wanted == 4
+    assert replay.now < DURATION
+
+
+def test_finished_recordings_are_told_once_they_do_not_grow(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(EXAMPLE / LOG, bench / LOG)
+    (bench.parent / "B").mkdir()
+    (bench.parent / "B" / "recording.toml").write_text("no toml", encoding="utf-8")
+    assert cli.main(["watch", str(bench.parent), "--every", "0.1", "--seconds", "0.1", "--json"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert rows[0]["reason"].startswith("no finished recording below")
+    by_name = {row["name"]: row for row in rows[1:]}
+    assert by_name["A"]["kind"] == "block"
+    assert by_name["A"]["cycles"] > 40
+    assert "is not valid TOML" in by_name["B"]["reason"]
+
+
+def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(Refusal, match="found no such folder, expected one to watch"):
+        next(watch(tmp_path / "x"))
+
+
+@pytest.fixture(scope="module")
+def aligned() -> tuple[camtorque.Recording, camtorque.CamCycles]:
+    recording = camtorque.read(EXAMPLE)
+    return recording, camtorque.align(recording, n_theta=AlignOptions().n_theta)
+
+
+def seen(
+    aligned: tuple[camtorque.Recording, camtorque.CamCycles], change: Callable[[np.ndarray], np.ndarray], memory: Memory
+) -> Block:
+    recording, cycles = aligned
+    assert cycles.torque is not None
+    return look("x", recording, replace(cycles, torque=change(cycles.torque)), slice(None), 0, memory, 0.1)
+
+
+def test_a_drift_of_the_zero_is_told(aligned: tuple[camtorque.Recording, camtorque.CamCycles]) -> None:
+    memory = Memory()
+    first = seen(aligned, lambda torque: torque, memory)
+    assert first.drift_nm is None
+    assert not seen(aligned, lambda torque: torque, memory).drifted
+    moved = seen(aligned, lambda torque: torque + 0.5, memory)
+    assert moved.drift_nm == pytest.approx(0.5)
+    assert moved.drifted
+
+
+def test_the_noise_is_that_of_half_the_cycles(aligned: tuple[camtorque.Recording, camtorque.CamCycles]) -> None:
+    rng = np.random.default_rng(3)
+    block = seen(aligned, lambda torque: torque.mean(axis=0) + rng.normal(0.0, 0.6, torque.shape), Memory())
+    peak = np.max(np.abs(aligned[1].torque.mean(axis=0)))  # type: ignore[union-attr]
+    # the variance of so many samples is known to 1 %, the peak of the noisy mean to 0.5 %
+    assert block.noise_percent == pytest.approx(100.0 * 0.6 / peak * np.sqrt(2.0 / block.cycles), rel=0.02)
+    assert block.cycles_wanted == pytest.approx(2.0 * (100.0 * 0.6 / peak / 0.1) ** 2, rel=0.03)
+    assert not block.enough
+
+
+def test_the_base_circle_is_where_the_follower_rests(
+    aligned: tuple[camtorque.Recording, camtorque.CamCycles],
+) -> None:
+    recording, cycles = aligned
+    lift = np.interp(cycles.theta, recording.cam_table.theta, recording.cam_table.lift, period=2.0 * np.pi)
+    marked = np.where(lift < 0.005 * lift.max(), 1.0, np.where(lift > 0.02 * lift.max(), 100.0, 1.0))
+    level = base_level(recording, replace(cycles, torque=np.tile(marked, (cycles.index.size, 1))), slice(0, 3))
+    assert level is not None
+    assert level.mean == 1.0
+    assert base_level(recording, replace(cycles, torque=None), slice(None)) is None
