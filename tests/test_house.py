@@ -12,6 +12,7 @@ import pytest
 from camtorque import laws
 from camtorque.cli import build_parser
 from camtorque.commands import COMMANDS
+from camtorque.ingest.formats import FORMATS
 from camtorque.report import FIGURES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -166,3 +167,25 @@ def test_the_contract_is_the_one_that_the_documents_name() -> None:
     text = (ROOT / "docs" / "result_schema.md").read_text(encoding="utf-8")
     assert '"camtorque.result/1"' in text
     assert "campaign.json" in text
+
+
+LMFIT = ("general", "levenberg", "lmfit_interface", "lmfit_names", "lmfit_result", "tied", "ties")
+WAITING = {f"camtorque.fit.{name}" for name in LMFIT}
+"""The lmfit layer, which leaves with the ladder."""
+
+
+def test_everything_in_the_package_is_reachable() -> None:
+    names = {module_name(path): path for path in FILES}
+    loaded = {
+        *(command.module for command in COMMANDS.values()),
+        *(f"camtorque.ingest.{f.module}" for f in FORMATS.values()),
+    }
+    todo, seen = ["camtorque", "camtorque.cli", *loaded], set[str]()
+    while todo:
+        name = todo.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        todo += modules_used(parsed(names[name]), set(names))
+        todo += [above for above in names if name.startswith(f"{above}.")]  # importing a module runs those above it
+    assert not sorted(set(names) - seen - WAITING), "neither a command nor the public face reaches these"
