@@ -40,8 +40,9 @@ def main() -> None:
     parser.add_argument("campaign", type=Path)
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    paths = sorted(arguments.campaign.glob("*/result.json"))
-    results = {path.parent.name: json.loads(path.read_text(encoding="utf-8")) for path in paths}
+    index = json.loads((arguments.campaign / "campaign.json").read_text(encoding="utf-8"))
+    used = {row["name"]: arguments.campaign / row["folder"] for row in index["recordings"] if row["status"] == "ok"}
+    results = {name: json.loads((path / "result.json").read_text(encoding="utf-8")) for name, path in used.items()}
     commands = [line.strip() for line in (__doc__ or "").split("\n\n")[1].splitlines()]
     lines = ["# What closes the gap, cause by cause", "", "```sh", *commands, "```", ""]
     for column, title in COLUMNS.items():

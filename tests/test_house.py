@@ -20,14 +20,14 @@ PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
-PROCESS = {"caches", "stopping", "system"}
+PROCESS = {"caches", "stopping", "system", "workers"}
 SMALL = {"units", "records", "grid_choice", "plain", "limits", "results", "threads", "version"}
 LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report"]
 FACES = ["arrays", "frames", "api", "export", "trend", "watch", "commands", "cli", "__init__"]
 ORDER = ["left", *ROOMS, "run", "campaign", "studies", *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "asammdf", "apread", "tkinter"}
-LAZY = {"emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
+LAZY = {"dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
 """Heavy optional packages that may be imported inside a function."""
 
 

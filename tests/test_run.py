@@ -10,7 +10,8 @@ import h5py
 import numpy as np
 import pytest
 from camtorque import cli
-from camtorque.campaign import SamplesLeftBehind, find_recordings
+from camtorque.campaign import find_recordings
+from camtorque.campaign.task import SamplesLeftBehind
 from camtorque.fit.metrics import metrics
 from camtorque.records import Refusal
 from camtorque.report import FIGURES
@@ -84,8 +85,9 @@ def test_one_broken_recording_does_not_stop_a_campaign(tmp_path: Path, capsys: p
     doc = document(tmp_path / "out", "campaign.json")
     assert {row["name"]: row["status"] for row in doc["recordings"]} == {"A_1000rpm": "ok", "A_1250rpm": "refused"}
     assert "A_1250rpm_all.csv" in doc["recordings"][1]["error"]
-    assert (tmp_path / "out" / "A_1000rpm" / "report.html").is_file()
-    assert not (tmp_path / "out" / "A_1250rpm").exists()
+    used, refused = (tmp_path / "out" / row["folder"] for row in doc["recordings"])
+    assert (used / "report.html").is_file()
+    assert [path.name for path in refused.iterdir()] == ["entry.json"]
     assert [row["code"] for row in doc["findings"]] == ["no_joint_fit"]
     assert "refused" in capsys.readouterr().out
 

@@ -54,9 +54,12 @@ def removed_when_stopped(folder: Path) -> Iterator[None]:
 
 
 def end_workers() -> None:
-    """Kill the worker processes that this process started."""
-    for child in multiprocessing.active_children():
+    """Kill the worker processes that this process started; their locks are free afterwards."""
+    children = multiprocessing.active_children()
+    for child in children:
         child.kill()
+    for child in children:
+        child.join(0.5)
 
 
 @contextmanager

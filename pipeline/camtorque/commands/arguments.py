@@ -159,6 +159,16 @@ def campaign(parser: argparse.ArgumentParser) -> None:
     _out(parser)
     _fit(parser)
     parser.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: as many as processors)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--scheduler", default="", metavar="URL", help="running Dask scheduler, tcp://host:8786")
+    where.add_argument(
+        "--cluster", type=Path, metavar="FILE", help="batch system to ask for workers (docs/campaigns.md)"
+    )
+    where.add_argument("--only", default="", metavar="KEY", help="one recording by its name of --list; no joint fit")
+    where.add_argument(
+        "--list", action="store_true", help="name, status and key of every recording; nothing is computed"
+    )
+    parser.add_argument("--retry-failed", action="store_true", help="compute again what was refused before")
 
 
 def watch(parser: argparse.ArgumentParser) -> None:

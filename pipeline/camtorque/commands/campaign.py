@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from camtorque.campaign import run_campaign
+from camtorque.campaign import CampaignOptions, list_recordings, run_campaign, run_only
 from camtorque.commands.options import run_options
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import campaign_table
@@ -13,8 +13,30 @@ SOME_REFUSED, ALL_REFUSED = 1, 2
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
-    """Write the reports of all recordings and the joint fit."""
-    doc = run_campaign(arguments.folder, arguments.out, run_options(arguments, tell), arguments.workers, tell)
+    """Write the reports of all recordings and the joint fit, or of one of them, or list them."""
+    if arguments.list:
+        return _list(arguments, tell)
+    if arguments.only:
+        return _only(arguments, tell)
+    how = CampaignOptions(
+        arguments.workers, scheduler=arguments.scheduler, cluster=arguments.cluster, retry_failed=arguments.retry_failed
+    )
+    doc = run_campaign(arguments.folder, arguments.out, run_options(arguments, tell), how, tell)
     page, refused = arguments.out / "campaign.html", doc["n_refused"]
     status = 0 if refused == 0 else ALL_REFUSED if refused == len(doc["recordings"]) else SOME_REFUSED
     return Outcome(f"{campaign_table(doc)}\n\n{page}", {**doc, "report": str(page)}, status)
+
+
+def _list(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    rows = list_recordings(arguments.folder, arguments.out, run_options(arguments, tell))
+    text = "\n".join(f"{row['name']}\t{row['status']}\t{row['key']}" for row in rows)
+    return Outcome(text, {"recordings": rows})
+
+
+def _only(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    options = run_options(arguments, tell)
+    entry = run_only(arguments.only, arguments.folder, arguments.out, options, arguments.retry_failed)
+    document = {"name": entry.name, "status": entry.status, "error": entry.error or None, "folder": entry.folder}
+    if entry.status != "ok":
+        return Outcome(f"{entry.name}  refused: {entry.error}", document, ALL_REFUSED)
+    return Outcome(str(arguments.out / entry.folder / "report.html"), document)

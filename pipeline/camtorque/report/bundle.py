@@ -51,6 +51,7 @@ class CampaignEntry:
     error : the reason of a refusal
     summary : the parts of its result.json that the campaign page shows
     thumbnail : SVG of measured and modelled torque
+    folder : where its report is, relative to the campaign's output
     """
 
     name: str
@@ -59,6 +60,7 @@ class CampaignEntry:
     error: str
     summary: Mapping[str, object]
     thumbnail: str = ""
+    folder: str = ""
 
 
 @dataclass(frozen=True)

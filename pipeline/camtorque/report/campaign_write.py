@@ -52,7 +52,8 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
 def _entry(result: CampaignResult, number: int) -> Mapping[str, Any]:
     entry, joint = result.entries[number], result.joint
     row: dict[str, Any] = {"name": entry.name, "id": entry.id or None, "status": entry.status,
-                           "error": entry.error or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
+                           "error": entry.error or None, "folder": entry.folder or None, "speed_rpm": None,
+                           "metrics": None, "metrics_joint": None,
                            **entry.summary}  # fmt: skip
     if joint is not None and entry.status == "ok" and entry.id in joint.names:
         fitted = joint.fitted[joint.names.index(entry.id)]

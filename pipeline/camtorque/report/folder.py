@@ -24,7 +24,7 @@ try:
 except ImportError:  # not on Windows: two runs into one folder are then not told apart
     fcntl = None  # type: ignore[assignment]
 
-MARKERS = ("result.json", "campaign.json", "align.json", "predict.json")
+MARKERS = ("result.json", "align.json", "predict.json", "entry.json")
 """A folder that holds one of these with a schema of this product may be replaced."""
 LEAST_SPACE = 20_000_000
 """Free bytes below which nothing is begun: a report needs a few megabytes, twice for a moment."""
@@ -32,6 +32,14 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 LOCK = ".lock"
 LONGEST_NAME = 200
 """Bytes of a file name beyond which a hidden neighbour of that name could be too long for the disk."""
+
+
+class CannotWrite(Refusal):
+    """The output is full, read-only or gone."""
+
+
+class Busy(Refusal):
+    """Another process is writing the same output."""
 
 
 def check_output(target: Path) -> None:
@@ -108,10 +116,16 @@ def output_files(target: Path) -> Iterator[Path]:
     """
     with _written_beside(target) as partial:
         yield partial
-        target.mkdir(exist_ok=True)
-        for file in sorted(partial.iterdir()):
-            if file.name != LOCK:
-                os.replace(file, target / file.name)
+        move_files(partial, target)
+
+
+def move_files(source: Path, target: Path) -> None:
+    """Move every file of a folder and those below it, each replaced as a whole."""
+    for file in sorted(source.rglob("*")):
+        if file.is_file() and file.name != LOCK:
+            place = target / file.relative_to(source)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, place)
 
 
 @contextmanager
@@ -131,16 +145,16 @@ def _written_beside(target: Path) -> Iterator[Path]:
             os.close(lock)
             shutil.rmtree(partial, ignore_errors=True)
     except (OSError, RuntimeError) as error:  # HDF5 tells of a full disk by a RuntimeError
-        if not _is_about(error, partial):
+        if not is_about(error, partial):
             raise
-        raise Refusal(cannot_write(f"--out {target}", error)) from error
+        raise CannotWrite(cannot_write(f"--out {target}", error)) from error
     finally:
         for folder in reversed(made):
             with suppress(OSError):
                 folder.rmdir()  # only where it is empty: nothing was written
 
 
-def _is_about(error: Exception, partial: Path) -> bool:
+def is_about(error: Exception, partial: Path) -> bool:
     """Tell whether an error belongs to what was written, not to a file that was read."""
     place = getattr(error, "filename", None)
     named = str(partial) in str(error) or (place is not None and str(partial).startswith(str(place)))
@@ -202,7 +216,7 @@ def _made_parents(folder: Path) -> list[Path]:
 def _need_space(target: Path, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if free < LEAST_SPACE:
-        raise Refusal(
+        raise CannotWrite(
             f"--out {target}: found {free / 1e6:.1f} MB of free space, expected at least {LEAST_SPACE / 1e6:.0f} MB; "
             "free some space and run again"
         )
@@ -223,14 +237,19 @@ def _claimed(target: Path, partial: Path) -> int:
             continue  # the run that held it has just finished
         if not locked(lock):
             os.close(lock)
-            raise Refusal(f"--out {target}: another run is writing there; wait for its end or choose another name")
+            raise Busy(f"--out {target}: another run is writing there; wait for its end or choose another name")
         if _is_file(lock, partial / LOCK):
             break
         os.close(lock)
-    for left in partial.iterdir():
+    emptied(partial)
+    return lock
+
+
+def emptied(folder: Path) -> None:
+    """Remove everything in a temporary folder but its lock."""
+    for left in folder.iterdir():
         if left.name != LOCK:
             shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
-    return lock
 
 
 def locked(descriptor: int) -> bool:

@@ -1,0 +1,195 @@
+"""Dask: an embedded cluster of this machine, a running scheduler, or workers asked of a batch system."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+from camtorque.campaign.key import code_digest
+from camtorque.records import Refusal
+from camtorque.stopping import end_workers
+from camtorque.toml_table import read_toml
+from camtorque.units import did_you_mean
+from camtorque.workers import Lost, quiet_tracker
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": 0,  # a task whose worker died is tried again here, alone
+    "distributed.scheduler.worker-ttl": None,  # a long call of compiled code is no sign of death
+}
+BATCH_SYSTEMS = {
+    "slurm": "SLURMCluster", "pbs": "PBSCluster", "lsf": "LSFCluster", "sge": "SGECluster",
+    "htcondor": "HTCondorCluster",
+}  # fmt: skip
+"""Kind of a cluster file -> class of dask-jobqueue."""
+CLUSTER_KEYS = ("kind", "jobs", "options")
+WAIT_FOR_SCHEDULER = 10.0
+WAIT_FOR_WORKERS = 60.0
+"""Seconds."""
+
+
+def on_local_cluster(call: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[tuple[T, R | Lost]]:
+    """Yield each item with its result as it is done, on processes of this machine with one thread each."""
+    quiet_tracker()
+    with _quiet() as distributed:
+        cluster = distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+            silence_logs=logging.CRITICAL, memory_limit=0,
+        )  # fmt: skip
+        with cluster, distributed.Client(cluster) as client:
+            try:
+                yield from _results(client, call, items)
+            except BaseException:
+                end_workers()
+                raise
+
+
+def on_scheduler(call: Callable[[T], R], items: Iterable[T], address: str) -> Iterator[tuple[T, R | Lost]]:
+    """Yield each item with its result as it is done, on the workers of a running scheduler.
+
+    Raises
+    ------
+    Refusal : the scheduler does not answer, has no workers, or they run another version of this package
+    """
+    with _quiet() as distributed:
+        try:
+            client = distributed.Client(address, timeout=WAIT_FOR_SCHEDULER)
+        except (OSError, ValueError) as error:
+            raise Refusal(
+                f"--scheduler {address}: found no scheduler that answers, expected one started by `dask scheduler`, "
+                "such as tcp://host:8786; check address and firewall"
+            ) from error
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=WAIT_FOR_WORKERS)
+            except TimeoutError as error:
+                raise Refusal(
+                    f"--scheduler {address}: found no worker, expected at least one; start `dask worker {address} "
+                    "--nthreads 1` where the recordings can be read"
+                ) from error
+            _need_same_code(client, f"--scheduler {address}")
+            yield from _results(client, call, items)
+
+
+def on_cluster_file(
+    call: Callable[[T], R], items: Iterable[T], file: Path, tell: Callable[[str], None]
+) -> Iterator[tuple[T, R | Lost]]:
+    """Yield each item with its result as it is done, on workers that a batch system starts.
+
+    Raises
+    ------
+    Refusal : the file cannot be used, or the package or the batch system is missing
+    """
+    kind, jobs, options = read_cluster_file(file)
+    with _quiet() as distributed:
+        import dask_jobqueue
+
+        try:
+            cluster = getattr(dask_jobqueue, BATCH_SYSTEMS[kind])(**{"processes": 1, "cores": 1, **options})
+            cluster.scale(jobs=jobs)
+        except (OSError, TypeError, ValueError, RuntimeError) as error:
+            raise Refusal(f"--cluster {file}: {kind} refused it ({' '.join(str(error).split())}); see docs") from error
+        with cluster, distributed.Client(cluster) as client:
+            tell(f"{jobs} jobs are asked of {kind}; the first worker may take its time")
+            client.wait_for_workers(1)
+            _need_same_code(client, f"--cluster {file}")
+            yield from _results(client, call, items)
+
+
+def read_cluster_file(file: Path) -> tuple[str, int, dict[str, Any]]:
+    """Return kind, number of jobs and the batch system's own options.
+
+    Raises
+    ------
+    Refusal : naming what is wrong in the file
+    """
+    _, content = read_toml(file, "a cluster file, see docs/campaigns.md")
+    for key in content:
+        if key not in CLUSTER_KEYS:
+            hint = did_you_mean(key, CLUSTER_KEYS)
+            raise Refusal(f"--cluster {file}: found {key!r}, expected {', '.join(CLUSTER_KEYS)}{hint}")
+    kind, jobs, options = content.get("kind"), content.get("jobs"), content.get("options", {})
+    if kind not in BATCH_SYSTEMS:
+        raise Refusal(f"--cluster {file}: kind is {kind!r}, expected one of {', '.join(BATCH_SYSTEMS)}")
+    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
+        raise Refusal(f"--cluster {file}: jobs is {jobs!r}, expected a whole number from 1")
+    if not isinstance(options, dict):
+        raise Refusal(f"--cluster {file}: options is {options!r}, expected a table such as [options] queue = 'normal'")
+    return kind, jobs, options
+
+
+@contextmanager
+def _quiet() -> Iterator[Any]:
+    """Give the package, its settings made and its log silent: what matters is told by the campaign.
+
+    Raises
+    ------
+    Refusal : it is not installed
+    """
+    missing = [name for name in ("distributed", "dask_jobqueue") if find_spec(name) is None]
+    if missing:
+        raise Refusal(
+            f"campaign: found no package {', '.join(missing)}, expected the extra 'cluster'; "
+            "pip install 'camtorque[cluster]'"
+        )
+    import dask
+
+    with dask.config.set({**SETTINGS, "logging": {"distributed": "critical"}}):
+        import distributed
+
+        yield distributed
+
+
+def _need_same_code(client: Any, what: str) -> None:
+    """Refuse workers whose results would have other keys, and perhaps other numbers."""
+    other = [worker for worker, digest in client.run(code_digest).items() if digest != code_digest()]
+    if other:
+        raise Refusal(f"{what}: found another version of camtorque on {', '.join(other)}, expected the same everywhere")
+
+
+def _results(client: Any, call: Callable[[T], R], items: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
+    """Yield results as they are done; a few more tasks than workers are under way, so that memory stays flat.
+
+    A worker that dies takes tasks with it that only waited there. All of them are tried again in the end, one at a
+    time, so that the guilty one is named and no other.
+    """
+    import distributed
+
+    suspects = []
+    for future, item in _done(client, call, items):
+        if isinstance(future.exception(), distributed.KilledWorker):
+            suspects.append(item)
+        else:
+            yield item, future.result()
+        future.release()
+    for item in suspects:
+        future = client.submit(call, item, pure=False)
+        yield item, Lost() if isinstance(future.exception(), distributed.KilledWorker) else future.result()
+
+
+def _done(client: Any, call: Callable[[T], R], items: Iterable[T]) -> Iterator[tuple[Any, T]]:
+    """Yield each future that is done with its item."""
+    import distributed
+
+    waiting = iter(items)
+    running: dict[Any, T] = {}
+    done = distributed.as_completed()
+
+    def fill() -> None:
+        room = 2 * max(1, sum(client.nthreads().values())) - len(running)
+        for _, item in zip(range(room), waiting, strict=False):
+            future = client.submit(call, item, pure=False)
+            running[future] = item
+            done.add(future)
+
+    fill()
+    for future in done:
+        item = running.pop(future)
+        fill()
+        yield future, item

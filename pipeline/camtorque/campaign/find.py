@@ -1,0 +1,61 @@
+"""Recordings at or below a folder; symbolic links are followed, loops refused."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from camtorque.records import Finding, Refusal
+
+CONFIG_NAME = "recording.toml"
+
+
+def find_recordings(folder: Path) -> dict[str, Path]:
+    """Return every recording at or below a folder, by its path relative to it, in the order of the names.
+
+    Raises
+    ------
+    Refusal : the folder is missing or holds no recording; a link leads back to a folder above it
+    """
+    return search(folder)[0]
+
+
+def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
+    """Return recordings by name, and a finding for each further link to one of them.
+
+    Raises
+    ------
+    Refusal : see `find_recordings`
+    """
+    if not folder.is_dir():
+        raise Refusal(f"{folder}: found no such folder, expected one with recordings below it; check the path")
+    names: dict[str, Path] = {}
+    findings = []
+    first: dict[str, str] = {}
+    for path in sorted(_walk(folder, ())):
+        name = path.relative_to(folder).as_posix()
+        name = folder.resolve().name if name == "." else name
+        known = first.setdefault(os.path.realpath(path), name)
+        if known == name:
+            names[name] = path
+        else:
+            text = f"{name} is the recording {known} under another name; it counts once"
+            findings.append(Finding("linked_twice", "info", text, str(path)))
+    if not names:
+        raise Refusal(f"{folder}: found no {CONFIG_NAME} at or below it, expected one per recording; check the path")
+    return names, tuple(findings)
+
+
+def _walk(folder: Path, above: tuple[tuple[int, int], ...]) -> Iterator[Path]:
+    """Yield the folders that hold a recording; hidden ones may be half-written and are passed over."""
+    status = folder.stat()
+    own = (status.st_dev, status.st_ino)
+    if own in above:
+        raise Refusal(f"{folder}: found a link that leads back to a folder above it, expected no loop; remove the link")
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name == CONFIG_NAME:
+                yield folder
+            elif entry.is_dir() and not entry.name.startswith("."):
+                yield from _walk(folder / entry.name, (*above, own))

@@ -1,0 +1,170 @@
+"""The flow of a campaign: find, map over workers, fit jointly, write the index."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from camtorque.campaign.cluster import on_cluster_file, on_local_cluster, on_scheduler
+from camtorque.campaign.find import search
+from camtorque.campaign.joint import joint_fit
+from camtorque.campaign.key import recording_key
+from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_prepared
+from camtorque.campaign.task import Task, refused, run_task
+from camtorque.fit import CampaignFit
+from camtorque.records import Finding, Refusal
+from camtorque.report import CampaignEntry, CampaignResult, write_campaign
+from camtorque.report.folder import move_files
+from camtorque.run import Progress, RunOptions, now, silent
+from camtorque.workers import Lost, on_processes
+
+MOST_THUMBNAILS = 200
+"""Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""
+HASHING_THREADS = 4
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """How a campaign is computed; nothing of it changes a number.
+
+    Attributes
+    ----------
+    workers : processes of this machine, None for as many as it has processors
+    engine : ``dask`` or ``processes``, "" for Dask where it is installed
+    scheduler : address of a running Dask scheduler, instead of workers of this machine
+    cluster : file that says how to ask a batch system for workers, see docs/campaigns.md
+    retry_failed : compute again what was refused before
+    """
+
+    workers: int | None = None
+    engine: str = ""
+    scheduler: str = ""
+    cluster: Path | None = None
+    retry_failed: bool = False
+
+
+def run_campaign(
+    folder: Path, out: Path, options: RunOptions | None = None, how: CampaignOptions | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:  # fmt: skip
+    """Write a report of every recording below a folder, the joint fit, and return the content of campaign.json.
+
+    What an earlier campaign into ``out`` finished from the same inputs, with the same options and the same code, is
+    not computed again; what this one finishes stays, however it ends.
+
+    Parameters
+    ----------
+    folder, out : where recordings are looked for and what is written
+    options : choices of the user, the same for all
+
+    Raises
+    ------
+    Refusal : there is no recording, or ``out`` holds something else or is full; a refused recording does not stop
+        the others
+    """
+    options, how = options or RunOptions(), how or CampaignOptions()
+    found, findings = search(folder)
+    start = time.perf_counter()
+    with campaign_folder(out) as runs:
+        tasks = [Task(name, path, runs, options, how.retry_failed) for name, path in found.items()]
+        done = dict(_mapped(tasks, how, progress))
+        entries = [done[name] for name in found]
+        mapped = time.perf_counter() - start
+        usable = [read_prepared(out / entry.folder) for entry in entries if entry.status == "ok"]
+        progress(f"joint fit of {len(usable)} recordings")
+        joint, more = joint_fit(usable, options.fit)
+        total = time.perf_counter() - start
+        timing = {"recordings": mapped, "joint": total - mapped, "total": total}
+        return _write_index(out, entries, joint, (*findings, *more), timing)
+
+
+def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_failed: bool = False) -> CampaignEntry:
+    """Compute one recording of a campaign in this process, without an index: several of them may run at a time.
+
+    Raises
+    ------
+    Refusal : there is no recording of that name; ``out`` holds something else or is full
+    """
+    path = folder if name == folder.resolve().name else folder / name
+    known = (path / "recording.toml").is_file()
+    if not known:
+        names = list(search(folder)[0])
+        raise Refusal(
+            f"--only {name}: found no such recording, expected one of {', '.join(names[:5])}, ...; see --list"
+        )
+    return run_task(Task(name, path, prepare_folder(out), options, retry_failed))
+
+
+def list_recordings(folder: Path, out: Path, options: RunOptions) -> list[dict[str, str]]:
+    """Return name, status (``ok``, ``refused``, ``open``) and key of every recording, in the order of their names."""
+    found, _ = search(folder)
+
+    def row(item: tuple[str, Path]) -> dict[str, str]:
+        key = recording_key(*item, options)
+        entry = read_entry(out / "runs" / key)
+        return {"name": item[0], "status": "open" if entry is None else entry.status, "key": key}
+
+    with ThreadPoolExecutor(HASHING_THREADS) as threads:
+        return list(threads.map(row, found.items()))
+
+
+def _mapped(tasks: Sequence[Task], how: CampaignOptions, progress: Progress) -> Iterator[tuple[str, CampaignEntry]]:
+    """Yield each recording's entry as it is done, and tell how far the campaign is."""
+    start, n_refused = time.perf_counter(), 0
+    for n_done, (task, entry) in enumerate(_outcomes(tasks, how, progress), 1):
+        if isinstance(entry, Lost):
+            entry = refused(task.name, "two workers died on it (killed, or out of memory); run it alone by --only")
+        n_refused += entry.status != "ok"
+        left = (time.perf_counter() - start) / n_done * (len(tasks) - n_done)
+        text = f"{n_done} of {len(tasks)} done, {n_refused} refused, {spoken(left)} left"
+        progress(f"{text} ({task.name}: {entry.status})")
+        yield task.name, entry
+
+
+def _outcomes(
+    tasks: Sequence[Task], how: CampaignOptions, progress: Progress
+) -> Iterator[tuple[Task, CampaignEntry | Lost]]:
+    workers = min(how.workers or os.cpu_count() or 1, len(tasks))
+    if how.scheduler:
+        return on_scheduler(run_task, tasks, how.scheduler)
+    if how.cluster is not None:
+        return on_cluster_file(run_task, tasks, how.cluster, progress)
+    if how.engine == "processes" or (not how.engine and (workers == 1 or find_spec("distributed") is None)):
+        return on_processes(run_task, tasks, workers)
+    return on_local_cluster(run_task, tasks, workers)
+
+
+def spoken(seconds: float) -> str:
+    """Return a remaining time as a person says it."""
+    if seconds < 90.0:
+        return f"about {max(seconds, 1.0):.0f} s"
+    return f"about {seconds / 60.0:.0f} min" if seconds < 5400.0 else f"about {seconds / 3600.0:.1f} h"
+
+
+def _write_index(
+    out: Path, entries: Sequence[CampaignEntry], joint: CampaignFit | None, findings: tuple[Finding, ...],
+    timing: Mapping[str, float],
+) -> dict[str, Any]:  # fmt: skip
+    """Write page, document and figures of the campaign; each file is replaced as a whole."""
+    if len(entries) <= MOST_THUMBNAILS:
+        entries = [_with_thumbnail(out, entry) for entry in entries]
+    scratch = out / ".index.partial"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir()
+    doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch)
+    move_files(scratch, out)
+    shutil.rmtree(scratch)
+    return doc
+
+
+def _with_thumbnail(out: Path, entry: CampaignEntry) -> CampaignEntry:
+    if entry.status != "ok":
+        return entry
+    return replace(entry, thumbnail=(out / entry.folder / THUMBNAIL).read_text(encoding="utf-8"))

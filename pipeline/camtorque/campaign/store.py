@@ -1,0 +1,153 @@
+"""The folder of one recording's result: written whole or not at all, remembered, read back for the joint fit."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pickle
+import shutil
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from camtorque.fit import Prepared
+from camtorque.records import Refusal
+from camtorque.report import CampaignEntry, check_writable
+from camtorque.report.document import write_json
+from camtorque.report.folder import LOCK, locked
+from camtorque.stopping import before_leaving
+
+ENTRY, JOINT, THUMBNAIL = "entry.json", "joint.bin", "thumbnail.svg"
+SCHEMA = "camtorque.entry/1"
+MARK = ".camtorque-campaign"
+"""File that makes a folder the output of campaigns; the one that writes the index holds its lock."""
+FOREIGN_CLASSES = {
+    ("builtins", "set"), ("builtins", "frozenset"), ("builtins", "slice"), ("builtins", "complex"),
+    ("collections", "OrderedDict"), ("pathlib", "PosixPath"), ("pathlib", "WindowsPath"),
+    ("numpy", "dtype"), ("numpy", "ndarray"), ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy._core.multiarray", "scalar"), ("numpy.core.multiarray", "_reconstruct"),
+    ("numpy.core.multiarray", "scalar"), ("numpy._core.numeric", "_frombuffer"), ("numpy.core.numeric", "_frombuffer"),
+    ("scipy.interpolate._bsplines", "BSpline"), ("scipy.interpolate._cubic", "CubicSpline"),
+    ("scipy.interpolate._interpolate", "PPoly"), ("builtins", "dict"),
+}  # fmt: skip
+"""What the joint fit's input may hold beside records of this package."""
+
+
+@contextmanager
+def campaign_folder(out: Path) -> Iterator[Path]:
+    """Give the folder of the results below ``out``, for one campaign at a time; what killed workers left is removed.
+
+    Raises
+    ------
+    Refusal : ``out`` holds something else or cannot be written; another campaign is writing there
+    """
+    runs = prepare_folder(out)
+    lock = os.open(out / MARK, os.O_RDWR)
+    try:
+        if not locked(lock):
+            raise Refusal(f"--out {out}: another campaign is writing there; wait for its end or choose another name")
+        clear_partials(runs)
+        try:
+            with before_leaving(lambda: clear_partials(runs)):
+                yield runs
+        finally:
+            clear_partials(runs)
+    finally:
+        os.close(lock)
+
+
+def prepare_folder(out: Path) -> Path:
+    """Make ``out`` the output of a campaign and return its folder of results.
+
+    Raises
+    ------
+    Refusal : ``out`` holds something else or cannot be written
+    """
+    check_writable(out)
+    if out.is_dir() and any(out.iterdir()) and not ((out / MARK).exists() or (out / "campaign.json").exists()):
+        raise Refusal(
+            f"--out {out}: found a folder with other files in it, expected a new one or an earlier campaign; "
+            "choose another name"
+        )
+    runs = out / "runs"
+    runs.mkdir(parents=True, exist_ok=True)
+    (out / MARK).touch()
+    return runs
+
+
+def clear_partials(runs: Path) -> None:
+    """Remove what killed workers left half-written; what a living one writes is locked and stays."""
+    for partial in runs.glob(".*.partial"):
+        with suppress(OSError):
+            lock = os.open(partial / LOCK, os.O_RDWR | os.O_CREAT)
+            try:
+                if locked(lock):
+                    shutil.rmtree(partial, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
+def write_entry(folder: Path, entry: CampaignEntry) -> None:
+    """Remember what became of a recording; the picture stands in its own file, for hundreds fill a page."""
+    if entry.thumbnail:
+        (folder / THUMBNAIL).write_text(entry.thumbnail, encoding="utf-8")
+    write_json(folder / ENTRY, {"schema": SCHEMA, **asdict(entry), "thumbnail": ""})
+
+
+def read_entry(folder: Path) -> CampaignEntry | None:
+    """Return what became of a recording, None where it was not finished."""
+    try:
+        content = json.loads((folder / ENTRY).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except ValueError as error:
+        raise Refusal(f"{folder / ENTRY}: is damaged ({error}); delete {folder} and run again") from error
+    return CampaignEntry(**{key: value for key, value in content.items() if key != "schema"})
+
+
+def write_prepared(folder: Path, prepared: Prepared) -> None:
+    """Keep what the joint fit needs of a recording."""
+    stream = io.BytesIO()
+    _Writer(stream, protocol=5).dump(prepared)
+    (folder / JOINT).write_bytes(zlib.compress(stream.getbuffer()))
+
+
+def read_prepared(folder: Path) -> Prepared:
+    """Return a recording's input of the joint fit; only records of this package and numbers are accepted.
+
+    Raises
+    ------
+    Refusal : the file is missing, damaged or holds anything else
+    """
+    path = folder / JOINT
+    try:
+        return _RecordsOnly(io.BytesIO(zlib.decompress(path.read_bytes()))).load()
+    except (OSError, EOFError, ValueError, AttributeError, TypeError, zlib.error, pickle.UnpicklingError) as error:
+        raise Refusal(f"{path}: cannot be used ({error}); delete {folder} and run again") from error
+
+
+class _Writer(pickle.Pickler):
+    """Writes read-only views of dictionaries as dictionaries: the views cannot be written."""
+
+    def reducer_override(self, value: Any) -> Any:
+        """Return how a value is made again."""
+        return (dict, (dict(value),)) if isinstance(value, MappingProxyType) else NotImplemented
+
+
+class _RecordsOnly(pickle.Unpickler):
+    """Reads back records: a class of this package, or one of `FOREIGN_CLASSES`; no function can be called."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return a class that may be made."""
+        if (module, name) in FOREIGN_CLASSES:
+            return super().find_class(module, name)
+        if module.startswith("camtorque.") and "." not in name:
+            found = super().find_class(module, name)
+            if isinstance(found, type) and found.__module__ == module:
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name} is no record")

@@ -1,0 +1,98 @@
+"""Processes of this machine: one pool per worker, so that a worker that dies takes its own recording alone with it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from camtorque.stopping import end_workers
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Stands for a result: the worker died on it, and so did the next one."""
+
+
+@dataclass(frozen=True)
+class _Job(Generic[T]):
+    pool: ProcessPoolExecutor
+    item: T
+    again: bool = False
+
+
+def on_processes(call: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[tuple[T, R | Lost]]:
+    """Yield each item with its result as it is done.
+
+    Parameters
+    ----------
+    call : function of a module, run in fresh processes: threads of numerical libraries do not survive a fork
+    items : taken one by one as workers become free
+    workers : number of processes
+
+    Notes
+    -----
+    An item whose worker dies is tried once more; then `Lost` is its result. Whatever ends the loop ends the workers.
+    """
+    quiet_tracker()
+    waiting = iter(items)
+    running: dict[Future[R], _Job[T]] = {}
+
+    def start(job: _Job[T]) -> None:
+        running[job.pool.submit(call, job.item)] = job
+
+    def start_next(pool: ProcessPoolExecutor) -> None:
+        for item in waiting:
+            start(_Job(pool, item))
+            return
+        pool.shutdown(wait=False)
+
+    try:
+        for item in waiting:
+            start(_Job(_pool(), item))
+            if len(running) == workers:
+                break
+        while running:
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                job = running.pop(future)
+                died = isinstance(future.exception(), BrokenProcessPool)
+                if died and not job.again:
+                    start(_Job(_pool(), job.item, again=True))
+                    continue
+                start_next(_pool() if died else job.pool)
+                yield job.item, Lost() if died else future.result()
+    except BaseException:
+        end_workers()
+        raise
+
+
+def quiet_tracker() -> None:
+    """Keep the process that clears away semaphores from warning on standard error when workers were killed."""
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+
+
+def _pool() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _start_worker)
+
+
+def _start_worker() -> None:
+    """Leave Ctrl-C to the parent, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

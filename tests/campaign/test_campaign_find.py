@@ -1,0 +1,37 @@
+"""Recordings are found through links, loops are refused, a recording counts once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from campaign_cases import make
+from camtorque.campaign.find import find_recordings, search
+from camtorque.records import Refusal
+
+
+def test_links_are_followed(tmp_path: Path) -> None:
+    make(tmp_path / "elsewhere" / "deep", b="")
+    make(tmp_path / "raw", a="")
+    (tmp_path / "raw" / "link").symlink_to(tmp_path / "elsewhere")
+    assert list(find_recordings(tmp_path / "raw")) == ["a", "link/deep/b"]
+
+
+def test_a_loop_is_refused(tmp_path: Path) -> None:
+    make(tmp_path, a="")
+    (tmp_path / "a" / "up").symlink_to(tmp_path)
+    with pytest.raises(Refusal, match="up: found a link that leads back"):
+        find_recordings(tmp_path)
+
+
+def test_a_recording_counts_once_and_the_other_name_is_told(tmp_path: Path) -> None:
+    make(tmp_path, run_017="")
+    (tmp_path / "zz_latest").symlink_to(tmp_path / "run_017")
+    found, (finding,) = search(tmp_path)
+    assert list(found) == ["run_017"]
+    assert finding.text.startswith("zz_latest is the recording run_017")
+
+
+def test_half_written_hidden_folders_are_passed_over(tmp_path: Path) -> None:
+    make(tmp_path, **{"a": "", ".a.partial": ""})
+    assert list(find_recordings(tmp_path)) == ["a"]

@@ -1,0 +1,224 @@
+"""What is finished or refused is remembered, what changed is computed again, a damaged store says what to do."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import pickle
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import campaign_cases
+import pytest
+from campaign_cases import make
+from camtorque.align import AlignOptions
+from camtorque.campaign import CampaignOptions, flow, key, list_recordings, run_campaign, run_only, store, task
+from camtorque.records import Finding, Refusal
+from camtorque.run import RunOptions
+from camtorque.workers import Lost
+
+OPTIONS = RunOptions()
+
+
+@pytest.fixture
+def analysed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the recordings that were really computed; everything runs in this process."""
+    names: list[str] = []
+
+    def analyse(path: Path, options: object) -> tuple[Any, Finding]:
+        names.append(path.name)
+        return campaign_cases.analyse(path, options)
+
+    def here(call: Any, items: Any, *_: object) -> Iterator[tuple[Any, Any]]:
+        return ((item, call(item)) for item in items)
+
+    monkeypatch.setattr(task, "analyse", analyse)
+    monkeypatch.setattr(task, "write_run", campaign_cases.write_run)
+    monkeypatch.setattr(task, "thumbnail", lambda result: "<svg></svg>")
+    monkeypatch.setattr(task, "without_cycles", lambda prepared: prepared)
+    monkeypatch.setattr(flow, "joint_fit", campaign_cases.no_joint_fit)
+    monkeypatch.setattr(flow, "on_processes", here)
+    monkeypatch.setattr(flow, "on_local_cluster", here)
+    return names
+
+
+def statuses(doc: dict[str, Any]) -> dict[str, str]:
+    return {row["name"]: row["status"] for row in doc["recordings"]}
+
+
+def test_finished_and_refused_are_remembered(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="refuse torque", c="fail sum"), tmp_path / "out"
+    for _ in range(2):
+        doc = run_campaign(raw, out, OPTIONS)
+        assert statuses(doc) == {"a": "ok", "b": "refused", "c": "refused"}
+        assert [row["error"] for row in doc["recordings"]] == [None, "no torque", "unexpected ValueError: sum"]
+        assert analysed == ["a", "b", "c"]
+        assert doc["findings"][0]["text"] == "a", "the joint fit gets what was kept"
+    run_campaign(raw, out, OPTIONS, CampaignOptions(retry_failed=True))
+    assert analysed == ["a", "b", "c", "b", "c"]
+    refused = out / doc["recordings"][1]["folder"]
+    assert [path.name for path in refused.iterdir()] == ["entry.json"]
+    assert (out / doc["recordings"][0]["folder"] / "result.json").is_file()
+    assert f"{doc['recordings'][0]['folder']}/report.html" in (out / "campaign.html").read_text()
+    assert not list(out.glob(".index*")) + list((out / "runs").glob(".*"))
+
+
+def test_what_changed_is_computed_again(analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="say"), tmp_path / "out"
+    run_campaign(raw, out, OPTIONS)
+    (raw / "a" / "recording.toml").write_text("say again")
+    run_campaign(raw, out, OPTIONS)
+    assert analysed == ["a", "b", "a"]
+    run_campaign(raw, out, RunOptions(AlignOptions(n_theta=1800)))
+    assert analysed[3:] == ["a", "b"]
+    monkeypatch.setattr(key, "code_digest", lambda: "other code")
+    run_campaign(raw, out, OPTIONS)
+    assert analysed[5:] == ["a", "b"]
+
+
+def test_the_key_holds_every_file_that_a_recording_names(tmp_path: Path) -> None:
+    examples = Path(__file__).resolve().parents[2] / "raw_examples"
+    names = {path.name for path in key.input_paths(examples / "A_1250rpm")}
+    assert {"recording.toml", "A_1250rpm_all.csv", "cam_A.csv", "torque_T22-40117.toml"} <= names
+    first = key.recording_key("a", examples / "A_1250rpm", OPTIONS)
+    assert first == key.recording_key("a", examples / "A_1250rpm", RunOptions())
+    assert first != key.recording_key("b", examples / "A_1250rpm", OPTIONS), "equal recordings do not share a folder"
+
+
+def test_what_may_be_over_next_time_is_not_remembered(
+    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw, out = make(tmp_path / "raw", a="unreadable", b="say"), tmp_path / "out"
+    for count in (1, 2):
+        doc = run_campaign(raw, out, OPTIONS)
+        assert analysed.count("a") == count
+    assert "Input/output error" in doc["recordings"][0]["error"]
+    monkeypatch.setattr(flow, "_outcomes", lambda tasks, *_: ((item, Lost()) for item in tasks))
+    doc = run_campaign(raw, out, OPTIONS)
+    assert {row["error"] for row in doc["recordings"]} == {
+        "two workers died on it (killed, or out of memory); run it alone by --only"
+    }
+
+
+def test_a_full_disk_stops_the_campaign_and_keeps_what_is_finished(
+    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="say", c="say"), tmp_path / "out"
+    write = campaign_cases.write_run
+
+    def full(result: Any, folder: Path) -> dict[str, Any]:
+        if result.name == "b":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(result, folder)
+
+    monkeypatch.setattr(task, "write_run", full)
+    with pytest.raises(Refusal, match="No space left on device"):
+        run_campaign(raw, out, OPTIONS)
+    assert analysed == ["a", "b"]
+    monkeypatch.setattr(task, "write_run", write)
+    assert statuses(run_campaign(raw, out, OPTIONS)) == dict.fromkeys("abc", "ok")
+    assert analysed == ["a", "b", "b", "c"]
+
+
+def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="refuse it", **{"deep/c": "say"}), tmp_path / "out"
+    assert run_only("deep/c", raw, out, OPTIONS).status == "ok"
+    assert run_only("b", raw, out, OPTIONS).error == "no it"
+    assert analysed == ["c", "b"]
+    rows = list_recordings(raw, out, OPTIONS)
+    assert [(row["name"], row["status"]) for row in rows] == [("a", "open"), ("b", "refused"), ("deep/c", "ok")]
+    assert not (out / "campaign.json").exists()
+    assert statuses(run_campaign(raw, out, OPTIONS)) == {"a": "ok", "b": "refused", "deep/c": "ok"}
+    assert analysed == ["c", "b", "a"]
+    with pytest.raises(Refusal, match=r"--only nowhere: found no such recording, expected one of a, b, deep/c"):
+        run_only("nowhere", raw, out, OPTIONS)
+
+
+def test_another_process_at_the_same_recording(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
+    name = list_recordings(raw, out, OPTIONS)[0]["key"]
+    runs = store.prepare_folder(out)
+    with task.output_folder(runs / name):
+        entry = run_only("a", raw, out, OPTIONS)
+    assert (entry.status, entry.error) == ("refused", "another process is computing it; run again after its end")
+    assert run_only("a", raw, out, OPTIONS).status == "ok"
+
+
+def test_one_campaign_at_a_time_writes_the_index(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
+    with (
+        store.campaign_folder(out), pytest.raises(Refusal, match="another campaign is writing there")
+    ):  # fmt: skip
+        run_campaign(raw, out, OPTIONS)
+    run_campaign(raw, out, OPTIONS)
+
+
+def test_a_campaign_takes_no_foreign_folder_and_no_run_takes_a_campaign(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
+    run_campaign(raw, out, OPTIONS)
+    with pytest.raises(Refusal, match="other files in it"), task.output_folder(out):
+        pass
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    with pytest.raises(Refusal, match="other files in it"):
+        run_campaign(raw, tmp_path / "mine", OPTIONS)
+
+
+def test_a_damaged_store_says_what_to_do(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
+    folder = out / run_campaign(raw, out, OPTIONS)["recordings"][0]["folder"]
+    whole = (folder / store.JOINT).read_bytes()
+    for damaged in (b"", whole[:20], whole[:-9] + b"123456789", zlib.compress(b"no pickle")):
+        (folder / store.JOINT).write_bytes(damaged)
+        with pytest.raises(Refusal, match=r"joint.bin: cannot be used .*; delete .* and run again"):
+            run_campaign(raw, out, OPTIONS)
+    (folder / store.ENTRY).write_text('{"schema": ')
+    with pytest.raises(Refusal, match=r"entry.json: is damaged .*; delete"):
+        run_campaign(raw, out, OPTIONS)
+
+
+class Foreign:
+    """Stands for code in a stranger's output."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return os.system, ("false",)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [pickle.dumps(Foreign()), b"ccamtorque.cli\nos.system\n(S'false'\ntR.", b"ccamtorque.run\nnow\n(tR.",
+     b"\x80\x04\x8c\x12camtorque.campaign\x8c\x0crun_campaign\x93."],
+    ids=["system", "dotted", "function", "stack global"],
+)  # fmt: skip
+def test_a_strangers_output_is_no_code(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / store.JOINT).write_bytes(zlib.compress(content))
+    with pytest.raises(Refusal, match="is no record"):
+        store.read_prepared(tmp_path)
+
+
+def test_progress_tells_what_is_left(analysed: list[str], tmp_path: Path) -> None:
+    told: list[str] = []
+    run_campaign(make(tmp_path / "raw", a="say", b="refuse it"), tmp_path / "out", OPTIONS, progress=told.append)
+    assert told[0].startswith("1 of 2 done, 0 refused, about 1 s left (a: ok)")
+    assert told[1].startswith("2 of 2 done, 1 refused")
+    assert [flow.spoken(s) for s in (0.0, 89.0, 600.0, 7200.0)] == [
+        "about 1 s",
+        "about 89 s",
+        "about 10 min",
+        "about 2.0 h",
+    ]
+
+
+def test_a_page_of_hundreds_has_no_pictures(
+    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="say"), tmp_path / "out"
+    run_campaign(raw, out, OPTIONS)
+    assert "<svg></svg>" in (out / "campaign.html").read_text()
+    monkeypatch.setattr(flow, "MOST_THUMBNAILS", 1)
+    run_campaign(raw, out, OPTIONS)
+    assert "<svg></svg>" not in (out / "campaign.html").read_text()
+    assert json.loads((out / "campaign.json").read_text())["n_refused"] == 0
