@@ -1,16 +1,7 @@
-"""Which effects, which values, how sure: aligned cycles and the chain of effects -> `FittedTorque`."""
+"""Which values, how sure, which losses are needed: problem, search, solver, evidence, uncertainty, result."""
 
-from camtorque.fit.joint import CampaignFit, Drift, HeldOut, fit_joint
-from camtorque.fit.single import FitOptions, Prepared, fit_prepared, fit_recording, prepare
+from camtorque.fit.joint import CampaignFit, Drift, fit_joint
+from camtorque.fit.leftout import HeldOut
+from camtorque.fit.single import Fit, FitOptions, Prepared, fit_prepared, prepare
 
-__all__ = [
-    "CampaignFit",
-    "Drift",
-    "FitOptions",
-    "HeldOut",
-    "Prepared",
-    "fit_joint",
-    "fit_prepared",
-    "fit_recording",
-    "prepare",
-]
+__all__ = ["CampaignFit", "Drift", "Fit", "FitOptions", "HeldOut", "Prepared", "fit_joint", "fit_prepared", "prepare"]

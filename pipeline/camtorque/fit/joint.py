@@ -1,63 +1,53 @@
-"""Many recordings of one pump: shared physics fitted once, own nuisances each, every recording left out in turn."""
+"""Many recordings of one pump: shared physics fitted once, own nuisances each, every recording left out in turn.
+
+Starts come from anchors, recordings that are explained alone. What is then fitted badly has its structure and end of
+delivery searched anew with the shared values held. The error that the laws have in common does not average out: its
+share of the weights, and the lift table's, grow with the number of recordings.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.budget import pressure_gain_shift
-from camtorque.fit.estimates import estimates, prior_findings
-from camtorque.fit.events import predicted_end
-from camtorque.fit.ladder import climb
-from camtorque.fit.many import MANY, left_out_misfit, left_out_steps, minimise, without_one
-from camtorque.fit.metrics import metrics
-from camtorque.fit.predict import HeldOutError, left_out
-from camtorque.fit.prepare import swapped, with_rows
-from camtorque.fit.problem import (
-    EFFECT_PARAMETERS,
-    SEVERAL_SPEEDS,
-    FitData,
-    Problem,
-    build_problem,
-    offered_effects,
-)
-from camtorque.fit.result import Fit, fitted_torque, model_on_grid
-from camtorque.fit.single import FitOptions, Prepared, other_lift_laws, pressure_gain_std, with_law
-from camtorque.fit.solve import Solution, solve
-from camtorque.fit.starts import past_valleys, started_at, with_best_coupling
-from camtorque.fit.uncertainty import covariance, parameter_names, parameter_values, spread, variants
-from camtorque.records import Array, Finding, FittedTorque, LadderRung, Metrics, ParameterEstimate
+from camtorque.fit.leftout import HeldOut, left_out_predictions
+from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
+from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_rows, with_starts
+from camtorque.fit.result import fitted_torque, parameter_estimates, prior_findings
+from camtorque.fit.search import SCAN_SHARES, rising_angles
+from camtorque.fit.single import Candidate, Fit, FitOptions, Prepared, pressure_gain_std
+from camtorque.fit.solver import Solution, lifts_at, solve, try_at
+from camtorque.fit.uncertainty import covariance
+from camtorque.laws.chain import BINS
+from camtorque.records import Array, Finding, FittedTorque, LadderRung, ParameterEstimate, Refusal
 
-LEFT_OUT_ITERATIONS = 8
-LEFT_OUT_TOLERANCE = 1.0e-5
-ZERO_SPREAD_SHARE = 1.0e-3
-"""Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
-BAD_RECORDING = 25.0
-"""A recording whose misfit exceeds the median misfit by this factor is left out of the joint fit."""
-SEVERAL_SPEEDS_NAMES = tuple(name for effect in SEVERAL_SPEEDS for name in EFFECT_PARAMETERS[effect])
-"""Shared parameters that no recording can tell alone; they keep their joint values there."""
-MODES = ("own_zero_and_end", "blind")
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Prediction of one recording by the others."""
-
-    name: str
-    mode: str
-    fitted_on_held_out: tuple[str, ...]
-    metrics: Metrics
-    mean_removed: bool
+MOST_ANCHORS = 4
+ANCHOR_LIMIT, ANCHOR_FACTOR = 10.0, 3.0
+"""An anchor's inflation alone is below the larger of this and so many times the least one."""
+START_ITERATIONS = 6
+OWN_ITERATIONS = 6
+BAD_FACTOR = 4.0
+"""A recording whose misfit exceeds the median by this factor has its structure searched anew, and is told if it stays."""
+ASIDE_FACTOR = 25.0
+SAME_SPEED = 0.05
+TWO_STATES = 5.0
+"""Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
+DRIFT_TOLD = 2.5
+COMPARED = (
+    "trigger_offset", "leakage", "dead_volume", "bearing_arm", "spring_preload_error", "port_closing_lift", "shaft_drag",
+    "shaft_compliance",
+)  # fmt: skip
+"""Shared parameters that tell whether recordings belong to one pump in one state."""
 
 
 @dataclass(frozen=True)
 class Drift:
     """A shared parameter fitted to each recording alone, to see whether it drifts with speed.
 
-    values and stderrs in ``unit``, in the order of ``recordings``; chi_square of the values against their mean with
-    ``degrees`` of freedom; slope_per_1000_rpm of a weighted straight line and its standard error
+    values and stderrs in ``unit``, in the order of ``recordings``; slope_per_1000_rpm of a weighted straight line and
+    its standard error
     """
 
     name: str
@@ -68,6 +58,11 @@ class Drift:
     stderrs: tuple[float, ...]
     slope_per_1000_rpm: float
     slope_stderr: float
+
+    @property
+    def told(self) -> bool:
+        """Whether the slope stands out of its standard error."""
+        return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_TOLD * self.slope_stderr
 
 
 @dataclass(frozen=True)
@@ -86,83 +81,123 @@ class CampaignFit:
     chi_square: float
 
 
-def joint_start(data: Sequence[FitData]) -> list[FitData]:
-    """Return the recordings with one common start of the shared parameters: the median of their own."""
+def common_error(item: FitData, count: int) -> FitData:
+    """Return a recording whose weights hold the error of the laws ``count`` times: it is the same in all."""
+    torque = item.torque
+    law = (SMALLEST_SHARE * np.max(np.abs(torque))) ** 2 + (DISCREPANCY * np.abs(torque)) ** 2
+    variance = 1.0 / item.weight**2 + (count - 1.0) * law * BINS / INDEPENDENT
+    return replace(item, weight=1.0 / np.sqrt(variance))
+
+
+def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
+    """Return the recordings with the same bounds of the shared parameters."""
     names = [name for name, row in data[0].rows.items() if row.role == "shared"]
-    common = {name: {"start": float(np.median([item.rows[name].start for item in data]))} for name in names}
     limits = {
-        name: {
-            "lower": min(item.rows[name].lower for item in data),
-            "upper": max(item.rows[name].upper for item in data),
-        }
+        name: {"lower": min(d.rows[name].lower for d in data), "upper": max(d.rows[name].upper for d in data)}
         for name in names
     }
-    merged = {name: {**limits[name], **common[name]} for name in names}
-    return [with_rows(item, merged) for item in data]
+    return [with_rows(item, limits) for item in data]
 
 
-def solve_joint(data: Sequence[FitData], effects: Sequence[str]) -> tuple[Problem, Solution]:
-    """Return the joint minimum from the common start, and from each recording's own start where that is better."""
-    problem = build_problem(joint_start(data), effects)
-    best = minimise(problem)
-    for item in data if len(data) < MANY else ():
-        start = problem.start()
-        for j, slot in enumerate(problem.nonlinear):
-            if slot.recording < 0:
-                start[j] = item.rows[slot.row.name].start
-        trial = solve(problem, start, max_iterations=10)
-        if trial.chi_square < best.chi_square * (1.0 - 1e-6):
-            best = solve(problem, trial.x)
-    return problem, past_valleys(problem, best, minimise)
+def anchors(prepared: Sequence[Prepared]) -> list[Candidate]:
+    """Return the recordings that are explained alone, best first."""
+    best = [item.candidates[0] for item in prepared]
+    inflation = [covariance(c.problem, c.solution).inflation for c in best]
+    limit = max(ANCHOR_LIMIT, ANCHOR_FACTOR * min(inflation))
+    order = sorted(range(len(best)), key=lambda k: inflation[k])
+    return [best[k] for k in order if inflation[k] <= limit][:MOST_ANCHORS]
 
 
-def without(problem: Problem, solution: Solution, index: int) -> tuple[Problem, Solution]:
-    """Return the joint fit of all recordings but one, started at the joint minimum."""
-    data = [
-        started_at(item, problem, solution, position) for position, item in enumerate(problem.data) if position != index
-    ]
-    fewer = build_problem(data, problem.effects)
-    return fewer, solve(fewer, None, LEFT_OUT_ITERATIONS, LEFT_OUT_TOLERANCE)
+def shared_starts(found: Sequence[Candidate]) -> list[dict[str, float]]:
+    """Return the anchors' shared values, the mean weighted by their information first."""
+    each = []
+    top, bottom = {}, {}  # type: ignore[var-annotated]
+    for item in found:
+        std = covariance(item.problem, item.solution).std
+        values = {}
+        for k, slot in enumerate(item.problem.slots):
+            if slot.row.role == "shared":
+                value, weight = float(item.solution.z[k]), 1.0 / float(std[k]) ** 2
+                values[slot.row.name] = value
+                top[slot.row.name] = top.get(slot.row.name, 0.0) + weight * value
+                bottom[slot.row.name] = bottom.get(slot.row.name, 0.0) + weight
+        each.append(values)
+    return [{name: top[name] / bottom[name] for name in top}, *each]
 
 
-def left_out_error(problem: Problem, solution: Solution) -> HeldOutError:
-    """Return the error over all recordings, each predicted by the others with own zero and end of delivery.
-
-    The misfit counts what the own zero is pulled off its standstill reading: without it a chain that lacks a drag goes
-    unpunished, for every left-out recording hides it in its zero.
-    """
-    squares, misfit = [], 0.0
-    for index, item in enumerate(problem.data):
-        _, found = left_out(*without(problem, solution, index), item)
-        squares.append(np.mean(found.residuals[0] ** 2))
-        misfit += found.chi_square
-    return HeldOutError(float(np.sqrt(np.mean(squares))), misfit)
+def joint_solution(problem: Problem, start: Array, iterations: int) -> Solution:
+    """Return a joint minimum; the lift table's error is one for all recordings."""
+    lifts = lifts_at(problem, start, float(np.sqrt(len(problem.data))))
+    return solve(problem, start, iterations, lifts)
 
 
-def _held_out(prepared: Prepared, others: tuple[Problem, Solution], mode: str) -> HeldOut:
-    problem, solution = others
-    extra: dict[str, float] = {}
-    if mode == "blind":
-        extra = {**predicted_end(problem, solution, prepared.data), "torque_zero": 0.0}
-        if prepared.data.delivery == "spill":
-            extra["spill_width"] = prepared.data.rows["spill_width"].prior[0]  # type: ignore[index]
-    own, found = left_out(problem, solution, prepared.data, extra)
-    chain = swapped(own.data[0], prepared.means.held_torque, prepared.means.held_pressure)
-    torque = model_on_grid(own, found, 0, chain).torque
-    removed = mode == "blind" and _zero_unknown(prepared)
-    measured = prepared.means.held_torque
-    if removed:
-        torque = torque + float(np.mean(measured) - np.mean(torque))
-    rigid = prepared.rigid
-    names = tuple(slot.name for slot in (*own.nonlinear, *own.linear))
-    scored = metrics(measured, torque, rigid.torque, rigid.lift, rigid.lift_velocity)
-    return HeldOut(prepared.data.name, mode, names, scored, removed)
+def solve_joint(prepared: Sequence[Prepared]) -> tuple[Problem, Solution]:
+    """Return the joint minimum."""
+    count = len(prepared)
+    data = with_common_rows([common_error(item.data, count) for item in prepared])
+    starts = shared_starts(anchors(prepared))
+    best: tuple[Problem, Solution] | None = None
+    for values in starts:
+        moved = [with_starts(item, {k: v for k, v in values.items() if k in item.rows}) for item in data]
+        moved = [own_fitted(item) for item in moved]
+        problem = build_problem(moved)
+        trial = joint_solution(problem, problem.start, START_ITERATIONS)
+        if best is None or trial.chi_square < best[1].chi_square:
+            best = problem, trial
+    assert best is not None
+    problem, solution = best
+    again = [started_at(problem, solution, k) for k in range(count)]
+    searched = [searched_anew(item) if bad else item for item, bad in zip(again, misfits(problem, solution), strict=True)]
+    problem = build_problem(searched)
+    return problem, joint_solution(problem, problem.start, 40)
 
 
-def _zero_unknown(prepared: Prepared) -> bool:
-    prior = prepared.data.rows["torque_zero"].prior
-    peak = float(np.max(prepared.means.torque_all))
-    return prior is None or prior[1] > ZERO_SPREAD_SHARE * peak
+def started_at(problem: Problem, solution: Solution, index: int) -> FitData:
+    """Return a recording that starts at a solution."""
+    starts = {s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording in (-1, index)}
+    return with_starts(problem.data[index], starts)
+
+
+def misfits(problem: Problem, solution: Solution) -> list[bool]:
+    """Return which recordings the joint fit meets much worse than the median one."""
+    each = recording_misfit(solution)
+    return [bool(value > max(BAD_FACTOR * float(np.median(each)), 30.0)) for value in each]
+
+
+def recording_misfit(solution: Solution) -> Array:
+    """Return the chi-square of each recording's residual."""
+    return np.array([float(lift.product(r, r)) for lift, r in zip(solution.lifts, solution.residuals, strict=True)])
+
+
+def own_fitted(item: FitData, iterations: int = OWN_ITERATIONS) -> FitData:
+    """Return a recording whose own parameters were fitted with the shared ones held at their starts."""
+    problem = build_problem([item], {name: row.start for name, row in item.rows.items() if row.role == "shared"})
+    solution = solve(problem, None, iterations)
+    return started_at(problem, solution, 0)
+
+
+def searched_anew(item: FitData) -> FitData:
+    """Return a recording in the structure and with the end of delivery that the shared values like best."""
+    held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
+    found: list[tuple[float, int, FitData]] = []
+    for structure in STRUCTURES:
+        if structure == "line":
+            continue
+        other = replace(item, structure=structure)
+        angles, lifts = rising_angles(other, SCAN_SHARES)
+        name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)
+        tried = [with_starts(other, {name: float(place)}) for place in places] if structure != "open" else [other]
+        tried = [item, *tried] if structure == item.structure else tried
+        for trial in tried:
+            problem = build_problem([trial], held)
+            found.append((try_at(problem, problem.start, lifts_at(problem, problem.start)).chi_square, len(found), trial))
+    best = [entry[2] for entry in sorted(found, key=lambda entry: entry[:2])[:4]]
+    fitted = [own_fitted(trial, 12) for trial in best]
+    values = []
+    for trial in fitted:
+        problem = build_problem([trial], held)
+        values.append(try_at(problem, problem.start, lifts_at(problem, problem.start)).chi_square)
+    return fitted[int(np.argmin(values))]
 
 
 def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -> CampaignFit:
@@ -170,168 +205,123 @@ def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -
 
     Parameters
     ----------
-    prepared : recordings whose starts are found
-    options : effects to offer
+    prepared : recordings whose minima are found
+    options : choices of the user
 
-    Notes
-    -----
-    The ladder decides on left-out recordings: odd and even cycles of one recording share every systematic error.
+    Raises
+    ------
+    Refusal : two recordings at one speed cannot be one pump in one state
     """
-    options = options or FitOptions()
-    offered = options.effects
-    if offered is None:
-        offered = offered_effects([item.data for item in prepared])
-    used, aside = _without_bad(list(prepared), offered)
-    data = [item.data for item in used]
-    data = with_best_coupling(joint_start(data), offered)
-    problem, solution = solve_joint(data, offered)
-    data = [started_at(item, problem, solution, k) for k, item in enumerate(problem.data)]
-    data = [replace(item, chain=original.data.chain) for item, original in zip(data, used, strict=True)]
-    rungs: tuple[LadderRung, ...] = ()
-    if options.use_ladder and len(used) > 2:
-        error = left_out_error if len(used) < MANY else left_out_misfit
-        effects, solution, rungs = climb(
-            data, lambda names, minimum, items: error(build_problem(items, names), minimum), offered,
-            "left-out recordings",
-        )  # fmt: skip
-        problem = build_problem(data, effects)
-        solution = minimise(problem, solution.x)
-    fit = _with_uncertainty(used, problem, solution, rungs)
-    return _campaign(used, fit, aside)
-
-
-def _without_bad(prepared: list[Prepared], effects: Sequence[str]) -> tuple[list[Prepared], tuple[str, ...]]:
-    """Return the recordings that a joint fit can explain, and the names of those left aside."""
-    aside: list[str] = []
-    while len(prepared) > 3:
-        problem, solution = solve_joint([item.data for item in prepared], effects)
-        misfit = np.array(
-            [np.mean((r * item.weight) ** 2) for r, item in zip(solution.residuals, problem.data, strict=True)]
-        )
-        worst = int(np.argmax(misfit))
-        if misfit[worst] < BAD_RECORDING * np.median(misfit):
+    refuse_two_states(prepared)
+    used, aside = list(prepared), []
+    while True:
+        problem, solution = solve_joint(used)
+        each = recording_misfit(solution)
+        worst = int(np.argmax(each))
+        if len(used) <= 3 or each[worst] < max(ASIDE_FACTOR * float(np.median(each)), 10.0 * INDEPENDENT):
             break
-        aside.append(prepared.pop(worst).data.name)
-    return prepared, tuple(aside)
-
-
-def _with_uncertainty(
-    used: Sequence[Prepared], problem: Problem, solution: Solution, rungs: tuple[LadderRung, ...]
-) -> Fit:
+        aside.append(used.pop(worst).data.name)
     cov = covariance(problem, solution)
-    laws = other_lift_laws(used[0].recording)
-    other = [[with_law(item, law) for item in problem.data] for law in laws]
-    found = variants(problem, solution, other)
-    gain = pressure_gain_shift(problem, solution, max(pressure_gain_std(item) for item in used))
-    return Fit(problem, solution, cov, np.hypot(spread(problem, solution, found), gain), gain, found, rungs)
-
-
-def _campaign(used: Sequence[Prepared], fit: Fit, aside: tuple[str, ...]) -> CampaignFit:
-    problem, solution = fit.problem, fit.solution
-    drifts = shared_drifts(problem, solution) if len(used) > 2 else ()
-    fit = replace(fit, spreads=widened(fit, drifts))
+    drifts = shared_drifts(used) if len(used) > 2 else ()
+    shifts = {"drift of what should be the same": drift_spread(problem, solution, drifts)}
+    n = len(used)
+    fit = Fit(
+        problem, solution, cov, shifts, tuple(np.zeros((0, item.data.chain.theta.size)) for item in used), (), (), (),
+        tuple(item.measured for item in used), tuple(pressure_gain_std(item.recording) for item in used),
+    )  # fmt: skip
     fitted = tuple(
         fitted_torque(fit, k, item.recording, item.cycles, item.rigid, item.means) for k, item in enumerate(used)
     )
-    held: list[HeldOut] = []
-    for index, (item, others) in enumerate(zip(used, _others(problem, solution), strict=False)):
-        prepared = replace(item, data=replace(problem.data[index], chain=item.data.chain))
-        held.extend(_held_out(prepared, others, mode) for mode in MODES)
-    rows = estimates(problem, solution, fit.covariance, fit.spreads)
-    shared = tuple(row for row in rows if row.role == "shared")
+    held = left_out_predictions(used, fit) if n > 1 else ()
+    rows = parameter_estimates(fit, 0)
     findings = (*prior_findings(rows), *_drift_findings(drifts), *_aside_findings(aside))
     names = tuple(item.data.name for item in used)
-    return CampaignFit(
-        names, problem.effects, shared, fitted, tuple(held), fit.ladder, drifts, aside, findings, solution.chi_square
-    )
+    shared = tuple(row for row in rows if row.role == "shared")
+    return CampaignFit(names, (), shared, fitted, held, (), drifts, tuple(aside), findings, solution.chi_square)
 
 
-def _others(problem: Problem, solution: Solution) -> Iterator[tuple[Problem, Solution]]:
-    """Yield the fit of all recordings but one, for each in turn; by summaries where there are many."""
-    count = len(problem.data)
-    if count >= MANY:
-        for index, (_, step) in enumerate(left_out_steps(problem, solution)):
-            yield without_one(problem, solution, index, step)
-    elif count > 1:
-        for index in range(count):
-            yield without(problem, solution, index)
+def refuse_two_states(prepared: Sequence[Prepared]) -> None:
+    """Refuse recordings at one speed whose shared parameters contradict each other."""
+    for k, one in enumerate(prepared):
+        for other in prepared[:k]:
+            if abs(one.data.chain.speed / other.data.chain.speed - 1.0) > SAME_SPEED:
+                continue
+            for name, (a, s), (b, t), unit in _pairs(one.candidates[0], other.candidates[0]):
+                if abs(a - b) > TWO_STATES * np.hypot(s, t):
+                    raise Refusal(
+                        f"joint fit: {other.data.name} and {one.data.name} run at one speed but differ in "
+                        f"{name.replace('_', ' ')} ({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {unit}): they are not one "
+                        "pump in one state and are not averaged; give each state its own `group` in [recording], or "
+                        "use `camtorque compare`"
+                    )
 
 
-def _aside_findings(aside: tuple[str, ...]) -> tuple[Finding, ...]:
+def _pairs(one: Candidate, other: Candidate) -> list[tuple[str, tuple[float, float], tuple[float, float], str]]:
+    stds = covariance(one.problem, one.solution).std, covariance(other.problem, other.solution).std
+    result = []
+    for name in COMPARED:
+        k, j = one.problem.index(name), other.problem.index(name)
+        if k >= 0 and j >= 0:
+            row = one.problem.slots[k].row
+            first = float(one.solution.z[k]) / row.per_unit, float(stds[0][k]) / row.per_unit
+            second = float(other.solution.z[j]) / row.per_unit, float(stds[1][j]) / row.per_unit
+            result.append((name, first, second, row.unit))
+    return result
+
+
+def shared_drifts(prepared: Sequence[Prepared]) -> tuple[Drift, ...]:
+    """Return every shared parameter as each recording alone tells it, with its slope over speed."""
+    speeds = np.array([item.data.chain.speed for item in prepared]) * 60.0 / (2.0 * np.pi)
+    names = tuple(item.data.name for item in prepared)
+    best = [item.candidates[0] for item in prepared]
+    stds = [covariance(c.problem, c.solution).std for c in best]
+    result = []
+    for slot in best[0].problem.slots:
+        places = [c.problem.index(slot.name) for c in best]
+        if slot.row.role != "shared" or min(places) < 0:
+            continue
+        per = slot.row.per_unit
+        values = np.array([c.solution.z[k] / per for c, k in zip(best, places, strict=True)])
+        errors = np.array([std[k] / per for std, k in zip(stds, places, strict=True)])
+        design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / errors[:, None]
+        cov = np.linalg.pinv(design.T @ design)
+        slope = float((cov @ design.T @ (values / errors))[1])
+        result.append(Drift(
+            slot.name, slot.row.unit, names, tuple(speeds.tolist()), tuple(values.tolist()), tuple(errors.tolist()),
+            slope, float(np.sqrt(cov[1, 1])),
+        ))  # fmt: skip
+    return tuple(result)
+
+
+def drift_spread(problem: Problem, solution: Solution, drifts: Sequence[Drift]) -> Array:
+    """Return how far the joint value of each parameter that drifts lies off the mean of the single ones, (k,) [SI]."""
+    spread = np.zeros(problem.size)
+    for drift in drifts:
+        k = problem.index(drift.name)
+        if drift.told and k >= 0:
+            weight = 1.0 / np.array(drift.stderrs) ** 2
+            mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.slots[k].row.per_unit
+            spread[k] = abs(mean - solution.z[k])
+    return spread
+
+
+def _drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
+    return tuple(
+        Finding(
+            "shared_parameter_drifts", "warning",
+            f"{drift.name} should be the same in every recording but drifts by {drift.slope_per_1000_rpm:+.3g} +- "
+            f"{drift.slope_stderr:.2g} {drift.unit} per 1000 rpm fitted alone: a law may be missing", drift.name,
+        )
+        for drift in drifts if drift.told
+    )  # fmt: skip
+
+
+def _aside_findings(aside: Sequence[str]) -> tuple[Finding, ...]:
     return tuple(
         Finding(
             "recording_left_aside", "warning",
-            f"{name} does not fit the others ({BAD_RECORDING:.0f} times their misfit); left out of the joint fit",
-            name,
+            f"{name} does not fit the others ({ASIDE_FACTOR:.0f} times their misfit); left out of the joint fit", name,
         )
         for name in aside
     )  # fmt: skip
 
-
-def widened(fit: Fit, drifts: Sequence[Drift]) -> Array:
-    """Return the model spread with what the recordings, fitted alone, say about each shared parameter, (k,) [SI].
-
-    Physics that the chain lacks pulls the joint value away from the mean of the single ones: that distance belongs to
-    the uncertainty, however small the formal error of the joint fit is.
-    """
-    names = parameter_names(fit.problem)
-    values = parameter_values(fit.problem, fit.solution)
-    rows = {slot.name: slot.row for slot in (*fit.problem.nonlinear, *fit.problem.linear)}
-    spreads = fit.spreads.copy()
-    for drift in drifts:
-        stds = np.array(drift.stderrs)
-        told = stds > 0.0
-        if told.sum() > 1:
-            weight = 1.0 / stds[told] ** 2
-            mean = float(np.sum(weight * np.array(drift.values)[told]) / np.sum(weight)) * rows[drift.name].per_unit
-            index = names.index(drift.name)
-            spreads[index] = np.hypot(spreads[index], mean - values[index])
-    return spreads
-
-
-def shared_drifts(problem: Problem, solution: Solution) -> tuple[Drift, ...]:
-    """Return every shared parameter that one recording can tell, fitted per recording, with its slope over speed."""
-    speeds = np.array([item.chain.speed for item in problem.data]) * 60.0 / (2.0 * np.pi)
-    table: dict[str, list[tuple[float, float]]] = {}
-    held = {name: value for name, value in problem.values(solution.x, 0).items() if name in SEVERAL_SPEEDS_NAMES}
-    for index, item in enumerate(problem.data):
-        alone = build_problem([started_at(item, problem, solution, index)], problem.effects, held)
-        found = solve(alone, max_iterations=25)
-        deviation = np.sqrt(np.maximum(np.diag(covariance(alone, found).matrix), 0.0))
-        values = parameter_values(alone, found)
-        for name, value, std in zip(parameter_names(alone), values, deviation, strict=True):
-            table.setdefault(name, []).append((float(value), float(std)))
-    rows = {slot.row.name: slot.row for slot in (*problem.nonlinear, *problem.linear) if slot.recording < 0}
-    drifts = []
-    for name, row in rows.items():
-        if name in held:
-            continue
-        pairs = np.array(table[name])
-        if pairs.shape[0] == len(problem.data):
-            drifts.append(_drift(name, row.unit, pairs / row.per_unit, speeds, problem))
-    return tuple(drifts)
-
-
-def _drift(name: str, unit: str, pairs: Array, speeds: Array, problem: Problem) -> Drift:
-    values, stds = pairs[:, 0], pairs[:, 1]
-    safe = np.where(stds > 0.0, stds, np.max(stds) if np.max(stds) > 0.0 else 1.0)
-    design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / safe[:, None]
-    cov = np.linalg.pinv(design.T @ design)
-    slope = float((cov @ design.T @ (values / safe))[1])
-    names = tuple(item.name for item in problem.data)
-    return Drift(
-        name, unit, names, tuple(map(float, speeds)), tuple(map(float, values)), tuple(map(float, stds)), slope,
-        float(np.sqrt(cov[1, 1])),
-    )  # fmt: skip
-
-
-def _drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
-    result = []
-    for drift in drifts:
-        if drift.slope_stderr > 0.0 and abs(drift.slope_per_1000_rpm) > 2.5 * drift.slope_stderr:
-            text = (
-                f"{drift.name} should be the same in every recording but drifts by {drift.slope_per_1000_rpm:+.3g} +- "
-                f"{drift.slope_stderr:.2g} {drift.unit} per 1000 rpm fitted alone: a law may be missing"
-            )
-            result.append(Finding("shared_parameter_drifts", "warning", text, drift.name))
-    return tuple(result)

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import resample
 
 from camtorque.config import RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BIN, ChainInput, binned
+from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import lift_correction
+from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
 from camtorque.records import Array, CamCycles, CamTable, Recording, Refusal, SensorCalibration, freeze_arrays
 
+FIT_GRID = 1800
+"""Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
 SMALLEST_SHARE = 2.0e-4
 """Least standard deviation of a bin, as a share of the peak torque: quantisation and grid."""
 DISCREPANCY = 1.0e-3
 """Model error per torque that the weights admit; a larger one widens the intervals afterwards."""
-LEAST_GRID = 1800
-"""Points per revolution below which the chamber's time step smears port and valve."""
-CORRELATION = 12.0
-"""Bins (of half a degree) that carry one independent value: what the 1 kHz low-pass and smooth model errors leave."""
+LOAD_SHARE = 0.1
+CORRELATION = 6.0
+"""Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
+INDEPENDENT = 360.0 / CORRELATION
+"""Independent values per revolution: the one count that weights, evidence and inflation use."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +62,9 @@ def halves(cycles: CamCycles) -> Halves:
     """
     if cycles.torque is None:
         raise Refusal("fit: the recording has no torque channel; use `camtorque align` for pressure and trigger only")
-    if cycles.theta.size < LEAST_GRID or cycles.theta.size % BIN:
+    if cycles.theta.size < BINS:
         raise Refusal(
-            f"fit: found an angle grid of {cycles.theta.size} points, expected a multiple of {BIN} and at least "
-            f"{LEAST_GRID}; choose another --n-theta"
+            f"fit: found an angle grid of {cycles.theta.size} points, expected at least {BINS}; choose another --n-theta"
         )
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
@@ -76,7 +79,7 @@ def halves(cycles: CamCycles) -> Halves:
 
 
 def rig_rows(
-    config: RecordingConfig, law: CamLaw, torque: SensorCalibration, pressure: SensorCalibration
+    config: RecordingConfig, law: CamLaw, torque: SensorCalibration, pressure: SensorCalibration, speed: float
 ) -> dict[str, ParameterRow]:
     """Return every parameter row with the starts, bounds and priors that sheets and certificates give."""
     rows = dict(ROWS)
@@ -93,81 +96,84 @@ def rig_rows(
         cutoff = torque.cutoff_hz
         _set(rows, "cutoff", start=cutoff, lower=0.5 * cutoff, upper=2.0 * cutoff, step=0.05 * cutoff,
              prior=(cutoff, 0.05 * cutoff))  # fmt: skip
-    top = float(np.max(law.evaluate(np.linspace(0.0, 2.0 * np.pi, 721), 0)))
-    closing = float(law.evaluate(np.array([trigger.nominal_angle]), 0)[0])
-    closing = float(np.clip(closing, 0.02 * top, 0.9 * top))
-    _set(rows, "port_closing_lift", start=closing, lower=min(0.01 * top, 0.5 * closing), upper=0.98 * top)
+    lift, slope = law.derivatives(np.linspace(0.0, 2.0 * np.pi, 721), 1)
+    top = float(np.max(lift))
+    _set(rows, "port_closing_lift", start=0.2 * top, lower=0.01 * top, upper=0.98 * top)
     swept = pump.plunger_area * top
     _set(rows, "dead_volume", start=4.0 * swept, lower=0.05 * swept, upper=60.0 * swept, step=0.3 * swept)
-    _set(rows, "spill_lift", start=0.8 * top, lower=0.5 * closing, upper=1.2 * top)
+    _set(rows, "spill_lift", start=0.8 * top, lower=0.05 * top, upper=1.2 * top)
+    flow = pump.plunger_area * float(np.max(slope)) * speed
+    area = flow / (DISCHARGE * np.sqrt(10.0e5))
+    row = rows["valve_area"]
+    area = float(np.clip(area, 2.0 * row.lower, 0.5 * row.upper))
+    _set(rows, "valve_area", start=area, step=0.2 * area)
     return rows
+
+
+def loaded_lift(theta: Array, torque: Array, law: CamLaw) -> float:
+    """Return the lift at which the torque of the rising flank first reaches `LOAD_SHARE` of its peak [m].
+
+    There the port has closed, wherever the trigger's mark may be.
+    """
+    lift = law.evaluate(theta, 0)
+    top = int(np.argmax(lift >= 0.98 * np.max(lift)))
+    rising = torque[: top + 1] - np.min(np.abs(torque))
+    onset = int(np.argmax(rising >= LOAD_SHARE * np.max(rising)))
+    return float(np.clip(lift[onset], 0.02 * np.max(lift), 0.9 * np.max(lift)))
 
 
 def _set(rows: dict[str, ParameterRow], name: str, **changes: object) -> None:
     rows[name] = replace(rows[name], **changes)  # type: ignore[arg-type]
 
 
-def bin_weights(torque: Array, scatter: float, discrepancy: float, correlation: float) -> Array:
+def bin_weights(torque: Array, scatter: float) -> Array:
     """Return the weight of each bin: scatter of the mean, model error in proportion to the torque, correlation.
 
     Parameters
     ----------
-    torque : (m,) mean measured torque in bins [N m]
+    torque : (BINS,) mean measured torque [N m]
     scatter : standard error of the mean of one bin [N m]
-    discrepancy : model error per torque
-    correlation : bins that carry the information of one independent value
     """
     peak = float(np.max(np.abs(torque)))
-    variance = scatter**2 + (SMALLEST_SHARE * peak) ** 2 + (discrepancy * np.abs(torque)) ** 2
-    return 1.0 / np.sqrt(variance * max(correlation, 1.0))
+    variance = scatter**2 + (SMALLEST_SHARE * peak) ** 2 + (DISCREPANCY * np.abs(torque)) ** 2
+    return 1.0 / np.sqrt(variance * BINS / INDEPENDENT)
 
 
-def chain_input(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array, pressure: Array) -> ChainInput:
-    """Return the chain's input for one pair of mean cycles (n_theta,) [N m, Pa]."""
+def on_grid(values: Array, n: int) -> Array:
+    """Return a periodic signal (m,) on another uniform grid from the same zero, by its harmonics."""
+    return np.ascontiguousarray(values if values.size == n else resample(values, n))
+
+
+def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array, pressure: Array, scatter: float,
+             grid: int = FIT_GRID) -> FitData:  # fmt: skip
+    """Return one recording ready to be fitted; its structure is still ``land``.
+
+    Parameters
+    ----------
+    torque, pressure : (n_theta,) mean cycles [N m, Pa]
+    scatter : standard error of the mean [N m]
+    grid : points of the model
+    """
     config: RecordingConfig = recording.config
     table: CamTable = recording.cam_table
-    step = float(np.median(np.diff(table.theta)))
-    basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
-    return ChainInput(
-        theta=cycles.theta, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque,
-        trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
-        offset=config.pump.follower_offset * config.rotation, roller_inertia=assumed_roller(config.pump).inertia,
-        lift_basis=basis,
-    )  # fmt: skip
-
-
-def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: Halves) -> FitData:
-    """Return one recording ready to be fitted; the type of the end of delivery is still ``closed``."""
-    torque_channels, pressure_channels = recording.of("torque"), recording.of("pressure")
-    torque_sheet, pressure_sheet = torque_channels[0].calibration, pressure_channels[0].calibration
+    torque_sheet, pressure_sheet = recording.of("torque")[0].calibration, recording.of("pressure")[0].calibration
     assert torque_sheet is not None
     assert pressure_sheet is not None
-    rows = rig_rows(recording.config, law, torque_sheet, pressure_sheet)
-    chain = chain_input(recording, cycles, law, means.torque, means.pressure)
-    binned_torque = binned(means.torque)
-    weight = bin_weights(binned_torque, means.scatter_of_mean, DISCREPANCY, CORRELATION)
-    return FitData(recording.config.id, chain, binned_torque, means.torque, weight, "closed", rows)
-
-
-def held_out_data(data: FitData, means: Halves) -> FitData:
-    """Return the same recording with its held-out cycles instead of the fitted ones."""
-    chain = replace(data.chain, line_pressure=means.held_pressure, shaft_torque=means.held_torque)
-    return replace(data, chain=chain, torque=binned(means.held_torque), mean_torque=means.held_torque)
-
-
-def with_rows(data: FitData, changes: Mapping[str, Mapping[str, float]]) -> FitData:
-    """Return the recording with some fields of some rows replaced."""
-    rows = dict(data.rows)
-    for name, fields in changes.items():
-        rows[name] = replace(rows[name], **fields)  # type: ignore[arg-type]
-    return replace(data, rows=rows)
-
-
-def swapped(data: FitData, torque: Array, pressure: Array) -> ChainInput:
-    """Return the chain's input with the mean cycles of another half; what the low-pass hides stays."""
-    chain = data.chain
-    hidden = chain.shaft_torque - data.mean_torque
-    return ChainInput(
-        chain.theta, chain.speed, pressure, torque + hidden, chain.trigger_angle, chain.pump, chain.law, chain.offset,
-        chain.roller_inertia, chain.lift_basis, chain.uses_chamber,
+    rows = rig_rows(config, law, torque_sheet, pressure_sheet, cycles.mean_speed)
+    closing = loaded_lift(cycles.theta, torque, law)
+    _set(rows, "port_closing_lift", start=float(np.clip(closing, rows["port_closing_lift"].lower, None)))
+    step = float(np.median(np.diff(table.theta)))
+    basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
+    fine = on_grid(torque, grid)
+    chain = ChainInput(
+        theta=np.arange(grid) * (2.0 * np.pi / grid), speed=cycles.mean_speed, line_pressure=on_grid(pressure, grid),
+        shaft_torque=fine, trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
+        offset=config.pump.follower_offset * config.rotation, roller_inertia=assumed_roller(config.pump).inertia,
     )  # fmt: skip
+    centred = binned_at_centres(torque)
+    return FitData(config.id, chain, centred, bin_weights(centred, scatter), "land", rows, basis)
+
+
+def binned_at_centres(values: Array) -> Array:
+    """Return the mean over each bin of a periodic signal on any grid, (BINS,)."""
+    return binned(on_grid(values, FIT_GRID))

@@ -1,19 +1,36 @@
-"""The fitting problem: which parameters are free, what they act on, and what is known of them beforehand."""
+"""The fitting problem: recordings, structures, free parameters, and what is known of them beforehand."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.laws import ROWS
-from camtorque.laws.chain import NONLINEAR_NAMES, ChainInput
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.chamber import NEVER
+from camtorque.laws.lift import LiftCorrection
 from camtorque.laws.rows import ParameterRow
 from camtorque.records import Array, freeze_arrays
 
 SEPARATOR = "__"
 """Joins the name of an own parameter and the name of its recording."""
+END_NAMES = ("end_of_delivery", "end_width")
+SPILL_NAMES = ("spill_lift", "spill_width", "spill_span")
+STRUCTURES: dict[str, str] = {
+    "land": "delivery ends by a land",
+    "spill": "delivery ends by spill",
+    "open": "no end of delivery seen",
+    "line": "line pressure on the plunger",
+}
+"""What is compared discretely; everything else is continuous and free."""
+NEUTRAL: dict[str, float] = {
+    "end_of_delivery": NEVER, "end_width": 0.03, "spill_lift": NEVER, "spill_width": 5.0e-3, "spill_span": 1.0e-3,
+}  # fmt: skip
+"""Values that switch an end of delivery off."""
 
 
 @dataclass(frozen=True)
@@ -24,25 +41,35 @@ class FitData:
     ----------
     name : recording
     chain : input of the chain for the fitted cycles
-    torque : (m,) mean measured torque in bins [N m]
-    mean_torque : (n_theta,) the same on the fine grid
-    weight : (m,) one over the standard deviation of an independent bin [1/(N m)]
-    delivery : ``closed`` (the outlet closes), ``spill`` or ``none``
+    torque : (BINS,) mean measured torque [N m]
+    weight : (BINS,) one over the standard deviation of an independent bin [1/(N m)]
+    structure : one of `STRUCTURES`
     rows : parameter rows with this recording's starts, bounds and priors
+    lift_basis : correction of the lift table
     """
 
     name: str
     chain: ChainInput
     torque: Array
-    mean_torque: Array
     weight: Array
-    delivery: str
+    structure: str
     rows: Mapping[str, ParameterRow]
+    lift_basis: LiftCorrection
 
     def __post_init__(self) -> None:
         if self.torque.shape != self.weight.shape:
             raise ValueError(f"{self.name}: torque {self.torque.shape} and weight {self.weight.shape} differ")
+        if self.structure not in STRUCTURES:
+            raise ValueError(f"{self.name}: structure {self.structure!r}, expected one of {tuple(STRUCTURES)}")
         freeze_arrays(self)
+
+    def applies(self, name: str) -> bool:
+        """Return whether a parameter acts in this recording's structure."""
+        if name in END_NAMES:
+            return self.structure == "land"
+        if name in SPILL_NAMES:
+            return self.structure == "spill"
+        return self.structure != "line" or name not in CHAMBER_NAMES or name == "pressure_zero"
 
 
 @dataclass(frozen=True)
@@ -56,89 +83,67 @@ class Slot:
 
 @dataclass(frozen=True)
 class Problem:
-    """Recordings, free parameters, and fixed values.
+    """Recordings, free parameters (non-linear ones first), and values of those that are not free.
 
-    Attributes
-    ----------
-    data : recordings
-    effects : effects that are switched on
-    nonlinear, linear : free parameters; torque zeros are among the linear ones
-    fixed : value of every parameter that is not free (the identity of an effect that is off)
-    uses_lift : True where the lift table is corrected (one coefficient per basis function, shared)
-    held_linear : linear parameters that keep a value; held_lift : (n_basis,) coefficients that keep theirs
+    ``places`` holds per recording the indices of its parameters in the free ones, and in the chain's own order.
     """
 
     data: tuple[FitData, ...]
-    effects: tuple[str, ...]
-    nonlinear: tuple[Slot, ...]
-    linear: tuple[Slot, ...]
+    slots: tuple[Slot, ...]
+    n_nonlinear: int
     fixed: Mapping[str, float]
-    uses_lift: bool
-    held_linear: Mapping[str, float]
-    held_lift: Array | None = None
+    places: tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        order = {name: k for k, name in enumerate((*NONLINEAR_NAMES, *COLUMN_NAMES))}
+        places = []
+        for index in range(len(self.data)):
+            own = [k for k, slot in enumerate(self.slots) if slot.recording in (-1, index)]
+            own = [k for k in own if self.data[index].applies(self.slots[k].row.name)]
+            chain = [order[self.slots[k].row.name] for k in own]
+            places.append((np.array(own, dtype=np.int64), np.array(chain, dtype=np.int64)))
+        object.__setattr__(self, "places", tuple(places))
 
     @property
-    def n_lift(self) -> int:
-        """Number of free lift coefficients."""
-        basis = self.data[0].chain.lift_basis
-        return basis.n_basis if self.uses_lift and self.held_lift is None and basis is not None else 0
+    def size(self) -> int:
+        """Number of free parameters."""
+        return len(self.slots)
 
-    def values(self, x: Array, recording: int) -> dict[str, float]:
-        """Return the value of every non-linear parameter for one recording [SI]."""
-        result = dict(self.fixed)
-        for slot, value in zip(self.nonlinear, x, strict=True):
-            if slot.recording in (-1, recording):
-                result[slot.row.name] = float(value)
-        delivery = self.data[recording].delivery
-        if delivery != "closed":
-            result["end_of_delivery"] = IDENTITY["end_of_delivery"]
-        if delivery != "spill":
-            result["spill_lift"], result["spill_width"] = IDENTITY["spill_lift"], 0.0
-        return result
+    def values(self, z: Array, recording: int) -> tuple[dict[str, float], Array]:
+        """Return every non-linear parameter of one recording and the coefficients of its columns [SI]."""
+        own, chain = self.places[recording]
+        full = np.array([self.fixed[name] for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)])
+        full[chain] = z[own]
+        for name, value in NEUTRAL.items():
+            if not self.data[recording].applies(name):
+                full[NONLINEAR_NAMES.index(name)] = value
+        n = len(NONLINEAR_NAMES)
+        return dict(zip(NONLINEAR_NAMES, full[:n].tolist(), strict=True)), full[n:]
 
+    @property
     def start(self) -> Array:
-        """Return the start of the non-linear parameters, (n_nonlinear,) [SI]."""
-        return np.array([slot.row.start for slot in self.nonlinear])
+        """Starts of the free parameters [SI]."""
+        return np.array([slot.row.start for slot in self.slots])
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the free parameters [SI]."""
+        return np.array([s.row.lower for s in self.slots]), np.array([s.row.upper for s in self.slots])
 
-IDENTITY: dict[str, float] = dict.fromkeys(NONLINEAR_NAMES, 0.0)
-"""Values that make every link of the chain the identity."""
-IDENTITY.update(
-    coupling_resonance=750.0, coupling_damping=0.1, cutoff=1.0e9, filter_damping=0.707, end_of_delivery=99.0,
-    drive_damping=0.7, spill_lift=99.0, end_width=0.01, dead_volume=1.0e-6,
-    bulk_modulus=1.3e9, bulk_modulus_slope=10.0, valve_range=1.0e5, port_closing_lift=1.0e-3,
-)  # fmt: skip
+    @property
+    def steps(self) -> Array:
+        """Scale of the free parameters [SI]."""
+        return np.array([slot.row.step for slot in self.slots])
 
-EFFECT_PARAMETERS: dict[str, tuple[str, ...]] = {
-    "chamber": (
-        "dead_volume", "bulk_modulus", "bulk_modulus_slope", "feed_pressure", "valve_opening", "valve_area",
-        "valve_range", "leakage", "leak_growth", "port_closing_lift", "port_width", "end_of_delivery", "end_width",
-        "spill_lift", "spill_width", "pressure_zero"),
-    "trigger": ("trigger_offset",),
-    "driveline": ("shaft_compliance", "shaft_damping", "cam_side_inertia", "drive_admittance"),
-    "sensor": ("gain_error", "delay_error", "cutoff", "filter_damping"),
-    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag"),
-    "damping": ("shaft_viscous", "plunger_viscous"),
-    "spring": ("spring_stiffness_error", "spring_preload_error"),
-    "lift": (),
-    "controller": ("drive_frequency", "drive_damping"),
-    "coupling": ("coupling_compliance", "coupling_resonance", "coupling_damping"),
-}  # fmt: skip
-"""Effect of the ladder -> the parameters that it frees; the torque zero is free on every rung but the rigid one."""
-FIT_EFFECTS = tuple(EFFECT_PARAMETERS)
-SEVERAL_SPEEDS = ("controller",)
-"""Effects that one speed cannot tell from inertia and stiffness: offered to fits over several speeds alone."""
-LEAST_SPEED_RATIO = 1.2
-CLOSED_ONLY = ("end_of_delivery",)
-SPILL_ONLY = ("spill_lift", "spill_width")
+    @property
+    def priors(self) -> tuple[Array, Array]:
+        """Means and standard deviations of the free parameters, infinite where nothing is known [SI]."""
+        pairs = [slot.row.prior or (slot.row.start, np.inf) for slot in self.slots]
+        return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
 
-
-def offered_effects(data: Sequence[FitData]) -> tuple[str, ...]:
-    """Return the effects that are offered to the fit of some recordings unless the user chooses."""
-    speeds = [item.chain.speed for item in data]
-    if max(speeds) > LEAST_SPEED_RATIO * min(speeds):
-        return FIT_EFFECTS
-    return tuple(name for name in FIT_EFFECTS if name not in SEVERAL_SPEEDS)
+    def index(self, name: str) -> int:
+        """Return the index of a free parameter by its name, -1 where it is not free."""
+        return next((k for k, slot in enumerate(self.slots) if slot.name == name), -1)
 
 
 def own_name(parameter: str, recording: str) -> str:
@@ -146,62 +151,48 @@ def own_name(parameter: str, recording: str) -> str:
     return f"{parameter}{SEPARATOR}{recording}"
 
 
-def build_problem(
-    data: Sequence[FitData],
-    effects: Sequence[str],
-    held: Mapping[str, float] | None = None,
-    held_lift: Array | None = None,
-) -> Problem:
-    """Return the problem of a set of effects.
+def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = None) -> Problem:
+    """Return the problem of all parameters that act in the recordings' structures.
 
     Parameters
     ----------
     data : recordings of one pump
-    effects : names of `EFFECT_PARAMETERS`
     held : parameters that keep a value instead of being fitted [SI]
-    held_lift : (n_basis,) lift coefficients that keep theirs [m]
-
-    Raises
-    ------
-    KeyError
-        For an effect that does not exist.
     """
     held = dict(held or {})
-    names = [name for effect in FIT_EFFECTS if effect in effects for name in EFFECT_PARAMETERS[effect]]
-    unknown = set(effects) - set(FIT_EFFECTS)
-    if unknown:
-        raise KeyError(f"unknown effects {sorted(unknown)}; there are {FIT_EFFECTS}")
-    nonlinear: list[Slot] = []
-    linear: list[Slot] = []
-    for name in [*names, "torque_zero"]:
+    fixed = {name: ROWS[name].start for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
+    fixed.update({name: 0.0 for name in COLUMN_NAMES})
+    fixed.update(NEUTRAL)
+    fixed.update(held)
+    slots: list[Slot] = []
+    for name in (*NONLINEAR_NAMES, *COLUMN_NAMES):
         if name in held:
             continue
-        target = linear if ROWS[name].is_linear else nonlinear
-        if ROWS[name].role == "shared":
-            target.append(Slot(data[0].rows[name], -1, name))
+        users = [index for index, item in enumerate(data) if item.applies(name)]
+        if not users:
             continue
-        for index, item in enumerate(data):
-            if _applies(name, item.delivery):
-                label = own_name(name, item.name) if len(data) > 1 else name
-                target.append(Slot(item.rows[name], index, label))
-    fixed = {**IDENTITY, **{name: held[name] for name in held if name in IDENTITY}}
-    held_linear = {name: value for name, value in held.items() if ROWS[name].is_linear}
-    prepared = tuple(_with_effects(item, effects) for item in data)
-    uses_lift = "lift" in effects
-    return Problem(prepared, tuple(effects), tuple(nonlinear), tuple(linear), fixed, uses_lift, held_linear, held_lift)
+        if ROWS[name].role == "shared":
+            slots.append(Slot(data[users[0]].rows[name], -1, name))
+            continue
+        for index in users:
+            label = own_name(name, data[index].name) if len(data) > 1 else name
+            slots.append(Slot(data[index].rows[name], index, label))
+    n_nonlinear = sum(slot.row.name in NONLINEAR_NAMES for slot in slots)
+    return Problem(tuple(data), tuple(slots), n_nonlinear, fixed)
 
 
-def _with_effects(item: FitData, effects: Sequence[str]) -> FitData:
-    """Return the recording without the chamber and lift basis that the effects do not ask for."""
-    basis = item.chain.lift_basis if "lift" in effects else None
-    if item.chain.uses_chamber == ("chamber" in effects) and basis is item.chain.lift_basis:
-        return item
-    return replace(item, chain=replace(item.chain, uses_chamber="chamber" in effects, lift_basis=basis))
+def with_rows(data: FitData, changes: Mapping[str, Mapping[str, object]]) -> FitData:
+    """Return the recording with some fields of some rows replaced."""
+    rows = dict(data.rows)
+    for name, fields in changes.items():
+        rows[name] = replace(rows[name], **fields)  # type: ignore[arg-type]
+    return replace(data, rows=rows)
 
 
-def _applies(name: str, delivery: str) -> bool:
-    if name in CLOSED_ONLY:
-        return delivery == "closed"
-    if name in SPILL_ONLY:
-        return delivery == "spill"
-    return True
+def with_starts(data: FitData, starts: Mapping[str, float]) -> FitData:
+    """Return the recording with other starts, clipped into their bounds [SI]."""
+    changes = {
+        name: {"start": float(np.clip(value, data.rows[name].lower, data.rows[name].upper))}
+        for name, value in starts.items()
+    }
+    return with_rows(data, changes)

@@ -1,35 +1,30 @@
-"""A minimum -> `FittedTorque`: torque by cause, forces, losses, metrics, uncertainty."""
+"""A minimum -> `FittedTorque`: torque by cause, forces, losses, metrics, uncertainty, what stays unexplained."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.advice import next_measurement
-from camtorque.fit.bootstrap import Bootstrap
-from camtorque.fit.budget import BudgetRow, uncertainty_budget
-from camtorque.fit.combinations import combinations
-from camtorque.fit.estimates import estimates, prior_findings, profile_findings, with_profiles
 from camtorque.fit.metrics import metrics, stroke_masks
-from camtorque.fit.next_run import expected_gains
-from camtorque.fit.posterior import Posterior
-from camtorque.fit.predict import torque_zero
-from camtorque.fit.prepare import Halves, swapped
-from camtorque.fit.problem import Problem
-from camtorque.fit.profiles import Profile
-from camtorque.fit.solve import Solution, chain_coefficients
-from camtorque.fit.uncertainty import Covariance, Variant
-from camtorque.laws import ROWS
+from camtorque.fit.next_run import next_measurement
+from camtorque.fit.prepare import Halves, on_grid
+from camtorque.fit.problem import SEPARATOR, STRUCTURES
+from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
+from camtorque.fit.single import Candidate, Fit
+from camtorque.fit.solver import LiftModes
+from camtorque.fit.uncertainty import confidence, confounded_with, knowledge, uncertainty_budget
+from camtorque.laws import LAW_OF, ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
-from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluate_chain
-from camtorque.laws.chamber import KERNEL_ORDER
+from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluate
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import (
+    Alternative,
     AngleError,
     Array,
     CamCycles,
@@ -37,7 +32,6 @@ from camtorque.records import (
     Estimate,
     Finding,
     FittedTorque,
-    LadderRung,
     Metrics,
     ParameterEstimate,
     Recording,
@@ -45,35 +39,22 @@ from camtorque.records import (
 )
 from camtorque.units import DEGREE
 
-
-@dataclass(frozen=True)
-class Fit:
-    """Everything that one chosen model consists of.
-
-    ``spreads`` (k,) is all that is not statistical [SI], ``gain_shift`` (k,) the pressure gain's part of it.
-    """
-
-    problem: Problem
-    solution: Solution
-    covariance: Covariance
-    spreads: Array
-    gain_shift: Array
-    variants: tuple[Variant, ...]
-    ladder: tuple[LadderRung, ...]
-    posterior: Posterior | None = None
-    profiles: tuple[Profile, ...] = ()
-    bootstrap: Bootstrap | None = None
+PULLED = 2.5
+"""A nuisance pulled this many standard deviations off its prior is told."""
+WORTH_TELLING = 0.01
+"""Least probability of another structure that is reported."""
 
 
 @dataclass(frozen=True)
 class Modelled:
-    """The model of one recording on the fine grid, for one pair of mean cycles."""
+    """The model of one recording on the grid of the cycles, for one pair of mean cycles."""
 
     chain: ChainInput
     output: ChainOutput
     values: dict[str, float]
     cam: dict[str, Array]
     by_cause: dict[str, Array]
+    lift_correction: Array
 
     @property
     def torque(self) -> Array:
@@ -81,20 +62,36 @@ class Modelled:
         return np.sum(list(self.by_cause.values()), axis=0)
 
 
-def model_on_grid(problem: Problem, solution: Solution, index: int, chain: ChainInput) -> Modelled:
-    """Return the model of one recording on the fine grid.
+def lift_coefficients(lift: LiftModes, residual: Array) -> Array:
+    """Return the coefficients of the lift correction that a weighted residual asks for [m]."""
+    return lift.to_lift @ (lift.strength / (1.0 + lift.strength**2) * (lift.vectors.T @ residual))
 
-    Parameters
-    ----------
-    index : recording in the problem
-    chain : its input with the pressure and torque of the cycles in question, and the links of the problem
-    """
-    values = problem.values(solution.x, index)
-    output = evaluate_chain(chain, values)
-    coefficients = chain_coefficients(problem, solution.c)
-    cam = cam_torques(chain, values, output, coefficients)
-    by_cause = measured_torques(chain, values, cam, torque_zero(problem, solution, index))
-    return Modelled(chain, output, values, cam, by_cause)
+
+def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Modelled:
+    """Return the model of one recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
+    problem, solution = fit.problem, fit.solution
+    item = problem.data[index]
+    values, coefficients = problem.values(solution.z, index)
+    n = torque.size
+    grid = item.chain.theta.size
+    hidden = item.chain.shaft_torque - fit.measured[index]
+    substeps = item.chain.substeps
+    chain = replace(
+        item.chain, theta=np.arange(n) * (2.0 * np.pi / n), line_pressure=pressure, shaft_torque=torque + on_grid(hidden, n),
+        substeps=_finer(substeps, n, grid),
+    )  # fmt: skip
+    output = evaluate(chain, values, coefficients, tangents=True)
+    lifts = lift_coefficients(solution.lifts[index], solution.residuals[index])
+    basis = item.lift_basis
+    cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
+    by_cause = measured_torques(chain, values, cam, float(coefficients[-1]))
+    return Modelled(chain, output, values, cam, by_cause, basis.correction(output.motion.theta, lifts))
+
+
+def _finer(substeps: Array, n: int, grid: int) -> Array:
+    """Return the substeps of another grid that make about the same time steps."""
+    place = np.minimum((np.arange(n) * grid) // n, grid - 1)
+    return np.maximum(1, np.ceil(substeps[place] * grid / n)).astype(np.int64)
 
 
 def fitted_torque(
@@ -104,67 +101,105 @@ def fitted_torque(
 
     Parameters
     ----------
-    fit : the chosen model of one or several recordings
+    fit : full model of one or several recordings
     index : which recording
     recording, cycles, rigid, means : the recording, its cycles, rigid solution and mean cycles
     """
-    problem, solution = fit.problem, fit.solution
-    fitted = model_on_grid(problem, solution, index, problem.data[index].chain)
-    held = model_on_grid(problem, solution, index, swapped(problem.data[index], means.held_torque, means.held_pressure))
-    parameters = _own_parameters(fit, index)
-    gains = expected_gains(problem, solution, index) if len(problem.data) == 1 else ()
+    fitted = model_on_grid(fit, index, means.torque, means.pressure)
+    held = model_on_grid(fit, index, means.held_torque, means.held_pressure)
+    parameters = parameter_estimates(fit, index)
     config = recording.config
-    mounting = Mounting(rotation=config.rotation)
     smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
-    tables = closed_form_tables(config.pump, smooth, fitted.output.motion.theta, mounting)
     motion = fitted.output.motion
-    forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
+    tables = closed_form_tables(config.pump, smooth, motion.theta, Mounting(rotation=config.rotation))
+    friction = {name: fitted.values.get(name, 0.0) for name in ("guide_friction",)}
+    forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second, **friction)
     pressure_std = _pressure_std(fit, index, fitted)
     trigger = _trigger(parameters, config.trigger.nominal_angle)
+    odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
+    residual = means.torque - fitted.torque
+    peak = float(np.max(means.torque_all))
+    explained = is_explained(residual, odd_even, peak)
+    chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
     return FittedTorque(
-        effects=problem.effects, parameters=parameters, correlation=fit.covariance.correlation,
-        correlation_names=fit.covariance.names, torque=fitted.torque, torque_held_out=held.torque,
-        by_cause=fitted.by_cause,
-        chamber_pressure=fitted.output.pressure if fitted.chain.uses_chamber else None,
+        effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
+        parameters=parameters, correlation=_correlation(fit), correlation_names=tuple(s.name for s in fit.problem.slots),
+        torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
-        metrics=_metrics(means, fitted.torque, held.torque, rigid), ladder=fit.ladder, trigger_angle=trigger,
+        metrics=_metrics(means, fitted.torque, held.torque, rigid), ladder=(), trigger_angle=trigger,
         torque_delay=_delay(parameters, cycles.torque_delay),
-        angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger),
-        odd_even_rms=float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2))),
-        next_measurement=next_measurement(parameters, gains),
+        angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger), odd_even_rms=odd_even,
+        next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
         findings=(
-            *prior_findings(parameters), *profile_findings(fit.profiles), *table_findings(recording.cam_table),
-            *_fit_findings(fit, index, fitted),
+            *prior_findings(parameters), *table_findings(recording.cam_table),
+            *_fit_findings(fit, fitted, explained, residual, peak),
         ),
-        details=_details(fit, index, fitted),
+        details=_details(fit, index, fitted, recording, peak), evidence=fit.evidence,
+        alternatives=alternatives(fit, config.trigger.nominal_angle),
+        bumps=residual_bumps(residual, means.torque - means.held_torque, fitted), explained=explained,
     )  # fmt: skip
 
 
-def _details(fit: Fit, index: int, fitted: Modelled) -> dict[str, object]:
-    solution = fit.solution
+def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
+    """Return the parameters of one recording: shared ones and its own, then what the structure leaves out."""
+    problem, total = fit.problem, fit.std
+    rows = []
+    for k, slot in enumerate(problem.slots):
+        if slot.recording not in (-1, index):
+            continue
+        row, value, std = slot.row, float(fit.solution.z[k]), float(total[k])
+        low, high = confidence(value, std, row.lower, row.upper)
+        before = float(fit.covariance.prior_std[k])
+        known = knowledge(std, before)
+        per = row.per_unit
+        rows.append(ParameterEstimate(
+            name=slot.name, value=value / per, unit=row.unit, stderr=std / per,
+            stderr_statistical=float(fit.covariance.std[k]) / per, ci95=(low / per, high / per),
+            at_bound=value <= row.lower or value >= row.upper, identifiable=known != "from the sheet",
+            confounded_with=confounded_with(problem, fit.covariance, k) if known != "from the sheet" else (),
+            prior=None if row.prior is None else (row.prior[0] / per, row.prior[1] / per), meaning=row.meaning,
+            source=row.source, role=row.role, effect=LAW_OF[row.name], symbol=row.symbol, knowledge=known,
+        ))  # fmt: skip
+    return tuple(rows)
+
+
+def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
+    """Return the structures (and second minima) that were compared and are not out of the question, best first."""
+    rows = []
+    for item, probability in zip(fit.candidates, fit.probabilities, strict=True):
+        if rows and probability < WORTH_TELLING:
+            continue
+        trigger = item.problem.index("trigger_offset")
+        residual = item.solution.residuals[0] / item.data.weight
+        rows.append(Alternative(
+            STRUCTURES[item.data.structure], probability, float(np.sqrt(np.mean(residual**2))),
+            nominal + float(item.solution.z[trigger]), float(np.max(item.solution.outputs[0].pressure)),
+        ))  # fmt: skip
+    return tuple(rows)
+
+
+def _correlation(fit: Fit) -> Array:
+    std = fit.covariance.std
+    return fit.covariance.matrix / np.outer(std, std)
+
+
+def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak: float) -> dict[str, object]:
+    solution, problem = fit.solution, fit.problem
+    cv_rms = block_cross_validation(problem, solution, fit.covariance, index)
+    sheet = recording.of("torque")[0].calibration
+    absolute = float("nan")
+    if sheet is not None:
+        absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(sheet.zero_std, sheet.nonlinearity_std) / peak))
+    spreads = dict(fit.shifts)
     return {
-        "variants": {variant.name: variant.solution.chi_square for variant in fit.variants},
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
-        "chi_square": solution.chi_square, "lift_correction": _lift_curve(fit, fitted), "flows": fitted.output.flows,
-        "delivery": fit.problem.data[index].delivery, "posterior": fit.posterior, "budget": _budget(fit),
-        "profiles": fit.profiles, "bootstrap": fit.bootstrap,
-        "combinations": combinations(fit.problem, fit.solution, fit.covariance) if len(fit.problem.data) == 1 else (),
+        "chi_square": solution.chi_square, "lift_correction": fitted.lift_correction, "flows": fitted.output.flows,
+        "delivery": problem.data[index].structure, "budget": uncertainty_budget(problem, fit.covariance, spreads),
+        "block_cv_rms_percent": 100.0 * cv_rms / peak, "absolute_uncertainty_percent": absolute,
+        "freedom": fit.covariance.freedom,
     }  # fmt: skip
-
-
-def _budget(fit: Fit) -> tuple[BudgetRow, ...]:
-    """Return the budget of a single recording's fit; that of a joint fit is asked for by itself, once."""
-    if len(fit.problem.data) > 1:
-        return ()
-    return uncertainty_budget(fit.problem, fit.solution, fit.covariance, fit.spreads, fit.gain_shift)
-
-
-def _own_parameters(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
-    """Return shared parameters and those of one recording."""
-    rows = estimates(fit.problem, fit.solution, fit.covariance, fit.spreads, index)
-    return with_profiles(rows, fit.profiles)
 
 
 def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:
@@ -179,29 +214,26 @@ def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> d
 def _losses(fit: Fit, index: int, fitted: Modelled, means: Halves) -> dict[str, float]:
     """Return work per revolution by cause [J], the input and how well they close."""
     work = work_per_revolution(fitted.chain, fitted.output, fitted.cam)
-    zero = torque_zero(fit.problem, fit.solution, index)
-    total = 2.0 * np.pi * (float(np.mean(means.torque)) - zero)
+    _, coefficients = fit.problem.values(fit.solution.z, index)
+    total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]))
     return {**work, "input": total, "closure_percent": 100.0 * (total - sum(work.values())) / total}
 
 
 def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
     """Return the total standard uncertainty of the chamber pressure over angle, (n_theta,) [Pa]."""
-    if fitted.output.pressure_tangents is None:
-        return None
-    problem = fit.problem
     tangents = fitted.output.pressure_tangents
-    columns = (*KERNEL_ORDER, *SHIFT_NAMES)
-    used = [
-        (j, columns.index(slot.row.name)) for j, slot in enumerate(problem.nonlinear)
-        if slot.recording in (-1, index) and slot.row.name in columns
-    ]  # fmt: skip
-    rows = [j for j, _ in used]
-    jacobian = tangents[:, [k for _, k in used]]
-    variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(rows, rows)], jacobian)
-    for variant in fit.variants:
-        other = evaluate_chain(variant.problem.data[index].chain, variant.problem.values(variant.solution.x, index))
-        variance = variance + (other.pressure - fitted.output.pressure) ** 2 / len(fit.variants)
-    return np.sqrt(np.maximum(variance, 0.0))
+    if tangents is None or not fitted.chain.uses_chamber:
+        return None
+    columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
+    own = [k for k, s in enumerate(fit.problem.slots) if s.recording in (-1, index) and s.row.name in columns]
+    jacobian = tangents[:, [columns.index(fit.problem.slots[k].row.name) for k in own]]
+    variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(own, own)], jacobian)
+    for shift in fit.pressure_shifts[index]:
+        variance = variance + np.interp(
+            fitted.chain.theta, np.arange(shift.size) * (2.0 * np.pi / shift.size), shift, period=2.0 * np.pi
+        ) ** 2  # fmt: skip
+    gain = fit.pressure_gain_std[index] * fitted.output.pressure
+    return np.sqrt(np.maximum(variance + gain**2, 0.0))
 
 
 def _chamber_peak(fitted: Modelled, std: Array | None) -> Estimate | None:
@@ -220,24 +252,23 @@ def _return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
     return Estimate(float(fitted.output.pressure[start]), float(std[start]))
 
 
+def _named(parameters: Sequence[ParameterEstimate], name: str) -> ParameterEstimate | None:
+    return next((row for row in parameters if row.name.split(SEPARATOR)[0] == name), None)
+
+
 def _trigger(parameters: Sequence[ParameterEstimate], nominal: float) -> Estimate:
-    for parameter in parameters:
-        if parameter.name == "trigger_offset":
-            return Estimate(
-                nominal + parameter.value * DEGREE, parameter.stderr * DEGREE, nominal,
-                parameter.stderr_statistical * DEGREE,
-            )  # fmt: skip
-    return Estimate(nominal, float("nan"), nominal)
+    row = _named(parameters, "trigger_offset")
+    if row is None:
+        return Estimate(nominal, float("nan"), nominal)
+    statistical = row.stderr_statistical * DEGREE
+    return Estimate(nominal + row.value * DEGREE, row.stderr * DEGREE, nominal, statistical)
 
 
 def _delay(parameters: Sequence[ParameterEstimate], nominal: Estimate) -> Estimate:
-    for parameter in parameters:
-        if parameter.name == "delay_error":
-            return Estimate(
-                nominal.value + parameter.value * 1e-6, parameter.stderr * 1e-6, nominal.value,
-                parameter.stderr_statistical * 1e-6,
-            )  # fmt: skip
-    return nominal
+    row = _named(parameters, "delay_error")
+    if row is None:
+        return nominal
+    return Estimate(nominal.value + row.value * 1e-6, row.stderr * 1e-6, nominal.value, row.stderr_statistical * 1e-6)
 
 
 def _angle_budget(
@@ -248,26 +279,36 @@ def _angle_budget(
     speed_deg = cycles.mean_speed / DEGREE
     rows = []
     if "trigger_offset" in known:
-        text = f"fitted {known['trigger_offset'].value:+.3f} deg off nominal; model spread included"
+        text = f"fitted {known['trigger_offset'].value:+.3f} deg off nominal; other laws and structures included"
         rows.append(AngleError("trigger angle", float(trigger.stderr / DEGREE), text))
     if "delay_error" in known:
-        rows.append(
-            AngleError("torque delay", known["delay_error"].stderr * 1e-6 * speed_deg, "fitted under its prior")
-        )
+        error = known["delay_error"].stderr * 1e-6 * speed_deg
+        rows.append(AngleError("torque delay", error, "fitted under its prior"))
     for name in COMPLIANCE_NAMES:
-        if name in known and known[name].value != 0.0:
+        if name in known:
             shift = np.ptp(fitted.output.motion.shifts[0][:, SHIFT_NAMES.index(name)]) / DEGREE / 2.0
-            rows.append(AngleError(name.replace("_", " "), float(known[name].stderr * ROWS[name].per_unit * shift)))
+            error = float(known[name].stderr * ROWS[name].per_unit * shift)
+            if error > 0.0:
+                rows.append(AngleError(name.replace("_", " "), error))
     before = {row.source: row for row in cycles.angle_errors}
     kept = [row for source, row in before.items() if "install" not in source and "torque delay" not in source]
     return (*rows, *kept)
 
 
-def _lift_curve(fit: Fit, fitted: Modelled) -> Array:
-    basis = fitted.chain.lift_basis
-    if basis is None or not fit.problem.n_lift:
-        return np.zeros(fitted.chain.theta.size)
-    return basis.correction(fitted.chain.theta, fit.solution.c[len(fit.problem.linear) :])
+def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
+    """Return the nuisances that the data pull far off what was known."""
+    result = []
+    for row in parameters:
+        if row.prior is None or row.at_bound:
+            continue
+        pull = (row.value - row.prior[0]) / row.prior[1]
+        if abs(pull) > PULLED:
+            text = (
+                f"{row.name.replace('_', ' ')} is {row.value:.3g} {row.unit}, {abs(pull):.1f} standard deviations off "
+                f"what was known ({row.prior[0]:.3g} +- {row.prior[1]:.2g}; {row.source}): check it, or a law is missing"
+            )
+            result.append(Finding("prior_pulled", "warning", text, row.name))
+    return tuple(result)
 
 
 def table_findings(table: CamTable) -> tuple[Finding, ...]:
@@ -291,28 +332,39 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     return tuple(result)
 
 
-def _fit_findings(fit: Fit, index: int, fitted: Modelled) -> tuple[Finding, ...]:
+def _fit_findings(fit: Fit, fitted: Modelled, explained: bool, residual: Array, peak: float) -> tuple[Finding, ...]:
     result = []
+    if not explained:
+        share = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
+        text = (
+            f"the model leaves {share:.2f} % of the peak unexplained, far above what the cycles repeat: values and "
+            "intervals of this recording are not to be relied on"
+        )
+        result.append(Finding("unexplained", "error", text))
     if not fit.solution.converged:
         text = "the fit has not ended in a minimum: chi-square still falls slowly along a flat direction"
         result.append(Finding("not_converged", "warning", text))
     if fit.covariance.inflation > 1.0:
         text = (
-            f"the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
+            "the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
             f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
         )
         result.append(Finding("model_discrepancy", "info", text))
     if np.min(fitted.output.load) <= 0.0:
         angle = float(fitted.chain.theta[int(np.argmin(fitted.output.load))] / DEGREE)
-        text = f"the follower leaves the cam near {angle:.0f} deg"
-        result.append(Finding("contact_lost", "warning", text))
-    factor = (
-        fitted.values["guide_friction"]
-        * np.max(np.abs(fitted.output.motion.lift[1]))
-        / (fitted.chain.pump.base_circle_radius + fitted.chain.pump.roller_radius)
-    )
-    if factor > 0.5:
-        result.append(
-            Finding("guide_near_jamming", "warning", f"mu tan(phi) reaches {factor:.2f}; the guide jams at 1")
-        )
+        result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))
+    if fitted.output.least_guide < 0.5:
+        text = f"mu tan(phi) reaches {1.0 - fitted.output.least_guide:.2f}; the guide jams at 1"
+        result.append(Finding("guide_near_jamming", "warning", text))
+    second = _second(fit.candidates, fit.probabilities)
+    if second is not None:
+        text = f"another structure fits about as well: {STRUCTURES[second.data.structure]}; both are reported"
+        result.append(Finding("two_minima", "warning", text))
     return tuple(result)
+
+
+def _second(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> Candidate | None:
+    for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
+        if probability > 0.05 and item.data.structure != candidates[0].data.structure:
+            return item
+    return None

@@ -1,156 +1,249 @@
-"""One recording: start, ladder, uncertainty, result."""
+"""One recording: means, search, polish, structures, relaxed variant, evidence."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.bootstrap import bootstrap
-from camtorque.fit.budget import pressure_gain_shift
-from camtorque.fit.delivery import with_valve_error_at_start
-from camtorque.fit.ladder import climb
-from camtorque.fit.posterior import sample_posterior
-from camtorque.fit.predict import held_out_error
-from camtorque.fit.prepare import Halves, fit_data, halves, held_out_data
-from camtorque.fit.problem import FitData, build_problem, offered_effects
-from camtorque.fit.profiles import Profile, profiles
-from camtorque.fit.result import Fit, fitted_torque
-from camtorque.fit.solve import solve
-from camtorque.fit.starts import SCAN_EFFECTS, find_start, started_at, with_best_coupling
-from camtorque.fit.twist import hidden_torque
-from camtorque.fit.uncertainty import covariance, spread, variants
-from camtorque.mechanism import CamLaw, lift_law
+from camtorque.fit.evidence import loss_evidence
+from camtorque.fit.prepare import INDEPENDENT, Halves, fit_data, halves
+from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.search import Start, refined, search
+from camtorque.fit.solver import Solution, solve
+from camtorque.fit.uncertainty import Covariance, covariance
+from camtorque.laws.causes import cam_torques, hidden_torque
+from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
-from camtorque.records import CamCycles, FittedTorque, LadderRung, Recording, RigidTorque
+from camtorque.records import Array, CamCycles, LossEvidence, Recording, RigidTorque
 
-BOOTSTRAP_DRAWS = 24
-"""Draws of the cycle-block bootstrap: its standard deviations are known to 15 %, enough for a check."""
-TWIST_STEPS = 2
-TWIST_ITERATIONS = 15
-UNTESTED = "untested on other recordings"
+POLISHED = 3
+"""Starts that are followed to their minimum on the fine grid."""
+HIDDEN_ROUNDS = 2
+RELAXED_TIME = 2.5e-3
+"""Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
+RELAXED_SHARE = 0.5
+"""Torque error there, as a share of the torque of the opening pressure."""
+POLISH_ITERATIONS = 40
+STRUCTURES = ("land", "spill", "open", "line")
 
 
 @dataclass(frozen=True)
 class FitOptions:
     """What a user may choose.
 
-    effects : effects that are offered to the ladder, None for those of `offered_effects`; use_ladder : False keeps all
-    posterior_steps : length of the Markov chains of the posterior, 0 for none; seed : of its random numbers
-    checks : profile likelihoods and cycle-block bootstrap of a single recording
+    seed : of random numbers
+    evidence : whether each loss is weighed (a campaign's joint fit weighs none)
     """
 
-    effects: tuple[str, ...] | None = None
-    use_ladder: bool = True
-    posterior_steps: int = 0
     seed: int = 0
-    checks: bool = True
+    evidence: bool = True
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One structure (or minimum) followed to its end on the fine grid."""
+
+    data: FitData
+    problem: Problem
+    solution: Solution
+
+    @property
+    def value(self) -> float:
+        """Chi-square with priors."""
+        return self.solution.chi_square
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """One recording with its start found."""
+    """One recording with its best minimum of each structure, least chi-square first."""
 
     recording: Recording
     cycles: CamCycles
     rigid: RigidTorque
     means: Halves
-    data: FitData
-    held: FitData
+    candidates: tuple[Candidate, ...]
+    measured: Array
+
+    @property
+    def data(self) -> FitData:
+        """The recording in its best structure, started at the minimum."""
+        return self.candidates[0].data
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Everything that the fit of one or several recordings consists of.
+
+    ``shifts`` are further standard uncertainties by source, (k,) each [SI]; ``pressure_shifts`` those of the chamber
+    pressure by recording, (n_shift, n) [Pa]; ``probabilities`` of the candidates; ``measured`` the mean torque of each
+    recording on the grid of the fit [N m]; ``pressure_gain_std`` relative, of each recording.
+    """
+
+    problem: Problem
+    solution: Solution
+    covariance: Covariance
+    shifts: Mapping[str, Array]
+    pressure_shifts: tuple[Array, ...]
+    candidates: tuple[Candidate, ...]
+    probabilities: tuple[float, ...]
+    evidence: tuple[LossEvidence, ...]
+    measured: tuple[Array, ...]
+    pressure_gain_std: tuple[float, ...]
+
+    @property
+    def std(self) -> Array:
+        """Total standard uncertainty, (k,) [SI]."""
+        return np.sqrt(self.covariance.std**2 + sum(shift**2 for shift in self.shifts.values()))
 
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
-    """Return a recording whose fit starts in the right basin."""
+    """Return a recording with the minimum of every structure found."""
     means = halves(cycles)
-    data = find_start(fit_data(recording, cycles, spectral_law(recording.cam_table), means)).data
-    data, held = with_hidden_torque(data, held_out_data(data, means))
-    data = with_valve_error_at_start(data, SCAN_EFFECTS)
-    return Prepared(recording, cycles, rigid, means, data, held)
+    law = spectral_law(recording.cam_table)
+    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    found = search(data, STRUCTURES)
+    return Prepared(recording, cycles, rigid, means, polished(data, found), data.chain.shaft_torque)
 
 
-def with_hidden_torque(data: FitData, held: FitData) -> tuple[FitData, FitData]:
-    """Return both halves with the shaft's torque corrected for what the low-pass hides (see `twist`)."""
-    for _ in range(TWIST_STEPS):
-        coupled = ("coupling",) if data.rows["coupling_compliance"].start > 0.0 else ()
-        problem = build_problem([data], (*SCAN_EFFECTS, *coupled))
-        solution = solve(problem, max_iterations=TWIST_ITERATIONS)
-        data = started_at(data, problem, solution, 0)
-        hidden = hidden_torque(problem, solution, 0, problem.data[0].chain)
-        data = replace(data, chain=replace(data.chain, shaft_torque=data.mean_torque + hidden))
-        held = replace(held, chain=replace(held.chain, shaft_torque=held.mean_torque + hidden), rows=data.rows)
-    return data, held
+def polished(data: FitData, found: Mapping[str, list[Start]]) -> tuple[Candidate, ...]:
+    """Return the best starts of all structures at their minima on the fine grid, least chi-square first."""
+    best = min(group[0].chi_square for group in found.values() if group)
+    starts = sorted((start for group in found.values() for start in group[:2]), key=lambda start: start.chi_square)
+    kept = [start for start in starts if start.chi_square < 10.0 * best + 300.0][:POLISHED]
+    others = [group[0] for group in found.values() if group and all(group[0] is not start for start in kept)]
+    ends = sorted((followed(data, start) for start in kept), key=lambda item: item.value)
+    ends = [with_hidden_torque(ends[0]), *ends[1:]]
+    quick = [followed(data, start, 5) for start in others]
+    return tuple(sorted([*ends, *quick], key=lambda item: item.value))
 
 
-def other_lift_laws(recording: Recording) -> tuple[CamLaw, ...]:
-    """Return other plausible smoothings of the lift table."""
-    return (lift_law(recording.cam_table, "smoothing"),)
+def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS) -> Candidate:
+    """Return the minimum that a start leads to on the fine grid."""
+    item = replace(start.data, chain=replace(
+        data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
+    ))  # fmt: skip
+    problem = build_problem([item])
+    item = refined(item, problem.values(problem.start, 0)[0])
+    return at_minimum(item, iterations)
 
 
-def with_law(data: FitData, law: CamLaw) -> FitData:
-    """Return the recording with another lift law."""
-    return replace(data, chain=replace(data.chain, law=law))
+def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS) -> Candidate:
+    """Return a recording at the minimum that its own start leads to."""
+    problem = build_problem([item])
+    solution = solve(problem, None, iterations)
+    starts = {slot.row.name: float(z) for slot, z in zip(problem.slots, solution.z, strict=True)}
+    item = with_starts(item, starts)
+    return Candidate(item, build_problem([item]), solution)
 
 
-def rigid_rung(prepared: Prepared) -> LadderRung:
-    """Return the first row of the ladder: line pressure, nominal angle, declared delays, nothing fitted."""
-    means, torque = prepared.means, prepared.rigid.torque
-    rms = float(np.sqrt(np.mean((means.torque - torque) ** 2)))
-    cv_rms = float(np.sqrt(np.mean((means.held_torque - torque) ** 2)))
-    return LadderRung((), 0, rms, float("nan"), "not scored", cv_rms, False, "the rigid model, nothing fitted")
+def with_hidden_torque(found: Candidate) -> Candidate:
+    """Return the minimum with the shaft's torque corrected for what the transducer's low-pass hides.
+
+    One fixed-point step a round; with stiff shafts it changes nothing that counts.
+    """
+    measured = found.data.chain.shaft_torque
+    for _ in range(HIDDEN_ROUNDS):
+        values, coefficients = found.problem.values(found.solution.z, 0)
+        output = found.solution.outputs[0]
+        torques = cam_torques(found.data.chain, values, output, coefficients, np.zeros(measured.size))
+        hidden = hidden_torque(found.data.chain, values, torques)
+        item = replace(found.data, chain=replace(found.data.chain, shaft_torque=measured + hidden))
+        item = refined(item, values)
+        found = at_minimum(item)
+    return found
 
 
 def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
-    """Return the chosen model of one recording with its uncertainty."""
-    offered = options.effects if options.effects is not None else offered_effects([prepared.data])
-    data, held = with_best_coupling([prepared.data], offered)[0], prepared.held
-    if options.use_ladder:
-        effects, solution, rungs = climb(
-            [data], lambda names, minimum, items: held_out_error(build_problem(items, names), minimum, [held]),
-            offered, UNTESTED,
-        )  # fmt: skip
-        problem = build_problem([data], effects)
-        solution = solve(problem, solution.x)
-    else:
-        problem, rungs = build_problem([data], offered), ()
-        solution = solve(problem)
+    """Return the full model of one recording with its uncertainty and the evidence for each loss."""
+    best = prepared.candidates[0]
+    problem, solution = best.problem, best.solution
     cov = covariance(problem, solution)
-    laws = [[with_law(data, law)] for law in other_lift_laws(prepared.recording)]
-    others = variants(problem, solution, laws)
-    sampled = None
-    if options.posterior_steps:
-        sampled = sample_posterior(problem, solution, options.posterior_steps, options.seed)
-    rungs = (rigid_rung(prepared), *rungs)
-    gain = pressure_gain_shift(problem, solution, pressure_gain_std(prepared))
-    spreads = np.hypot(spread(problem, solution, others), gain)
-    checked: tuple[Profile, ...] = ()
-    redrawn = None
-    if options.checks:
-        checked = profiles(problem, solution)
-        redrawn = bootstrap(problem, solution, [prepared.cycles], BOOTSTRAP_DRAWS, options.seed)
-    return Fit(problem, solution, cov, spreads, gain, others, rungs, sampled, checked, redrawn)
+    probabilities = structure_probabilities(prepared.candidates, cov.inflation)
+    shifts, pressures = {}, []
+    relaxed = relaxed_variant(best)
+    shifts["what the delivery valve does as it opens"] = relaxed.solution.z - solution.z
+    pressures.append(relaxed.solution.outputs[0].pressure - solution.outputs[0].pressure)
+    shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
+    pressures.append(moved)
+    odd_even = float(np.sqrt(np.mean((prepared.means.torque - prepared.means.held_torque) ** 2)))
+    evidence: tuple[LossEvidence, ...] = ()
+    if options.evidence:
+        evidence = (chamber_evidence(prepared.candidates, cov.inflation), *loss_evidence(problem, solution, cov, odd_even))
+    gain = pressure_gain_std(prepared.recording)
+    shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)
+    return Fit(
+        problem, solution, cov, shifts, (np.array(pressures),), prepared.candidates, probabilities, evidence,
+        (prepared.measured,), (gain,),
+    )  # fmt: skip
 
 
-def pressure_gain_std(prepared: Prepared) -> float:
+def pressure_gain_std(recording: Recording) -> float:
     """Return the relative standard uncertainty of the pressure's gain, 0 where no certificate tells it."""
-    sheet = prepared.recording.of("pressure")[0].calibration
+    sheet = recording.of("pressure")[0].calibration
     return float(sheet.gain_relative_std) if sheet is not None and np.isfinite(sheet.gain_relative_std) else 0.0
 
 
-def fit_recording(
-    recording: Recording, cycles: CamCycles, rigid: RigidTorque, options: FitOptions | None = None
-) -> FittedTorque:
-    """Return the fitted model of one recording.
+def pressure_gain_shift(best: Candidate, relative_std: float) -> Array:
+    """Return how far one standard deviation of the pressure's gain moves each parameter, (k,) [SI]."""
+    if not relative_std:
+        return np.zeros(best.problem.size)
+    chain = replace(best.data.chain, line_pressure=best.data.chain.line_pressure * (1.0 + relative_std))
+    return at_minimum(replace(best.data, chain=chain), 4).solution.z - best.solution.z
 
-    Parameters
-    ----------
-    recording, cycles, rigid : what the rooms before handed on
-    options : effects to offer
 
-    Raises
-    ------
-    Refusal
-        No torque channel, or fewer than four usable cycles.
-    """
-    prepared = prepare(recording, cycles, rigid)
-    fit = fit_prepared(prepared, options or FitOptions())
-    return fitted_torque(fit, 0, recording, cycles, rigid, prepared.means)
+def structure_probabilities(candidates: tuple[Candidate, ...], inflation: float) -> tuple[float, ...]:
+    """Return how probable the candidates are, by their chi-square under the best one's inflation."""
+    chi = np.array([item.value for item in candidates]) / inflation
+    weight = np.exp(-0.5 * (chi - np.min(chi)))
+    return tuple((weight / np.sum(weight)).tolist())
+
+
+def structure_spread(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return the standard deviation that the other structures add to each parameter and to the chamber pressure."""
+    best = candidates[0]
+    names = [slot.name for slot in best.problem.slots]
+    variance = np.zeros(len(names))
+    pressure = np.zeros(best.data.chain.theta.size)
+    for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
+        if probability < 1e-4:
+            continue
+        values = {slot.name: float(z) for slot, z in zip(item.problem.slots, item.solution.z, strict=True)}
+        delta = np.array([values.get(name, z) - z for name, z in zip(names, best.solution.z, strict=True)])
+        variance += probability * delta**2
+        pressure += probability * (item.solution.outputs[0].pressure - best.solution.outputs[0].pressure) ** 2
+    return np.sqrt(variance), np.sqrt(pressure)
+
+
+def relaxed_variant(best: Candidate) -> Candidate:
+    """Return the fit that does not trust the law of the delivery valve just after it opens."""
+    item, output = best.data, best.solution.outputs[0]
+    chain = item.chain
+    values, _ = best.problem.values(best.solution.z, 0)
+    if not chain.uses_chamber:
+        return best
+    opened = int(np.argmax(output.flows[:, 2] > 0.02 * np.max(output.flows[:, 2])))
+    since = (chain.theta - chain.theta[opened]) / chain.speed
+    fading = np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / RELAXED_TIME), 0.0)
+    area = chain.pump.plunger_area
+    error = RELAXED_SHARE * values["valve_opening"] * area * np.abs(output.motion.lift[1]) * fading
+    variance = 1.0 / item.weight**2 + binned(error) ** 2 * (BINS / INDEPENDENT)
+    return at_minimum(replace(item, weight=1.0 / np.sqrt(variance)), 15)
+
+
+def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> LossEvidence:
+    """Return the evidence for a chamber whose pressure is not the line's."""
+    def least(kinds: tuple[str, ...]) -> Candidate | None:
+        found = [item for item in candidates if item.data.structure in kinds]
+        return min(found, key=lambda item: item.value) if found else None
+
+    line, chamber = least(("line",)), least(("land", "spill", "open"))
+    if line is None or chamber is None:
+        return LossEvidence("chamber", np.nan, "cannot tell", False, np.nan, (np.nan, np.nan), "N m", "not compared")
+    factor = (line.value - chamber.value) / inflation - np.log(INDEPENDENT) * 4.0
+    verdict = "needed" if factor > 6.0 else "not needed" if factor < -2.0 else "cannot tell"
+    weight = line.data.weight
+    size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
+    text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms (2 ln K = {factor:.0f})"
+    return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)

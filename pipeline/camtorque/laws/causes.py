@@ -1,4 +1,4 @@
-"""What each cause contributes: torque over angle as the transducer sees it, and work per revolution."""
+"""The model's torque by cause: which law takes how much, on the cam and in the measured signal, and its work."""
 
 from __future__ import annotations
 
@@ -6,65 +6,66 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.laws.chain import (
-    LINEAR_NAMES,
-    ChainInput,
-    ChainOutput,
-    contact_load,
-    filtered,
-    mechanical_torque,
-    transfer,
-)
+from camtorque.laws import damping, friction, packing, spring
+from camtorque.laws.chain import ChainInput, ChainOutput, filtered, transfer
+from camtorque.laws.torque import LINEAR_NAMES, cam_torque
 from camtorque.records import Array
 
-CAUSES = (
-    "pressure", "spring", "inertia", "guide_friction", "bearing_friction", "pin_friction", "shaft_drag",
-    "shaft_viscous", "plunger_viscous", "lift_table",
-)  # fmt: skip
+CAUSE_OF_COLUMN: dict[str, str] = {
+    "bearing_arm": "bearing_friction", "pin_arm": "pin_friction", "spring_stiffness_error": "spring",
+    "spring_preload_error": "spring", "packing_force": "packing_friction",
+}  # fmt: skip
+"""Linear parameter -> cause, where the cause is not named as the parameter."""
+LOSS_OF_LAW = {"friction": friction.ROWS + packing.ROWS, "damping": damping.ROWS, "spring": spring.ROWS}
+
+
+def cause_of(parameter: str) -> str:
+    """Return the cause that a linear parameter scales."""
+    return CAUSE_OF_COLUMN.get(parameter, parameter)
+
+
+CAUSES = ("pressure", "spring", "inertia", "guide_friction", *dict.fromkeys(
+    cause_of(name) for name in LINEAR_NAMES if cause_of(name) != "spring"), "lift_table")  # fmt: skip
+"""Causes of torque on the cam; they sum to the model."""
 LOSS_GROUPS: dict[str, tuple[str, ...]] = {
     "pressure": ("pressure",),
-    "friction": ("guide_friction", "bearing_friction", "pin_friction", "shaft_drag"),
-    "damping": ("shaft_viscous", "plunger_viscous"),
+    "friction": tuple(dict.fromkeys(cause_of(row.name) for row in LOSS_OF_LAW["friction"])),
+    "damping": tuple(row.name for row in damping.ROWS),
     "spring": ("spring",),
     "inertia": ("inertia",),
     "lift_table": ("lift_table",),
 }
-"""Group of the energy balance -> causes."""
+"""Group of the energy balance -> causes, by the law that each belongs to."""
 
 
 def cam_torques(
-    data: ChainInput, values: Mapping[str, float], output: ChainOutput, coefficients: Array
+    data: ChainInput, values: Mapping[str, float], output: ChainOutput, coefficients: Array, lift_slope: Array
 ) -> dict[str, Array]:
     """Return the torque on the cam by cause, before shaft and sensor; each (n,) [N m].
 
-    ``coefficients`` are those of the linear columns of the chain.
+    Parameters
+    ----------
+    coefficients : (10,) of the linear columns of the chain
+    lift_slope : (n,) slope of the lift correction [m/rad]
     """
     pump, motion = data.pump, output.motion
     y, slope, curve = motion.lift[:3]
+    zero = np.zeros(len(LINEAR_NAMES))
     rates = (motion.rate, motion.second)
+    numbers = data.pump_numbers
     mu = values["guide_friction"]
-    _, columns = mechanical_torque(data, motion.lift[:3], rates, output.pressure, mu)
-    parts = {name: c * column for name, c, column in zip(LINEAR_NAMES, coefficients, columns, strict=False)}
-    frictionless = contact_load(data, motion.lift[:3], rates, output.pressure, 0.0)
-    whole, _ = mechanical_torque(data, motion.lift[:3], rates, output.pressure, 0.0)
+    whole, columns, _, load, _ = cam_torque(numbers, mu, motion.lift, *rates, output.pressure, zero)
+    smooth, _, _, bare, _ = cam_torque(numbers, 0.0, motion.lift, *rates, output.pressure, zero)
+    parts = dict.fromkeys(CAUSES, np.zeros_like(y))
+    for k, name in enumerate(LINEAR_NAMES):
+        parts[cause_of(name)] = parts[cause_of(name)] + coefficients[k] * columns[:, k]
     axial_inertia = pump.follower_mass * (curve * motion.rate**2 + slope * motion.second)
-    roller = whole - frictionless * slope
-    lift_table = np.zeros_like(y)
-    if data.lift_basis is not None:
-        lift_table = output.load * data.lift_basis.correction(motion.theta, coefficients[len(LINEAR_NAMES) :], 1)
-    return {
-        "pressure": slope * pump.plunger_area * output.pressure,
-        "spring": slope * (pump.spring_preload + pump.spring_stiffness * y)
-        + parts["spring_stiffness_error"] + parts["spring_preload_error"],
-        "inertia": slope * axial_inertia + roller,
-        "guide_friction": (output.load - frictionless) * slope,
-        "bearing_friction": parts["bearing_arm"],
-        "pin_friction": parts["pin_arm"],
-        "shaft_drag": parts["shaft_drag"],
-        "shaft_viscous": parts["shaft_viscous"],
-        "plunger_viscous": parts["plunger_viscous"],
-        "lift_table": lift_table,
-    }  # fmt: skip
+    parts["pressure"] = slope * pump.plunger_area * output.pressure
+    parts["spring"] = parts["spring"] + slope * (pump.spring_preload + pump.spring_stiffness * y)
+    parts["inertia"] = slope * axial_inertia + smooth - bare * slope
+    parts["guide_friction"] = whole - smooth
+    parts["lift_table"] = load * lift_slope
+    return parts
 
 
 def measured_torques(
@@ -76,6 +77,17 @@ def measured_torques(
     result = {name: filtered(torque, shaft * measured) * gain for name, torque in torques.items()}
     result["torque_zero"] = np.full(data.theta.size, zero)
     return result
+
+
+def hidden_torque(data: ChainInput, values: Mapping[str, float], torques: Mapping[str, Array]) -> Array:
+    """Return the torque of the shaft less what the transducer's low-pass shows of it, (n,) [N m].
+
+    The twist is rebuilt from the measured torque; where the load changes faster than the low-pass follows, this much
+    has to be added.
+    """
+    total = np.sum(list(torques.values()), axis=0)
+    shaft, measured, _ = transfer(data, values, data.theta.size)
+    return filtered(total, shaft * (1.0 - measured))
 
 
 def work_per_revolution(data: ChainInput, output: ChainOutput, torques: Mapping[str, Array]) -> dict[str, float]:

@@ -1,23 +1,15 @@
 """Chamber: from line pressure to the pressure on the plunger.
 
-The sensor sits behind the delivery valve, so line pressure is chamber pressure only while the valve delivers. The
-chamber is one closed volume with four ways out, and the same balance of mass holds over the whole revolution::
+The sensor sits behind the delivery valve, so line pressure is chamber pressure only while the valve delivers. One
+balance of mass holds over the whole revolution::
 
-    d(rho V)/dt = -rho_0 (Q_port + Q_spill + Q_valve + Q_leak),   V = V_0 + A (y_top - y)
-    rho(p)/rho_0 = (1 + b p / beta_0)**(1/b)                      bulk modulus beta = beta_0 + b p
-    Q_port  = k_port max(0, y_port - y) sqrt(p - p_feed)          open until the plunger covers the port
-    Q_spill = k_spill max(0, y - y_spill) sqrt(p - p_feed)  the helix uncovers a port above this lift
-    Q_valve = a k_valve z(d / w) sqrt(p - p_line),  d = p - p_line - p_open   a: outlet open until end of delivery
-    Q_leak  = g (p - p_feed) ((1 + h p) / (1 + h p_r))**3         g: leakage per pressure at p_r = 500 bar
+    d(rho V)/dt = -rho_0 (Q_port + Q_spill + Q_out + Q_leak),   V = V_0 + A (y_top - y)
 
-Pressure never falls below vapour pressure. Delivery ends either by spill or because the outlet closes (a goes to
-zero) while the lift still rises; the closed volume is then compressed, held through the dwell, and drives the cam on
-the return. Sources: Rezeau and others for the valve law (area in proportion to the valve lift up to its stop);
-the clearance of a plunger widens with the pressure in it, and leaks with its third power;
-bulk modulus of diesel fuel: Payri et al., Fuel 90 (2011), slope about 10 over 15-180 MPa.
+with the fluid of `fluid`, inlet and spill port of `ports`, leakage of `leakage`, outlet and delivery valve of `valve`.
+Delivery ends by a land (the outlet closes at an angle), by spill (a port opens above a lift), or is not seen to end.
 
-The balance is integrated by an implicit Euler rule for the mass, which is exact for a closed volume whatever the
-step, and unconditionally stable in the stiff valve flow.
+Implicit Euler steps for the two masses and the valve, finer while the valve moves; exact for a closed volume whatever
+the step, and stable in the stiff valve flow. The tangents by all parameters are those of the same steps.
 """
 
 from __future__ import annotations
@@ -25,242 +17,304 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from camtorque.laws import fluid, leakage, ports, valve
+from camtorque.laws.fluid import specific_volume
+from camtorque.laws.leakage import leak_flow
+from camtorque.laws.ports import LAMINAR, flow_root, opening
 from camtorque.laws.rows import display
-from camtorque.units import BAR, DEGREE
-
-MM3 = 1.0e-9
-FLUID_DENSITY = 830.0
-"""Diesel-like test oil (ISO 4113 is 820-830) [kg/m^3]; only scales the flow coefficients into areas."""
-DISCHARGE = 0.7 * np.sqrt(2.0 / FLUID_DENSITY)
-"""Flow per area and square root of pressure, Cd sqrt(2/rho) with Cd = 0.7 [m/s/sqrt(Pa)]."""
-VAPOUR_PRESSURE = -0.9 * BAR
-"""Gauge pressure at which the liquid stops following the plunger [Pa]."""
-SMOOTHING_PRESSURE = 2.0 * BAR
-"""Below this difference the square root goes over into a straight line (laminar) [Pa]."""
-KBAR = 1.0e3 * BAR
-LEAK_PRESSURE = 500.0 * BAR
-"""Pressure at which the leakage is stated [Pa]."""
-MM3_PER_SECOND_BAR = 1.0e-9 / BAR
+from camtorque.laws.valve import SPRING, lifted, stop_force
 
 ROWS = (
-    display("dead_volume", "V_0", "mm^3", MM3, (800.0, 10.0, 20000.0, 100.0), None,
-            "volume above the plunger at full lift, holder and bores up to the valve", "fitted; no sheet gives it"),
-    display("bulk_modulus", "beta_0", "GPa", 1.0e9, (1.30, 1.0, 1.7, 0.02), (1.30, 0.05),
-            "bulk modulus of the fuel at feed pressure", "Payri, Fuel 2011: 1.25-1.33 GPa"),
-    display("bulk_modulus_slope", "b", "-", 1.0, (10.0, 5.0, 15.0, 0.5), (10.0, 2.0),
-            "increase of the bulk modulus with pressure", "Payri, Fuel 2011; Nikolic, Thermal Science 2012"),
-    display("feed_pressure", "p_feed", "bar", BAR, (3.0, 0.0, 15.0, 1.0), (3.0, 2.0),
-            "gauge pressure in the feed gallery", "typical of gallery pumps, 1-6 bar"),
-    display("valve_opening", "p_open", "bar", BAR, (20.0, 0.0, 120.0, 3.0), (25.0, 20.0),
-            "pressure difference at which the delivery valve lifts", "catalogues of delivery valves: 5-50 bar"),
-    display("valve_area", "A_valve", "mm^2", DISCHARGE * 1.0e-6, (1.0, 0.02, 60.0, 0.1), None,
-            "flow area of the delivery valve at its stop (Cd = 0.7)", "fitted"),
-    display("valve_range", "w", "bar", BAR, (20.0, 0.3, 300.0, 5.0), (20.0, 20.0),
-            "further pressure difference that lifts the valve to its stop", "spring rate of delivery valves"),
-    display("leakage", "g", "mm^3/s/bar", MM3_PER_SECOND_BAR, (0.5, 0.0, 200.0, 0.3), (0.5, 2.0),
-            "leakage past the plunger, per pressure at 500 bar", "clearances of 2-6 um: 0.05-0.8, worn ones more"),
-    display("leak_growth", "h", "1/kbar", 1.0 / KBAR, (0.3, 0.0, 2.0, 0.1), (0.3, 0.4),
-            "widening of the plunger's clearance with pressure", "2-3 um at rest, about 1 um more at 1000 bar"),
-    display("port_closing_lift", "y_port", "mm", 1.0e-3, (1.4, 0.02, 12.0, 0.02), None,
-            "lift at which the plunger closes the inlet port", "end of pre-stroke; nominally at the trigger angle"),
-    display("port_width", "b_port", "mm", DISCHARGE * 1.0e-3, (4.0, 0.1, 60.0, 1.0), (6.0, 6.0),
-            "port area per lift while the plunger covers it (Cd = 0.7)", "port diameters of 2-4 mm, two ports"),
-    display("end_of_delivery", "theta_end", "deg", DEGREE, (45.0, 5.0, 175.0, 0.3), None,
-            "cam angle at which the outlet has closed", "depends on the load; fitted", "own"),
-    display("end_width", "w_end", "deg", DEGREE, (0.8, 0.1, 6.0, 0.2), (0.8, 0.6),
-            "cam angle that the outlet takes to close", "assumed; closing times of 0.1-0.5 ms"),
-    display("spill_lift", "y_spill", "mm", 1.0e-3, (5.0, 0.05, 30.0, 0.02), None,
-            "lift at which the helix uncovers the spill port, and covers it again on the return",
-            "depends on the load; fitted", "own"),
-    display("spill_width", "b_spill", "mm", DISCHARGE * 1.0e-3, (3.0, 0.05, 60.0, 0.5), (4.0, 4.0),
-            "spill area per lift above it (Cd = 0.7)", "port diameters of 2-4 mm", "own"),
-    display("pressure_zero", "p_0", "bar", BAR, (0.0, -12.0, 12.0, 0.5), (0.0, 1.0),
+    display("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
+            "volume above the plunger at full lift, holder and bores up to the outlet", "fitted; no sheet gives it"),
+    *fluid.ROWS,
+    *ports.ROWS,
+    *valve.ROWS,
+    *valve.END_ROWS,
+    *ports.SPILL_ROWS,
+    *leakage.ROWS,
+    display("pressure_zero", "p_0", "bar", 1.0e5, (0.0, -12.0, 12.0, 0.5), (0.0, 1.0),
             "error of the zero of the line pressure", "certificate and standstill readings", "own"),
 )  # fmt: skip
 
-KERNEL_ORDER = (
-    "dead_volume", "bulk_modulus", "bulk_modulus_slope", "feed_pressure", "valve_opening", "valve_area", "valve_range",
-    "leakage", "port_closing_lift", "port_width", "end_of_delivery", "end_width", "spill_lift", "spill_width",
-    "pressure_zero", "leak_growth",
-)  # fmt: skip
-"""Order of the parameters in the kernel's vector."""
+KERNEL_UNITS: dict[str, float] = {
+    "dead_volume": 1e9, "bulk_modulus": 1e-5, "bulk_modulus_slope": 1.0, "free_air": 1.0, "feed_pressure": 1e-5,
+    "port_closing_lift": 1e3, "port_width": 1e3, "port_span": 1e3, "port_roundness": 1.0, "end_of_delivery": 1.0,
+    "end_width": 1.0, "spill_lift": 1e3, "spill_width": 1e3, "spill_span": 1e3, "valve_opening": 1e-5,
+    "valve_area": 1e6, "valve_range": 1e-5, "retraction_volume": 1e9, "gallery_volume": 1e9, "valve_mass": 1e-8,
+    "valve_damping": 1e-3, "seat_gain": 1e-3, "valve_exposure": 1.0, "leakage": 1e11, "leak_growth": 1e5,
+    "pressure_zero": 1e-5,
+}  # fmt: skip
+"""Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
+NAMES = tuple(KERNEL_UNITS)
+N = len(NAMES)
+FLOW = float(ports.DISCHARGE * np.sqrt(1.0e5))
+"""C_d sqrt(2/rho): mm/ms per square root of bar."""
+NEVER = 99.0
+"""End of delivery [rad] or spill lift [m] that is not reached."""
+LOWEST = -1.8
+"""Least gauge pressure that an iteration may try [bar], below what any amount of vapour needs."""
 
 
-@njit(cache=True, error_model="numpy")
-def _root(difference, scale):  # type: ignore[no-untyped-def]
-    """Odd square root, a straight line through zero: value and derivative."""
-    s = (difference * difference + scale * scale) ** 0.25
-    return difference / s, 1.0 / s - 0.5 * difference * difference / s**5
+@njit(cache=True, error_model="numpy", inline="always")
+def moved_pressure(pressure, change):  # type: ignore[no-untyped-def]
+    """Return a pressure after an iteration that goes no further than its distance from vapour allows [bar]."""
+    above = pressure + 1.4
+    down, up = max(0.15, 0.7 * above), max(0.3, 2.0 * above)
+    return max(LOWEST, pressure + min(max(change, -down), up))
 
 
-@njit(cache=True, error_model="numpy")
-def _opening(ratio):  # type: ignore[no-untyped-def]
-    """Valve opening between 0 (closed) and 1 (fully open), with derivative.
-
-    Between a hard stop and a valve whose flow force, growing with the pressure difference, alone limits the lift.
-    """
-    if ratio <= 0.0:
-        return 0.0, 0.0
-    root = np.sqrt(1.0 + ratio * ratio)
-    return ratio / root, 1.0 / root**3
-
-
-@njit(cache=True, error_model="numpy")
-def _ramp(theta, end, width):  # type: ignore[no-untyped-def]
-    """Outlet: 1 before ``end - width``, 0 after ``end``."""
-    u = (end - theta) / width
-    if u >= 1.0:
-        return 1.0
-    if u <= 0.0:
-        return 0.0
-    return u
-
-
-@njit(cache=True, error_model="numpy")
-def _leak(x, feed, leak, widening, at_reference):  # type: ignore[no-untyped-def]
-    """Leakage through a clearance that widens with the pressure: flow and derivative."""
-    ratio = max(1.0 + widening * x, 0.0) / at_reference
-    flow = leak * (x - feed) * ratio**3
-    return flow, leak * ratio**3 + 3.0 * leak * (x - feed) * ratio**2 * widening / at_reference
-
-
-@njit(cache=True, error_model="numpy")
-def integrate_chamber(parameters, area, top_lift, time_step, theta, lift, slope, line_pressure, shifts):  # type: ignore[no-untyped-def]
-    """Integrate the mass balance over one revolution from the open port, with exact tangents.
+@njit(cache=True, error_model="numpy", nogil=True)
+def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, want_tangents):  # type: ignore[no-untyped-def]
+    """Integrate one revolution from the open port.
 
     Parameters
     ----------
-    parameters : (16,) in `KERNEL_ORDER` [SI]
-    area, top_lift, time_step : plunger area [m^2], full lift [m], [s]
-    theta, lift, slope, line_pressure : (n,) cam angle [rad], y [m], y' [m/rad], line pressure [Pa]
-    shifts : (n, n_shift) derivative of the cam angle with respect to the parameters that shift it
+    parameters : (26,) in kernel units, order of `NAMES`
+    geometry : plunger area [mm^2], full lift [mm], time step of the grid [ms]
+    theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
+    substeps : (n,) steps between grid point i - 1 and i
+    shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
+    want_tangents : False leaves ``tangents`` empty
 
     Returns
     -------
-    pressure : (n,) chamber pressure [Pa]
-    tangents : (n, 16 + n_shift) derivative of the pressure with respect to parameters and shifts
-    flows : (n, 4) port, spill, valve, leak [m^3/s]
+    pressure : (n,) on the plunger [bar]
+    tangents : (n, 26 + n_shift) its derivatives
+    states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations
+    flows : (n, 4) inlet port, spill, seat, leak [mm^3/ms]
     """
-    v0, beta, b, feed, p_open, k_valve, w, leak, y_port, k_port, end, width, spill, k_spill = parameters[:14]
-    p_zero, widening = parameters[14:]
+    v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
+    y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
+    mass_valve, damping, seat, exposure, leak, growth, zero = parameters[19:]
+    plunger, top_lift, grid_step = geometry
     n = theta.size
     n_shift = shifts.shape[1]
-    n_all = 16 + n_shift
+    n_all = N + n_shift if want_tangents else 0
     pressure = np.empty(n)
     tangents = np.zeros((n, n_all))
+    states = np.zeros((n, 3))
     flows = np.zeros((n, 4))
-    volume = v0 + area * (top_lift - lift[0])
-    density = (1.0 + b * feed / beta) ** (1.0 / b)
-    mass = volume * density
-    mass_tangent = np.zeros(n_all)
-    mass_tangent[0] = density
-    mass_tangent[1] = volume * density * (-feed / (beta * (beta + b * feed)))
-    mass_tangent[2] = volume * density * (-np.log(density) / b + feed / (b * (beta + b * feed)))
-    mass_tangent[3] = volume * density / (beta + b * feed)
-    for j in range(n_shift):
-        mass_tangent[16 + j] = -area * slope[0] * shifts[0, j] * density
-    partial = np.zeros(n_all)
-    x = feed
-    at_reference = 1.0 + widening * LEAK_PRESSURE
+    partial = np.zeros((3, n_all))
+    mass_t = np.zeros(n_all)
+    gallery_t = np.zeros(n_all)
+    u_t = np.zeros(n_all)
+    speed_t = np.zeros(n_all)
+    p_t = np.zeros(n_all)
+    g_t = np.zeros(n_all)
+    p, g, u, speed = feed, feed, 0.0, 0.0
+    share, share_p, share_k, share_b, share_a = specific_volume(feed, modulus, bend, air)
+    volume = v0 + plunger * (top_lift - lift[0])
+    mass, gallery = volume / share, v_gallery / share
+    if want_tangents:
+        for both in range(2):
+            row = mass_t if both == 0 else gallery_t
+            room = volume if both == 0 else v_gallery
+            factor = -room / (share * share)
+            row[0 if both == 0 else 18] += 1.0 / share
+            row[1] += factor * share_k
+            row[2] += factor * share_b
+            row[3] += factor * share_a
+            row[4] += factor * share_p
+        for j in range(n_shift):
+            mass_t[N + j] -= plunger * slope[0] * shifts[0, j] / share
     for i in range(n):
-        volume = v0 + area * (top_lift - lift[i])
-        port_gap = y_port - lift[i]
-        port_area = k_port * port_gap if port_gap > 0.0 else 0.0
-        spill_gap = lift[i] - spill
-        spill_area = k_spill * spill_gap if spill_gap > 0.0 else 0.0
-        outlet = _ramp(theta[i], end, width)
-        line = line_pressure[i] - p_zero
-        clamped = False
-        slope_f = 1.0
-        for _ in range(60):
-            density = (1.0 + b * x / beta) ** (1.0 / b)
-            feed_root, feed_root_d = _root(x - feed, 2.0e5)
-            line_root, line_root_d = _root(x - line, 2.0e5)
-            z, z_d = _opening((x - line - p_open) / w)
-            valve = outlet * k_valve * z * line_root
-            loss, loss_d = _leak(x, feed, leak, widening, at_reference)
-            out = (port_area + spill_area) * feed_root + valve + loss
-            out_d = (port_area + spill_area) * feed_root_d + loss_d
-            out_d += outlet * k_valve * (z_d / w * line_root + z * line_root_d)
-            slope_f = volume * density / (beta + b * x) + time_step * out_d
-            change = -(volume * density - mass + time_step * out) / slope_f
-            x += change
-            if x < -0.9e5:
-                if clamped:
-                    x = -0.9e5
+        before = i - 1 if i > 0 else 0
+        steps = substeps[i]
+        dt = grid_step / steps
+        for sub in range(1, steps + 1):
+            part = sub / steps
+            y = lift[before] + (lift[i] - lift[before]) * part
+            angle = theta[before] + (theta[i] - theta[before]) * part
+            behind = line[before] + (line[i] - line[before]) * part - zero
+            volume = v0 + plunger * (top_lift - y)
+            port_x = (y_port - y) / h_port
+            port_s, port_sx, port_sq = opening(port_x, rounded)
+            spill_x = (y - y_spill) / h_spill
+            spill_s, spill_sx, spill_sq = opening(spill_x, rounded)
+            outlet_x = (end - angle) / width
+            outlet, outlet_x_d, outlet_q = opening(outlet_x, rounded)
+            feeding = FLOW * (k_port * h_port * port_s + k_spill * h_spill * spill_s)
+            k_out = FLOW * area_out * outlet
+            closed = outlet <= 0.0
+            u_old, speed_old = u, speed
+            count = 0
+            if not closed:
+                u = max(u + 0.5 * dt * speed, -0.5)
+            while True:
+                share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
+                root, root_d = flow_root(p - feed)
+                loss, loss_p, loss_f, loss_l, loss_h = leak_flow(p, feed, leak, growth)
+                f1 = volume / share - mass + dt * (feeding * root + loss)
+                j11 = -volume * share_p / (share * share) + dt * (feeding * root_d + loss_p)
+                count += 1
+                # as a balance of room instead of mass, whose iterations do not swing where vapour forms
+                if closed:
+                    change = -f1 / (j11 + f1 * share_p / share)
+                    p = moved_pressure(p, change)
+                    if abs(change) < 1.0e-6 or count > 60:
+                        break
+                    continue
+                shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
+                out, out_d = flow_root(p - g)
+                lift_u, lift_ud = lifted(u, retraction)
+                through, through_d = flow_root(g - behind)
+                k_seat = FLOW * seat
+                velocity = (u - u_old) / dt
+                stop, stop_u, stop_old, stop_top = stop_force(u, velocity, dt, retraction)
+                room = v_gallery + u
+                f1 += dt * k_out * out
+                f2 = room / shared - gallery - dt * (k_out * out - k_seat * lift_u * through)
+                inertia = mass_valve * ((velocity - speed_old) / dt + damping * velocity)
+                pushing = g + (1.0 - exposure) * (p - g) - behind - p_open - SPRING * (u - retraction)
+                flow_force = force * seat / area_out
+                f3 = inertia - pushing + flow_force * lift_u + stop
+                j11 += dt * k_out * out_d
+                j12 = -dt * k_out * out_d
+                j22 = -room * shared_p / (shared * shared) + dt * (k_out * out_d + k_seat * lift_u * through_d)
+                j23 = 1.0 / shared + dt * k_seat * lift_ud * through
+                j31 = -(1.0 - exposure)
+                j32 = -exposure
+                j33 = mass_valve * (1.0 / dt + damping) / dt + SPRING + flow_force * lift_ud + stop_u
+                j11 += f1 * share_p / share
+                j22 += f2 * shared_p / shared
+                # j21 = j12 and j13 = 0
+                c11 = j22 * j33 - j23 * j32
+                c12 = j12 * j33 - j23 * j31
+                c13 = j12 * j32 - j22 * j31
+                determinant = j11 * c11 - j12 * c12
+                dp = -(c11 * f1 - j12 * j33 * f2 + j12 * j23 * f3) / determinant
+                dg = -(-c12 * f1 + j11 * j33 * f2 - j11 * j23 * f3) / determinant
+                du = -(c13 * f1 - (j11 * j32 - j12 * j31) * f2 + (j11 * j22 - j12 * j12) * f3) / determinant
+                if count > 25:
+                    dp, dg, du = 0.5 * dp, 0.5 * dg, 0.5 * du
+                if count > 6 and abs(du) > 2.0:
+                    du = 2.0 if du > 0.0 else -2.0
+                p = moved_pressure(p, dp)
+                g = moved_pressure(g, dg)
+                u += du
+                if (abs(dp) < 1.0e-6 and abs(dg) < 1.0e-6 and abs(du) < 1.0e-8) or count > 60:
                     break
-                clamped = True
-                x = -0.9e5
-            elif abs(change) < 1.0e-3:
-                clamped = False
-                break
+            states[i, 2] += count
+            share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
+            mass = volume / share
+            if closed:
+                speed = 0.0
+                u = 0.0
             else:
-                clamped = False
-        density = (1.0 + b * x / beta) ** (1.0 / b)
-        modulus = beta + b * x
-        feed_root, feed_root_d = _root(x - feed, 2.0e5)
-        line_root, line_root_d = _root(x - line, 2.0e5)
-        z, z_d = _opening((x - line - p_open) / w)
-        flows[i, 0] = port_area * feed_root
-        flows[i, 1] = spill_area * feed_root
-        flows[i, 2] = outlet * k_valve * z * line_root
-        loss, loss_d = _leak(x, feed, leak, widening, at_reference)
-        flows[i, 3] = loss
-        density_beta = density * (-x / (beta * modulus))
-        density_b = density * (-np.log(density) / b + x / (b * modulus))
-        pressure[i] = x
-        if clamped:
-            mass = volume * density
-            mass_tangent[:] = 0.0
-            mass_tangent[0] = density
-            mass_tangent[1] = volume * density_beta
-            mass_tangent[2] = volume * density_b
+                speed = (u - u_old) / dt
+                shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
+                gallery = (v_gallery + u) / shared
+            if sub == steps:
+                root, root_d = flow_root(p - feed)
+                flows[i, 0] = FLOW * k_port * h_port * port_s * root
+                flows[i, 1] = FLOW * k_spill * h_spill * spill_s * root
+                flows[i, 3] = loss
+                if not closed:
+                    flows[i, 2] = k_seat * lift_u * through
+            if not want_tangents:
+                continue
+            # derivatives of f1, f2, f3 at a held new state; those by the old state come from the carried tangents
+            over = 1.0 / share
+            squared = over * over
+            for j in range(n_all):
+                partial[0, j] = -mass_t[j]
+            root, root_d = flow_root(p - feed)
+            partial[0, 0] += over
+            partial[0, 1] -= volume * squared * share_k
+            partial[0, 2] -= volume * squared * share_b
+            partial[0, 3] -= volume * squared * share_a
+            partial[0, 4] += dt * (-feeding * root_d + loss_f)
+            port_flow = dt * FLOW * k_port * root
+            spill_flow = dt * FLOW * k_spill * root
+            partial[0, 5] += port_flow * port_sx
+            partial[0, 6] += dt * FLOW * h_port * port_s * root
+            partial[0, 7] += port_flow * (port_s - port_x * port_sx)
+            partial[0, 8] += port_flow * h_port * port_sq + spill_flow * h_spill * spill_sq
+            partial[0, 11] -= spill_flow * spill_sx
+            partial[0, 12] += dt * FLOW * h_spill * spill_s * root
+            partial[0, 13] += spill_flow * (spill_s - spill_x * spill_sx)
+            partial[0, 23] += dt * loss_l
+            partial[0, 24] += dt * loss_h
+            by_lift = -plunger * over - port_flow * port_sx + spill_flow * spill_sx
+            slope_here = slope[before] + (slope[i] - slope[before]) * part
+            if closed:
+                for j in range(n_shift):
+                    moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
+                    partial[0, N + j] += by_lift * slope_here * moved
+                for j in range(n_all):
+                    p_t[j] = -partial[0, j] / j11
+                    u_t[j] = 0.0
+                    speed_t[j] = 0.0
+            else:
+                shared_over = 1.0 / shared
+                shared_squared = shared_over * shared_over
+                inverse_time = 1.0 / dt
+                old_u = -mass_valve * (inverse_time + damping) * inverse_time + stop_old
+                for j in range(n_all):
+                    partial[1, j] = -gallery_t[j]
+                    partial[2, j] = old_u * u_t[j] - mass_valve * inverse_time * speed_t[j]
+                flow_out = dt * out
+                by_outlet = flow_out * FLOW * area_out
+                for sign in range(2):
+                    direction = 1.0 if sign == 0 else -1.0
+                    partial[sign, 8] += direction * by_outlet * outlet_q
+                    partial[sign, 9] += direction * by_outlet * outlet_x_d / width
+                    partial[sign, 10] -= direction * by_outlet * outlet_x_d * outlet_x / width
+                    partial[sign, 15] += direction * flow_out * FLOW * outlet
+                partial[1, 1] -= room * shared_squared * shared_k
+                partial[1, 2] -= room * shared_squared * shared_b
+                partial[1, 3] -= room * shared_squared * shared_a
+                partial[1, 18] += shared_over
+                partial[1, 17] -= dt * k_seat * lift_ud * through
+                partial[1, 21] += dt * FLOW * lift_u * through
+                partial[1, 25] += dt * k_seat * lift_u * through_d
+                partial[2, 14] += 1.0
+                partial[2, 15] -= flow_force * lift_u / area_out
+                partial[2, 16] += seat / area_out * lift_u
+                partial[2, 17] += -SPRING - flow_force * lift_ud + stop_top
+                partial[2, 19] += (speed - speed_old) * inverse_time + damping * speed
+                partial[2, 20] += mass_valve * speed
+                partial[2, 21] += force / area_out * lift_u
+                partial[2, 22] += p - g
+                partial[2, 25] -= 1.0
+                by_angle = -by_outlet * outlet_x_d / width
+                for j in range(n_shift):
+                    moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
+                    partial[0, N + j] += (by_lift * slope_here + by_angle) * moved
+                    partial[1, N + j] -= by_angle * moved
+                i11, i12, i13 = c11 / determinant, -j12 * j33 / determinant, j12 * j23 / determinant
+                i21, i22, i23 = -c12 / determinant, j11 * j33 / determinant, -j11 * j23 / determinant
+                i31 = c13 / determinant
+                i32 = -(j11 * j32 - j12 * j31) / determinant
+                i33 = (j11 * j22 - j12 * j12) / determinant
+                for j in range(n_all):
+                    a, b, c = partial[0, j], partial[1, j], partial[2, j]
+                    p_t[j] = -(i11 * a + i12 * b + i13 * c)
+                    g_t[j] = -(i21 * a + i22 * b + i23 * c)
+                    new_u = -(i31 * a + i32 * b + i33 * c)
+                    speed_t[j] = (new_u - u_t[j]) * inverse_time
+                    u_t[j] = new_u
+                factor = -room * shared_squared
+                for j in range(n_all):
+                    gallery_t[j] = factor * shared_p * g_t[j] + shared_over * u_t[j]
+                gallery_t[1] += factor * shared_k
+                gallery_t[2] += factor * shared_b
+                gallery_t[3] += factor * shared_a
+                gallery_t[18] += shared_over
+            factor = -volume * squared
+            for j in range(n_all):
+                mass_t[j] = factor * share_p * p_t[j]
+            mass_t[0] += over
+            mass_t[1] += factor * share_k
+            mass_t[2] += factor * share_b
+            mass_t[3] += factor * share_a
             for j in range(n_shift):
-                mass_tangent[16 + j] = -area * slope[i] * shifts[i, j] * density
-            continue
-        valve_area = outlet * k_valve
-        out_d = (port_area + spill_area) * feed_root_d + loss_d
-        out_d += valve_area * (z_d / w * line_root + z * line_root_d)
-        slope_f = volume * density / modulus + time_step * out_d
-        partial[:] = 0.0
-        partial[0] = density
-        partial[1] = volume * density_beta
-        partial[2] = volume * density_b
-        ratio = max(1.0 + widening * x, 0.0) / at_reference
-        partial[3] = -time_step * ((port_area + spill_area) * feed_root_d + leak * ratio**3)
-        partial[4] = -time_step * valve_area * z_d / w * line_root
-        partial[5] = time_step * outlet * z * line_root
-        partial[6] = -time_step * valve_area * z_d * (x - line - p_open) / (w * w) * line_root
-        partial[7] = time_step * (x - feed) * ratio**3
-        partial[15] = time_step * leak * (x - feed) * 3.0 * ratio**2 * (x - LEAK_PRESSURE) / at_reference**2
-        if port_gap > 0.0:
-            partial[8] = time_step * k_port * feed_root
-            partial[9] = time_step * port_gap * feed_root
-        outlet_theta = 0.0
-        if 0.0 < outlet < 1.0:
-            outlet_theta = -1.0 / width
-            partial[10] = time_step * k_valve * z * line_root / width
-            partial[11] = -time_step * k_valve * z * line_root * outlet / width
-        if spill_gap > 0.0:
-            partial[12] = -time_step * k_spill * feed_root
-            partial[13] = time_step * spill_gap * feed_root
-        partial[14] = time_step * valve_area * (z_d / w * line_root + z * line_root_d)
-        for j in range(n_shift):
-            by_lift = -area * density
-            if port_gap > 0.0:
-                by_lift -= time_step * k_port * feed_root
-            if spill_gap > 0.0:
-                by_lift += time_step * k_spill * feed_root
-            by_theta = time_step * k_valve * z * line_root * outlet_theta
-            partial[16 + j] = (by_lift * slope[i] + by_theta) * shifts[i, j]
-        for k in range(n_all):
-            tangents[i, k] = -(partial[k] - mass_tangent[k]) / slope_f
-        mass = volume * density
-        for k in range(n_all):
-            mass_tangent[k] = volume * density / modulus * tangents[i, k]
-        mass_tangent[0] += density
-        mass_tangent[1] += volume * density_beta
-        mass_tangent[2] += volume * density_b
-        for j in range(n_shift):
-            mass_tangent[16 + j] -= area * slope[i] * shifts[i, j] * density
-    return pressure, tangents, flows
+                moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
+                mass_t[N + j] -= plunger * slope_here * moved * over
+        pressure[i] = p
+        states[i, 0] = g
+        states[i, 1] = u
+        for j in range(n_all):
+            tangents[i, j] = p_t[j]
+    return pressure, tangents, states, flows

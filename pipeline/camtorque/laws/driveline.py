@@ -1,17 +1,20 @@
 """Driveline: the shaft twists, the drive is not infinitely heavy, and the transducer sits between them.
 
-The trigger sits on the camshaft, so the cam angle is known at its edge and only there. Between edges (DESIGN: the
-correction enters once, here), with T the torque of the shaft, which the transducer measures, and s = i w::
+The trigger sits on the camshaft, so the cam angle is known at its edge and only there. Between edges (the correction
+enters once, here), with T the torque of the shaft, which the transducer measures, and s = i w::
 
     theta = theta_nominal + d_trigger + psi - psi(edge),   psi = -C(s) T
-    C(s)  = 1/(k_t + c_t s) + (1/J) / (s^2 + 2 zeta w_d s + w_d^2)
+    C(s)  = 1/(k_t + c_t s) + a / (s^2 + w_b (s + r) / (1 + T_c s))
                             + (1/k_c) w_c^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
 
-The first term is the shaft. The second is a drive of inertia J; an effect of its own (``controller``) holds its speed:
-its proportional part is the damping ``2 zeta w_d = K_p / J``, its integral part the frequency ``w_d^2 = K_i / J``, and
-w_d = 0 leaves the inertia alone. The third, an effect of its own as well (``coupling``), is a coupling half that swings
-behind the transducer on a yielding coupling; far below w_c it is more compliance, so a shaft stiffness fitted without
-it is wrong. The inertia between transducer and cam turns the load into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
+The first term is the shaft. The second is a drive of inertia J = 1/a on a speed controller with proportional gain
+``K_p = J w_b``, integral gain ``K_i = K_p r`` and lag T_c; a flywheel or an induction machine over its slip is the
+same with w_b, r small. The third is a hub that swings behind the transducer on a yielding coupling; far below w_c it is
+more compliance. The inertia between transducer and cam turns the load into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
+
+w_b, r and T_c act through their logarithms (they are scales without a zero); where the recording's [drive] table knows
+inertia or loop, that is the prior. Sources: servo drives close their speed loop at 1-60 Hz with a reset time of 20 ms to
+1 s; couplings and hubs of 0.1-3 g m^2 swing at 40-400 Hz; torsion of steel shafts is damped by 0.2-10 % of critical.
 """
 
 from __future__ import annotations
@@ -30,34 +33,36 @@ from camtorque.units import DEGREE
 ROWS = (
     display("trigger_offset", "d_trigger", "deg", DEGREE, (0.0, -4.0, 4.0, 0.1), (0.0, 0.866),
             "cam angle of the trigger edge less its nominal value", "installation tolerance of the sheet, rectangular"),
-    display("shaft_compliance", "1/k_t", "urad/(N m)", 1.0e-6, (150.0, 0.0, 1500.0, 30.0), (150.0, 200.0),
-            "twist per torque between drive and cam", "shafts of 20-30 mm: 2000-50000 N m/rad"),
+    display("shaft_compliance", "1/k_t", "urad/(N m)", 1.0e-6, (150.0, 0.0, 2500.0, 30.0), (150.0, 250.0),
+            "twist per torque between drive and cam", "shafts of 15-30 mm: 2000-50000 N m/rad"),
     display("shaft_damping", "c_t", "N m s/rad", 1.0, (0.5, 0.0, 20.0, 0.3), (0.5, 1.0),
-            "damping of the shaft's torsion", "assumed, 2-20 % of critical"),
+            "damping of the shaft's torsion", "0.2-10 % of critical"),
     display("cam_side_inertia", "I_c", "kg mm^2", 1.0e-6, (50.0, 1.0, 5000.0, 10.0), None,
             "inertia between transducer and cam, camshaft included", "camshaft from the sheet; coupling unknown"),
-    display("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (1.0, 0.0, 60.0, 0.5), (0.0, 5.0),
-            "inverse of the drive's inertia; 0 for a drive that holds its speed", "assumed: J above 0.1 kg m^2"),
+    display("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (1.0, 0.0, 60.0, 1.0), (0.0, 12.0),
+            "inverse of the drive's inertia; 0 for a drive that holds its speed", "drives of 0.03 kg m^2 and more"),
+    display("drive_bandwidth", "ln w_b", "ln(rad/s)", 1.0, (3.5, -4.0, 8.0, 0.3), (3.5, 1.8),
+            "logarithm of the drive's proportional gain over its inertia", "speed loops of 0.5-60 Hz, or slip"),
+    display("drive_reset", "ln r", "ln(1/s)", 1.0, (1.6, -3.0, 6.0, 0.4), (1.6, 1.5),
+            "logarithm of the inverse reset time of the drive's controller", "20 ms to some seconds, or none"),
+    display("drive_lag", "ln T_c", "ln(s)", 1.0, (-6.5, -11.0, -3.0, 0.4), (-6.5, 1.3),
+            "logarithm of the lag of the drive's torque", "current loops and filters: 0.2-10 ms"),
 )  # fmt: skip
-
-CONTROLLER_ROWS = (
-    display("drive_frequency", "w_d", "Hz", 2.0 * np.pi, (5.0, 0.0, 60.0, 1.0), (0.0, 10.0),
-            "frequency at which the drive swings on its speed controller", "bandwidths of drive controllers: 1-30 Hz"),
-    display("drive_damping", "zeta", "-", 1.0, (0.7, 0.3, 3.0, 0.1), (0.7, 0.2),
-            "damping ratio of that swing", "controllers are tuned to 0.5-1"),
-)  # fmt: skip
-
 COUPLING_ROWS = (
-    display("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (0.0, 200.0),
-            "compliance of the coupling behind the transducer", "catalogues of elastic couplings: 1000-50000 N m/rad"),
-    display("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 20.0, 600.0, 5.0), (120.0, 80.0),
-            "frequency at which the coupling half behind the transducer swings", "1-10 g m^2 on such a coupling"),
-    display("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.1),
+    display("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 5000.0, 50.0), (0.0, 600.0),
+            "compliance of the coupling behind the transducer", "catalogues of elastic couplings: 500-50000 N m/rad"),
+    display("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 12.0, 900.0, 8.0), (120.0, 120.0),
+            "frequency at which the hub behind the transducer swings", "0.1-10 g m^2 on such a coupling"),
+    display("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.15),
             "damping ratio of that motion", "elastomer couplings: 0.05-0.15"),
 )  # fmt: skip
 
 TWIST_BANDWIDTH_HZ = 2500.0
 """Above this the measured torque holds no twist, only noise; a smooth roll-off of order 8."""
+
+
+HIGHEST_HZ = 6000.0
+"""Harmonics above this are left out altogether."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,8 @@ class TwistBasis:
 
     Attributes
     ----------
-    spectrum : (n/2 + 1,) harmonics of the shaft's torque, noise rolled off
-    omega : (n/2 + 1,) their angular frequencies [rad/s]
+    spectrum : (k,) harmonics of the shaft's torque, noise rolled off
+    omega : (k,) their angular frequencies [rad/s]
     edge : cam angle of the trigger edge, where the shift is zero [rad]
     n_theta : points of the grid
     """
@@ -80,56 +85,63 @@ class TwistBasis:
 
 def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> TwistBasis:
     """Return the basis of a mean cycle of the shaft's torque (n,) [N m] at a speed [rad/s]."""
-    omega = np.asarray(np.arange(shaft_torque.size // 2 + 1) * speed, dtype=np.float64)
+    highest = min(shaft_torque.size // 2, int(np.ceil(2.0 * np.pi * HIGHEST_HZ / speed)))
+    omega = np.asarray(np.arange(highest + 1) * speed, dtype=np.float64)
     roll_off = 1.0 / np.sqrt(1.0 + (omega / (2.0 * np.pi * TWIST_BANDWIDTH_HZ)) ** 8)
-    spectrum = np.fft.rfft(shaft_torque) * roll_off
+    spectrum = np.fft.rfft(shaft_torque)[: highest + 1] * roll_off
     spectrum[0] = 0.0
     return TwistBasis(spectrum, omega, trigger_angle, shaft_torque.size)
 
 
 COMPLIANCE_NAMES = (
-    "shaft_compliance", "shaft_damping", "drive_admittance", "drive_frequency", "drive_damping", "coupling_compliance",
-    "coupling_resonance", "coupling_damping",
+    "shaft_compliance", "shaft_damping", "drive_admittance", "drive_bandwidth", "drive_reset", "drive_lag",
+    "coupling_compliance", "coupling_resonance", "coupling_damping",
 )  # fmt: skip
 """Parameters of C(s), in the order of its derivatives."""
 
 
 def compliance(omega: Array, values: Mapping[str, float]) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 8).
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 9).
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
-    shaft, damping, admittance, drive, drive_ratio, soft, resonance, ratio = (values[n] for n in COMPLIANCE_NAMES)
+    shaft, damping, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio = (
+        values[name] for name in COMPLIANCE_NAMES
+    )
     s = 1j * omega
     slowed = 1.0 + s * damping * shaft
-    yielding, by_drive, by_drive_ratio = _swing(s, drive, drive_ratio)
-    response, by_resonance, by_ratio = _swing(s, resonance, ratio)
-    total = shaft / slowed + admittance * yielding + soft * resonance**2 * response
+    band, reset, lag = np.exp(ln_band), np.exp(ln_reset), np.exp(ln_lag)
+    late = 1.0 / (1.0 + lag * s)
+    response = _response(s**2 + band * (s + reset) * late, s)
+    swing = _response(s**2 + 2.0 * ratio * resonance * s + resonance**2, s)
+    total = shaft / slowed + admittance * response + soft * resonance**2 * swing
+    square = -admittance * response**2
+    by_resonance = -2.0 * (ratio * s + resonance) * swing**2
     derivatives = (
-        1.0 / slowed**2, -s * shaft**2 / slowed**2, yielding, admittance * by_drive, admittance * by_drive_ratio,
-        resonance**2 * response, soft * (2.0 * resonance * response + resonance**2 * by_resonance),
-        soft * resonance**2 * by_ratio,
+        1.0 / slowed**2, -s * shaft**2 / slowed**2, response, square * band * (s + reset) * late,
+        square * band * reset * late, -square * band * (s + reset) * late**2 * lag * s, resonance**2 * swing,
+        soft * (2.0 * resonance * swing + resonance**2 * by_resonance),
+        -soft * resonance**2 * 2.0 * resonance * s * swing**2,
     )  # fmt: skip
     return total, np.column_stack(derivatives)
 
 
-def _swing(s: Any, frequency: float, ratio: float) -> tuple[Any, Any, Any]:
-    """Return ``1 / (s^2 + 2 zeta w s + w^2)``, zero at s = 0, and its derivatives by w and zeta."""
-    swing = s**2 + 2.0 * ratio * frequency * s + frequency**2
-    response = np.where(s != 0.0, 1.0 / np.where(s != 0.0, swing, 1.0), 0.0)
-    by_frequency = -2.0 * (ratio * s + frequency) * response**2
-    return response, by_frequency, -2.0 * frequency * s * response**2
+def _response(denominator: Any, s: Any) -> Any:
+    """Return the inverse, zero at s = 0."""
+    return np.where(s != 0.0, 1.0 / np.where(s != 0.0, denominator, 1.0), 0.0)
 
 
-def angle_shifts(basis: TwistBasis, values: Mapping[str, float]) -> tuple[Array, Array, Array]:
+def angle_shifts(basis: TwistBasis, values: Mapping[str, float], tangents: bool = True) -> tuple[Array, Array, Array]:
     """Return psi - psi(edge) and its derivatives by `COMPLIANCE_NAMES`, with their first two angle derivatives.
 
     Returns
     -------
-    shift, rate, second : (n, 9) each; column 0 the shift itself, then its derivatives by the parameters
+    shift, rate, second : (n, 10) each, or (n, 1) without tangents; column 0 the shift itself, then its derivatives by
+        the parameters
     """
     total, derivatives = compliance(basis.omega, values)
-    spectrum = -basis.spectrum[:, None] * np.column_stack([total, derivatives])
+    both = np.column_stack([total, derivatives]) if tangents else total[:, None]
+    spectrum = -basis.spectrum[:, None] * both
     harmonic = np.arange(basis.omega.size)[:, None]
     shift, rate, second = (np.fft.irfft(spectrum * (1j * harmonic) ** k, basis.n_theta, axis=0) for k in range(3))
     phase = np.exp(1j * harmonic * basis.edge)

@@ -16,8 +16,8 @@ from camtorque.laws.rows import display
 ROWS = (
     display("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),
             "friction coefficient times radius of the camshaft bearings", "mu 0.002-0.05 on 8-15 mm", "shared", True),
-    display("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (12.0, 12.0),
-            "friction coefficient times radius of the roller's pin", "mu 0.001-0.01 on 2-4 mm", "shared", True),
+    display("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (20.0, 25.0),
+            "friction coefficient times radius of the roller's pin", "mu 0.002-0.02 on 2-4 mm", "shared", True),
     display("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
             "friction coefficient of the follower's guide", "lubricated steel, 0.02-0.12"),
     display("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.1, 0.15),
@@ -26,5 +26,3 @@ ROWS = (
 
 SMOOTH_SLOPE = 2.0e-5
 """Follower slope over which the sign of the sliding velocity turns smoothly [m/rad]."""
-JAM_LIMIT = 0.95
-"""mu tan(phi) beyond which the follower counts as jammed."""

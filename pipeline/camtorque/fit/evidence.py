@@ -1,0 +1,192 @@
+"""Which losses do the data need? Evidence from the full fit, confirmed by refits where it is close.
+
+For a loss e that vanishes with its parameters, Gaussian posterior (mu, C) and prior (d, P) of the full fit and bounds
+``box``, the Savage-Dickey ratio gives the Bayes factor without another fit::
+
+    2 ln K = mu_e' C_ee^-1 mu_e + ln det C_ee + 2 ln Pr(box) - 2 ln Pr(rest in box | e = 0) - the same of the prior
+
+and a fit without the loss gives it by Laplace's approximation, ``-2 ln Z = chi^2 + ln det H - ln det P^-1 - 2 ln Pr(box) +
+2 ln Pr_prior(box)``. *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss small
+whatever the data allow (a small K alone is not absence). Else the data cannot tell.
+Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995); Genz, J. Comp. Graph. Stat. 1 (1992).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr, ndtri
+
+from camtorque.fit.problem import Problem, build_problem
+from camtorque.fit.solver import Solution, solve
+from camtorque.fit.uncertainty import Covariance, inverse, prior_std
+from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
+from camtorque.records import Array, LossEvidence
+
+NEEDED, NOT_NEEDED = 6.0, -2.0
+"""Limits of 2 ln K (Kass & Raftery: 6 is strong evidence)."""
+SMALL_TORQUE = 10.0
+"""A loss is small below this many times odd against even cycles (rms)."""
+SMALL_ANGLE = np.radians(0.15)
+REFIT_BELOW = 30.0
+"""A loss with more evidence than this is not refitted."""
+DRAWS = 400
+SIZE_DRAWS = 200
+
+LOSSES: dict[str, tuple[str, ...]] = {
+    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag", "packing_force", "packing_friction"),
+    "damping": ("shaft_viscous", "plunger_viscous"),
+    "driveline": ("shaft_compliance", "drive_admittance", "coupling_compliance"),
+}
+"""Loss -> parameters that vanish with it."""
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """Mean (k,), covariance (k, k) and box of some parameters."""
+
+    mean: Array
+    matrix: Array
+    lower: Array
+    upper: Array
+
+
+def log_box(gaussian: Gaussian, seed: int = 0) -> float:
+    """Return ln Pr(all within the box), by sequential conditioning (Genz's method)."""
+    std = np.sqrt(np.diag(gaussian.matrix))
+    low, high = (gaussian.lower - gaussian.mean) / std, (gaussian.upper - gaussian.mean) / std
+    tight = np.flatnonzero((low > -4.0) | (high < 4.0))
+    if tight.size == 0:
+        return 0.0
+    low, high = low[tight], high[tight]
+    correlation = gaussian.matrix[np.ix_(tight, tight)] / np.outer(std[tight], std[tight])
+    order = np.argsort(log_ndtr(high) - log_ndtr(-low))
+    low, high, correlation = low[order], high[order], correlation[np.ix_(order, order)]
+    root = np.linalg.cholesky(correlation + 1e-10 * np.eye(tight.size))
+    uniform = np.random.default_rng(seed).random((DRAWS, tight.size))
+    drawn = np.zeros((DRAWS, tight.size))
+    weight = np.zeros(DRAWS)
+    for k in range(tight.size):
+        shift = drawn[:, :k] @ root[k, :k]
+        a, b = ndtr((low[k] - shift) / root[k, k]), ndtr((high[k] - shift) / root[k, k])
+        share = np.maximum(b - a, 1e-300)
+        weight += np.log(share)
+        drawn[:, k] = ndtri(np.clip(a + uniform[:, k] * share, 1e-15, 1.0 - 1e-15))
+    top = float(np.max(weight))
+    return top + float(np.log(np.mean(np.exp(weight - top))))
+
+
+def unbounded_mean(problem: Problem, solution: Solution, cov: Covariance) -> Array:
+    """Return the mean of the Gaussian of which the fit is the maximum within bounds: x + C g."""
+    return solution.z + cov.matrix @ (solution.gradient / cov.inflation)
+
+
+def savage_dickey(problem: Problem, mean: Array, cov: Covariance, chosen: Array) -> float:
+    """Return 2 ln K for parameters (indices ``chosen``) against zero."""
+    lower, upper = problem.bounds
+    prior_mean = np.where(np.isfinite(problem.priors[1]), problem.priors[0], 0.5 * (lower + upper))
+    posterior = _ratio(mean, cov.matrix, lower, upper, chosen)
+    prior = _ratio(prior_mean, np.diag(cov.prior_std**2), lower, upper, chosen)
+    return posterior - prior
+
+
+def _ratio(mean: Array, matrix: Array, lower: Array, upper: Array, chosen: Array) -> float:
+    rest = np.setdiff1d(np.arange(mean.size), chosen)
+    block = matrix[np.ix_(chosen, chosen)]
+    solved = np.linalg.solve(block, mean[chosen])
+    quadratic = float(mean[chosen] @ solved) + float(np.linalg.slogdet(block)[1])
+    gain = np.linalg.solve(block, matrix[np.ix_(chosen, rest)])
+    conditional = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, chosen)] @ gain
+    given = Gaussian(mean[rest] - gain.T @ mean[chosen], conditional, lower[rest], upper[rest])
+    return quadratic + 2.0 * log_box(Gaussian(mean, matrix, lower, upper)) - 2.0 * log_box(given)
+
+
+def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
+    """Return -2 ln Z of a fit by Laplace's approximation within the bounds."""
+    lower, upper = problem.bounds
+    before = prior_std(problem)
+    information = solution.data_hessian / inflation + np.diag(1.0 / before**2)
+    matrix = inverse(information)
+    gradient = solution.gradient
+    mean = solution.z + matrix @ (gradient / inflation)
+    scaled = information * np.outer(before, before)
+    prior_part = solution.chi_square - solution.data_chi_square
+    chi = solution.data_chi_square / inflation + prior_part
+    prior_mean = np.where(np.isfinite(problem.priors[1]), problem.priors[0], 0.5 * (lower + upper))
+    inside = log_box(Gaussian(mean, matrix, lower, upper))
+    prior_inside = log_box(Gaussian(prior_mean, np.diag(before**2), lower, upper))
+    return chi + float(np.linalg.slogdet(scaled)[1]) - 2.0 * inside + 2.0 * prior_inside
+
+
+def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
+    """Return the evidence for every loss of one recording's fit, the chamber's aside."""
+    mean = unbounded_mean(problem, solution, cov)
+    full = laplace(problem, solution, cov.inflation)
+    result = []
+    for name, members in LOSSES.items():
+        chosen = np.array([k for k in (problem.index(member) for member in members) if k >= 0])
+        quick = savage_dickey(problem, mean, cov, chosen)
+        size, interval, unit = _size(problem, solution, cov, mean, chosen, name)
+        refit = np.nan
+        if quick < REFIT_BELOW or name == "driveline":
+            refit = _refitted(problem, solution, cov, members) - full
+        factor = refit if name == "driveline" else quick
+        limit = np.degrees(SMALL_ANGLE) if unit == "deg" else SMALL_TORQUE * odd_even
+        highest = quick if np.isnan(refit) else max(quick, refit)
+        verdict = "cannot tell"
+        if factor > NEEDED:
+            verdict = "needed"
+        elif highest < NOT_NEEDED and interval[1] < limit:
+            verdict = "not needed"
+        text = _sentence(name, verdict, factor, size, interval, unit)
+        result.append(LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text))
+    return tuple(result)
+
+
+def _refitted(problem: Problem, solution: Solution, cov: Covariance, members: tuple[str, ...]) -> float:
+    """Return -2 ln Z of the fit without a loss."""
+    fewer = build_problem(problem.data, dict.fromkeys(members, 0.0))
+    kept = {slot.name: value for slot, value in zip(problem.slots, solution.z, strict=True)}
+    start = np.array([kept[slot.name] for slot in fewer.slots])
+    found = solve(fewer, start, 25, solution.lifts)
+    return laplace(fewer, found, cov.inflation)
+
+
+def _size(
+    problem: Problem, solution: Solution, cov: Covariance, mean: Array, chosen: Array, name: str
+) -> tuple[float, tuple[float, float], str]:
+    """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
+    output = solution.outputs[0]
+    lower, upper = problem.bounds
+    root = np.linalg.cholesky(cov.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
+    normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
+    drawn = np.clip(mean[chosen] + normal @ root.T, lower[chosen], upper[chosen])
+    columns = _columns(problem, output, chosen, name)
+    scale = 180.0 / np.pi if name == "driveline" else 1.0
+    sizes = scale * np.sqrt(np.mean((drawn @ columns.T) ** 2, axis=1))
+    own = scale * float(np.sqrt(np.mean((columns @ solution.z[chosen]) ** 2)))
+    low, high = np.quantile(sizes, [0.025, 0.975])
+    return own, (float(low), float(high)), "deg" if name == "driveline" else "N m"
+
+
+def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) -> Array:
+    own, chain = problem.places[0]
+    both = np.column_stack([output.derivative, output.linear])  # type: ignore[list-item]
+    if name != "driveline":
+        return both[:, [chain[int(np.flatnonzero(own == k)[0])] for k in chosen]]
+    names = [problem.slots[k].row.name for k in chosen]
+    shifts = output.motion.shifts[0][:, [SHIFT_NAMES.index(member) for member in names]]
+    return np.asarray(shifts - np.mean(shifts, axis=0))
+
+
+def _sentence(
+    name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str
+) -> str:
+    what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name)
+    span = f"between {interval[0]:.2g} and {interval[1]:.2g} {unit} rms"
+    if verdict == "needed":
+        return f"the data need {what} ({size:.2g} {unit} rms; 2 ln K = {factor:.0f})"
+    if verdict == "not needed":
+        return f"the data do not need {what}: at most {interval[1]:.2g} {unit} rms (2 ln K = {factor:.0f})"
+    return f"the data cannot tell whether there is {what}: {span} (2 ln K = {factor:.0f})"

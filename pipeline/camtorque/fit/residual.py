@@ -1,0 +1,96 @@
+"""What the model leaves: whether it explains the recording, where it does not, and how it would do on unseen angles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from camtorque.fit.problem import Problem
+from camtorque.fit.solver import Solution
+from camtorque.fit.uncertainty import Covariance, inverse
+from camtorque.laws.chain import BINS
+from camtorque.records import Array, ResidualBump
+
+UNEXPLAINED_TIMES = 3.0
+UNEXPLAINED_SHARE = 1.5e-3
+"""A recording is unexplained where the residual exceeds odd against even cycles this often and this share of the peak."""
+BLOCK_DEG = 20.0
+BUMP_TIMES = 4.0
+BUMP_WINDOW_DEG = 3.0
+MOST_BUMPS = 4
+
+
+def is_explained(residual: Array, odd_even: float, peak: float) -> bool:
+    """Return whether the model explains the mean cycle."""
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return not (rms > UNEXPLAINED_TIMES * odd_even and rms > UNEXPLAINED_SHARE * peak)
+
+
+def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance, index: int) -> float:
+    """Return the rms error on blocks of angle that the fit has not seen, by its own linear model [N m].
+
+    Each block's residual without it is ``(I - J_b C J_b')^-1 r_b``, exact where the model is linear.
+    """
+    item, output = problem.data[index], solution.outputs[index]
+    own, chain = problem.places[index]
+    jacobian = np.column_stack([output.derivative, output.linear])[:, chain] * item.weight[:, None]  # type: ignore[list-item]
+    lift = solution.lifts[index]
+    scale = cov.prior_std[own]
+    columns = np.column_stack([jacobian * scale, lift.vectors * lift.strength])
+    matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
+    residual = solution.residuals[index]
+    left = residual - lift.vectors @ (lift.shrink * (lift.vectors.T @ residual))
+    size = int(BINS * BLOCK_DEG / 360.0)
+    errors = []
+    for first in range(0, BINS, size):
+        block = columns[first : first + size]
+        leverage = np.eye(block.shape[0]) - block @ matrix @ block.T
+        errors.append(np.linalg.solve(leverage, left[first : first + size]) / item.weight[first : first + size])
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[ResidualBump, ...]:
+    """Return the stretches where the residual stands out of what the cycles repeat, largest first.
+
+    Parameters
+    ----------
+    residual, repeat : (n_theta,) measured - model, odd - even cycles [N m]
+    fitted : model on the same grid, for the phase of the pump
+    """
+    n = residual.size
+    width = max(1, round(n * BUMP_WINDOW_DEG / 360.0))
+    level = float(np.sqrt(np.mean(repeat**2))) + 1e-12
+    smooth = np.sqrt(np.convolve(np.r_[residual[-width:], residual, residual[:width]] ** 2, np.ones(width) / width, "same"))
+    smooth = smooth[width:-width]
+    above = smooth > BUMP_TIMES * level
+    edges = np.flatnonzero(np.diff(np.r_[0, above.astype(int), 0]))
+    bumps = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        part = residual[start:stop]
+        top = start + int(np.argmax(np.abs(part)))
+        times = float(np.sqrt(np.mean(part**2))) / level
+        angles = fitted.chain.theta
+        bumps.append(ResidualBump(
+            float(angles[start]), float(angles[min(stop, n - 1)]), float(residual[top]), times, phase_at(fitted, top)
+        ))  # fmt: skip
+    return tuple(sorted(bumps, key=lambda bump: -abs(bump.peak))[:MOST_BUMPS])
+
+
+def phase_at(fitted: Any, place: int) -> str:
+    """Return what the pump does at a point of the grid."""
+    lift, slope = fitted.output.motion.lift[0], fitted.output.motion.lift[1]
+    port, spill, seat, _ = fitted.output.flows[place]
+    largest = np.max(np.abs(fitted.output.flows))
+    rising = slope[place] > 0.0
+    if lift[place] < 0.02 * np.max(lift):
+        return "base circle"
+    if abs(spill) > 0.05 * largest:
+        return "spill"
+    if seat > 0.05 * largest:
+        return "delivery"
+    if abs(port) > 0.05 * largest:
+        return "inlet port open"
+    if lift[place] > 0.97 * np.max(lift):
+        return "top dwell"
+    return "compression" if rising else "expansion on the return"
