@@ -84,6 +84,11 @@ class TriggerSpec:
     reference: str = ""
     meaning: str = ""
 
+    @property
+    def pulses_per_cycle(self) -> int:
+        """Pulses per turn of the cam, missing teeth counted as if present."""
+        return self.pulses_per_rev * self.revolutions_per_cycle
+
 
 @dataclass(frozen=True)
 class SensorRef:

@@ -285,7 +285,8 @@ class CamCycles:
     ----------
     theta : (n_theta,) uniform from 0, end point excluded [rad]
     torque : (n_cycles, n_theta) [N m], or None for a recording without torque
-    pressure : (n_cycles, n_theta) line pressure, gauge [Pa]
+    pressure : (n_cycles, n_theta) line pressure, gauge [Pa]; (0, n_theta) for a recording without pressure
+    channels : quantity -> (n_cycles, n_theta), all other channels [SI]; nan in cycles that a channel does not cover
     speed : (n_cycles,) mean cam speed of the cycle [rad/s]
     index : (n_cycles,) cycle number in the recording
     held_out : (n_cycles,) True for the cycles that score (even numbers among the used)
@@ -309,11 +310,14 @@ class CamCycles:
     findings: tuple[Finding, ...]
     torque_delay: Estimate
     details: Mapping[str, Any] = field(default_factory=dict)
+    channels: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n_cycles = self.speed.size
         shape = (n_cycles, self.theta.size)
-        if self.pressure.shape != shape or (self.torque is not None and self.torque.shape != shape):
+        known = [self.pressure] if self.pressure.size else []
+        known += [] if self.torque is None else [self.torque]
+        if any(values.shape != shape for values in (*known, *self.channels.values())):
             raise ValueError(f"cycles: expected arrays of shape {shape}, found pressure {self.pressure.shape}")
         if self.index.shape != (n_cycles,) or self.held_out.shape != (n_cycles,):
             raise ValueError("cycles: index and held_out need one entry per cycle")
@@ -323,6 +327,10 @@ class CamCycles:
     def mean_speed(self) -> float:
         """Mean cam speed [rad/s]."""
         return float(np.mean(self.speed))
+
+    def means(self, quantity: str) -> Array:
+        """Return the mean over each cycle of one of ``channels`` (n_cycles,) [SI]."""
+        return np.asarray(np.mean(self.channels[quantity], axis=1), dtype=np.float64)
 
 
 @dataclass(frozen=True)

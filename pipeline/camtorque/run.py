@@ -18,7 +18,7 @@ from camtorque.fit.result import fitted_torque
 from camtorque.ingest import read_recording
 from camtorque.limits import Limit
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
-from camtorque.records import CamCycles, Recording, RigidTorque
+from camtorque.records import CamCycles, Recording, Refusal, RigidTorque
 from camtorque.report import RunResult, output_folder, write_alignment, write_run
 from camtorque.threads import on_one_thread
 
@@ -75,6 +75,11 @@ def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
     """Return the rigid solution for the mean line pressure at the mean speed."""
     config = recording.config
     law = lift_law(recording.cam_table)
+    if not cycles.pressure.size:
+        raise Refusal(
+            f"{config.id}: no pressure channel, expected one; the model needs the line pressure ('camtorque align' "
+            'does not); add a [[channels]] entry with quantity = "pressure"'
+        )
     pressure = np.mean(cycles.pressure, axis=0)
     mounting = Mounting(rotation=config.rotation)
     return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)

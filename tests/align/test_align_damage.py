@@ -301,12 +301,17 @@ def test_recording_without_torque() -> None:
     assert abs(angle_error_deg(cycles.pressure, pressure_of, cycles.theta)) < ANGLE_DEG
 
 
-@pytest.mark.parametrize("missing", ["pressure", "trigger"])
-def test_recording_without_pressure_or_trigger_is_refused(missing: str) -> None:
+def test_recording_without_trigger_is_refused() -> None:
     recording = make(RIG)
-    channels = tuple(c for c in recording.channels if c.quantity != missing)
-    with pytest.raises(Refusal, match=f"no {missing} channel, expected one"):
+    channels = tuple(c for c in recording.channels if c.quantity != "trigger")
+    with pytest.raises(Refusal, match="no channel tells the angle, expected one of trigger, encoder_a, angle"):
         align(replace(recording, channels=channels))
+
+
+def test_recording_of_a_trigger_alone_is_refused() -> None:
+    recording = make(RIG)
+    with pytest.raises(Refusal, match="found nothing but channels of the angle, expected one that measures"):
+        align(replace(recording, channels=recording.channels[-1:]))
 
 
 def test_two_torque_channels_are_refused() -> None:

@@ -27,7 +27,7 @@ def test_logic_level_edges_are_known_to_one_sample_and_say_so(rate: float) -> No
     channel = replace(trigger_channel(rig, rate=rate), source=Samples(logic(rig, rate)))
     edges = find_edges(channel, "rising")
     rms = np.sqrt(np.mean(edge_errors(rig, edges.time) ** 2))
-    assert edges.noise == pytest.approx(1.0 / np.sqrt(12.0) / rate)
+    assert edges.noise == pytest.approx(1.0 / np.sqrt(12.0) / rate, rel=0.01)
     # 400 edges: their rms is known to 4 %; stated over actual lies between 1 and 2 but for that
     assert 0.92 < edges.noise / rms < 2.0
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.align.places import Places
 from camtorque.align.pulses import PulseTrain
 from camtorque.align.resample import fill_times, hermite_slopes, interval_polynomials
 from camtorque.config import TriggerSpec
@@ -27,6 +28,8 @@ class CamAngle:
     polynomials : (n - 1, 4) time in powers of the angle since the interval's first pulse
     repaired, broken, jumped : (n,) of the pulse train
     repair_error_deg : expected error of a repaired pulse
+    zero_step_angle : cam angle of the pulse of step zero [rad]
+    places : what the turns have in common; None for one pulse per turn, or too few turns
     """
 
     angle: Array
@@ -36,6 +39,8 @@ class CamAngle:
     broken: NDArray[np.bool_]
     jumped: NDArray[np.bool_]
     repair_error_deg: float = 0.0
+    zero_step_angle: float = 0.0
+    places: Places | None = None
 
     def time_at(self, angle: NDArray[np.floating]) -> Array:
         """Return the times of unwrapped cam angles [s]."""
@@ -63,10 +68,27 @@ class CamAngle:
         return flagged[end + 1] > flagged[np.clip(begin, 0, end + 1)]
 
 
-def cam_angle(train: PulseTrain, spec: TriggerSpec, speed_law: str) -> CamAngle:
-    """Return the nominal cam angle: a pulse of step 0 passes at the nominal trigger angle."""
-    angle: Array = np.asarray(spec.nominal_angle + train.step * (TWO_PI / spec.pulses_per_rev), dtype=np.float64)
+def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, speed_law: str, places: Places | None = None) -> CamAngle:
+    """Return the cam angle over time.
+
+    Parameters
+    ----------
+    train : numbered pulses
+    spec : the nominal angle passes ``train.offset`` steps after the pulse of step zero
+    n : pulses per turn of the cam
+    speed_law : see `AlignOptions`
+    places : where the teeth really are; None: where they should be
+    """
+    pitch = TWO_PI / n
+    zero = spec.nominal_angle - train.offset * pitch
+    if places is not None and train.by_index:
+        # the index was placed among teeth that stand elsewhere
+        zero -= places.at(train.offset)[0]
+    angle: Array = np.asarray(zero + train.step * pitch, dtype=np.float64)
+    if places is not None:
+        angle = angle + places.place[train.step % n]
     jumped = np.zeros(angle.size, dtype=bool) if train.jumped is None else train.jumped
     left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:], speed_law == "smooth")
     polynomials = interval_polynomials(angle, train.time, left, right)
-    return CamAngle(angle, train.time, polynomials, train.repaired, train.broken, jumped, 360.0 * train.repair_error)
+    error_deg = 360.0 / n * train.repair_error
+    return CamAngle(angle, train.time, polynomials, train.repaired, train.broken, jumped, error_deg, zero, places)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.align.clocks import Clock
 from camtorque.align.flanks import APART_DEG
 from camtorque.align.revolution import angle_correction
+from camtorque.align.timebase import TimeBase
 from camtorque.config import TriggerSpec
 from camtorque.records import AngleError, Array, Channel, Finding
 
@@ -19,15 +19,20 @@ RECTANGULAR = 1.0 / np.sqrt(3.0)
 RESAMPLING_DEG = 2.0e-4
 """Held by a test."""
 UNKNOWN = float("nan")
+TWIST = {
+    "cam": "not corrected here: torque over stiffness, in the driveline effect",
+    "motor": "the trigger sits on the motor's side: the cam lags its angle by torque over stiffness, in the driveline "
+    "effect",
+}
+"""Side of the trigger -> what is said of the twist."""
 
 
 def angle_error_budget(
     spec: TriggerSpec,
     channels: Mapping[str, Channel],
-    clocks: Iterable[Clock],
+    base: TimeBase,
     speed: float,
     speed_change: float,
-    edge_noise: float,
     torque: Array | None = None,
 ) -> tuple[AngleError, ...]:
     """Return the rows of the budget.
@@ -35,11 +40,10 @@ def angle_error_budget(
     Parameters
     ----------
     spec : trigger or tooth wheel
-    channels : torque (if any) and pressure
-    clocks : clocks of the loggers
+    channels : those that were aligned
+    base : pulses and clocks
     speed : mean speed of the used cycles [rad/s]
     speed_change : rms relative change of the period from one revolution to the next
-    edge_noise : standard error of one edge time [s]
     torque : (n_theta,) mean cycle, for what it does to the angle; None without a torque channel
     """
     per_second = float(np.degrees(speed))
@@ -47,8 +51,8 @@ def angle_error_budget(
     return (
         AngleError(
             "trigger edge time",
-            edge_noise * per_second,
-            f"{1e6 * edge_noise:.2f} us: noise of the plateaus over the slope of the edge",
+            base.edge_noise * per_second,
+            f"{1e6 * base.edge_noise:.2f} us: noise of the plateaus over the slope of the edge, or one sample",
         ),
         AngleError(
             "trigger switching delay",
@@ -70,7 +74,7 @@ def angle_error_budget(
         ),
         *(
             AngleError(f"clock of logger {clock.fit.logger}", clock.fit.stderr_s * per_second, clock.fit.method)
-            for clock in clocks
+            for clock in base.clocks.values()
             if clock.fit.stderr_s > 0.0
         ),
         AngleError(
@@ -78,36 +82,51 @@ def angle_error_budget(
             RESAMPLING_DEG,
             "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz",
         ),
-        *_between_pulses(spec, speed_change, ripple_text(spec, torque, speed)),
+        *_between_pulses(base, speed_change, ripple_text(spec, torque, speed)),
+        *_wheel(base),
+        AngleError("shaft twist", UNKNOWN, TWIST[spec.side]),
     )
 
 
-def _between_pulses(spec: TriggerSpec, speed_change: float, unseen: str) -> tuple[AngleError, ...]:
+def _between_pulses(base: TimeBase, speed_change: float, unseen: str) -> tuple[AngleError, ...]:
     """Speed between pulses: what changes from revolution to revolution is bounded, what repeats is not seen.
 
     A speed that changes linearly by the relative amount c over a pulse interval of angle a is off by at most c a / 8 in
     its middle; at a tooth wheel the interval is a tooth.
     """
-    interval_deg = 360.0 / spec.pulses_per_rev
-    rows = [
-        AngleError(
-            "speed change between pulses",
-            speed_change / spec.pulses_per_rev * interval_deg / 8.0,
-            "bound from the change of the period from one revolution to the next",
-        )
-    ]
-    if spec.pulses_per_rev == 1:
-        rows += [
-            AngleError(
-                "speed ripple within a revolution",
-                UNKNOWN,
-                unseen,
-            )
-        ]
-    rows.append(
-        AngleError("shaft twist", UNKNOWN, "not corrected here: torque over stiffness, in the driveline effect")
+    n = base.pulses_per_cycle
+    change = AngleError(
+        "speed change between pulses",
+        speed_change / n * 360.0 / n / 8.0,
+        "bound from the change of the period from one revolution to the next",
     )
-    return tuple(rows)
+    return (change, AngleError("speed ripple within a revolution", UNKNOWN, unseen)) if n == 1 else (change,)
+
+
+def _wheel(base: TimeBase) -> tuple[AngleError, ...]:
+    """Rows of a wheel: where its teeth are, where its index is, and what one wheel cannot see."""
+    n, places = base.pulses_per_cycle, base.places
+    if n == 1:
+        return ()
+    offset = base.index_std
+    rows = [AngleError("place of the index", np.degrees(offset), "spread of the index among the teeth, or one count")]
+    if places is None:
+        unknown = "too few whole turns or pulses to tell the places of the teeth from the speed"
+        return (*rows[: int(offset > 0.0)], AngleError("places of the teeth", UNKNOWN, unknown))
+    std = float(np.degrees(np.sqrt(np.mean(places.place_std**2))))
+    text = (
+        f"teeth are {np.degrees(places.tooth_std):.2g} degrees off their places (from {places.turns} turns); what "
+        "could as well be the speed remains"
+    )
+    centre = (
+        "a wheel off its centre by 0.1 % of its radius reads as a speed ripple of order 1 that moves the angle by "
+        "0.06 degrees; one wheel at one speed cannot tell"
+    )
+    return (
+        *rows[: int(offset > 0.0)],
+        AngleError("places of the teeth", std, text),
+        AngleError("wheel off its centre", UNKNOWN, centre),
+    )
 
 
 def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
@@ -132,8 +151,8 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
     )
 
 
-def ripple_unseen(spec: TriggerSpec, torque: Array | None, speed: float, where: str) -> tuple[Finding, ...]:
-    """Return the note on what one pulse per revolution leaves open; a tooth wheel leaves nothing."""
-    if spec.pulses_per_rev > 1:
+def ripple_unseen(spec: TriggerSpec, n: int, torque: Array | None, speed: float, where: str) -> tuple[Finding, ...]:
+    """Return the note on what one pulse per turn of the cam leaves open; ``n`` > 1 of them leave nothing."""
+    if n > 1:
         return ()
     return (Finding("ripple_unseen", "info", ripple_text(spec, torque, speed), where),)

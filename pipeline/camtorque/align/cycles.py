@@ -20,12 +20,14 @@ from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings
 from camtorque.align.jitter import refuse_jitter
 from camtorque.align.jumps import EDGE_NOISES
+from camtorque.align.measured import CUT_BY, align_others, measured
 from camtorque.align.options import AlignOptions
+from camtorque.align.phase import settled_phase
 from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
-from camtorque.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
 
 
 def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
@@ -39,61 +41,43 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     Raises
     ------
     Refusal
-        No pressure or trigger, no pulses, no complete cycle, torque and pressure under each other's name.
+        Nothing to align, no pulses, no complete cycle, torque and pressure under each other's name.
     """
     options = options or AlignOptions()
-    channels = _physical_channels(recording)
-    reference = next(iter(channels.values())).logger
-    base = time_base(recording, reference, options)
-    angle = cam_angle(base.train, recording.config.trigger, options.speed_law)
+    channels = measured(recording)
+    base = settled_phase(recording, time_base(recording, channels.reference, options), channels, options)
+    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, options.speed_law, base.places)
     cycles = angle.candidate_cycles()
-    complete = covered(angle, cycles, channels, base.clocks)
-    aligned = align_channels(channels, angle, cycles, complete, base.clocks, options)
+    complete = covered(angle, cycles, channels.deciding, base.clocks)
+    aligned = align_channels(channels.main, angle, cycles, complete, base.clocks, options)
     table = _table(angle, cycles, complete, aligned, options, base.edge_noise)
     checked = check_quantities(table.rows, table.undamaged, recording)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
     used, cut_flow = apply_cuts(table)
     refuse_jitter(table, recording.config.id)
     if not used.any():
-        worst = max(cut_flow, key=lambda row: row.cycles_single)
-        raise Refusal(
-            f"{recording.config.id}: none of {int(complete.sum())} complete cycles can be used, expected at least one; "
-            "most fail "
-            f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
-        )
-    found = _cam_cycles(recording, table, used, cut_flow, aligned, base, (*base.findings, *findings))
+        raise _none_used(recording, int(complete.sum()), cut_flow)
+    others, untied = align_others(channels.other, angle, cycles, base.clocks, options)
+    base = replace(base, findings=(*base.findings, *findings, *untied))
+    found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle)
     return replace(found, findings=(*found.findings, *_hum(recording, found)))
+
+
+def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow, ...]) -> Refusal:
+    worst = max(cut_flow, key=lambda row: row.cycles_single)
+    return Refusal(
+        f"{recording.config.id}: none of {n_complete} complete cycles can be used, expected at least one; most fail "
+        f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
+    )
 
 
 def _hum(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
     """Return what is told of mains hum on the torque."""
-    if found.torque is None:
+    table = recording.lift_table
+    if found.torque is None or table is None:
         return ()
-    table = recording.cam_table
     lift = np.interp(found.theta, table.theta, table.lift, period=TWO_PI)
     return hum_findings(found.theta, found.torque, found.speed, found.index, lift)
-
-
-def _physical_channels(recording: Recording) -> dict[str, Channel]:
-    """Return the torque (if there is one) and the pressure channel; the first one's logger is the reference."""
-    channels = {}
-    for quantity in ("torque", "pressure"):
-        of_quantity = recording.of(quantity)
-        if len(of_quantity) > 1:
-            raise Refusal(
-                f"{recording.config.id}: found {len(of_quantity)} {quantity} channels, expected one; keep one "
-                "[[channels]] entry"
-            )
-        if of_quantity:
-            channels[quantity] = of_quantity[0]
-    for quantity in ("pressure", "trigger"):
-        if not recording.of(quantity):
-            raise Refusal(
-                f"{recording.config.id}: no {quantity} channel, expected one; without it there are no aligned cycles; "
-                "add a "
-                f'[[channels]] entry with quantity = "{quantity}"'
-            )
-    return channels
 
 
 def _table(
@@ -138,19 +122,23 @@ def _cam_cycles(
     cut_flow: tuple[CutFlowRow, ...],
     aligned: Mapping[str, AlignedChannel],
     base: TimeBase,
-    findings: tuple[Finding, ...],
+    angle: CamAngle,
 ) -> CamCycles:
     chosen = np.flatnonzero(used)
     rows = {quantity: _compacted(item.rows, chosen) for quantity, item in aligned.items()}
+    others = {quantity: values for quantity, values in rows.items() if quantity not in CUT_BY}
     speed = table.speed[chosen]
     delay = aligned["torque"].channel.calibration if "torque" in aligned else None
     n_theta = table.options.n_theta
     mean_torque = rows["torque"].mean(axis=0) if "torque" in rows else None
     spec, mean_speed = recording.config.trigger, float(np.mean(speed))
+    unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
+    theta: Array = np.linspace(0.0, TWO_PI, n_theta, endpoint=False)
     return CamCycles(
-        theta=np.linspace(0.0, TWO_PI, n_theta, endpoint=False),
+        theta=theta,
         torque=rows.get("torque"),
-        pressure=rows["pressure"],
+        pressure=rows["pressure"] if "pressure" in rows else np.empty((0, n_theta)),
+        channels=others,
         speed=speed,
         index=table.index[chosen],
         held_out=np.arange(chosen.size) % 2 == 1,
@@ -162,17 +150,24 @@ def _cam_cycles(
         angle_errors=angle_error_budget(
             spec,
             {quantity: item.channel for quantity, item in aligned.items()},
-            base.clocks.values(),
+            base,
             mean_speed,
             float(np.sqrt(np.mean(table.speed_change[chosen] ** 2))),
-            base.edge_noise,
             mean_torque,
         ),
         trigger_jitter_s=base.edge_noise,
-        findings=(*table.options.notes, *findings, *ripple_unseen(spec, mean_torque, mean_speed, recording.config.id)),
+        findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
-        details=alignment_details(table.options, base, aligned),
+        details={**alignment_details(table.options, base, aligned), **_deviation(angle, theta)},
     )
+
+
+def _deviation(angle: CamAngle, theta: Array) -> dict[str, Array]:
+    """Return how far the cam is ahead of even running over the grid, where several pulses per turn show it [rad]."""
+    if angle.places is None:
+        return {}
+    deviation, std = angle.places.deviation(theta - angle.zero_step_angle)
+    return {"angle_deviation": deviation, "angle_deviation_std": std}
 
 
 def _compacted(rows: Array, chosen: NDArray[np.int64]) -> Array:

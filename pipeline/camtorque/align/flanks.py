@@ -97,7 +97,7 @@ def check_flanks(typical: Mapping[str, Array], recording: Recording, speed: floa
     Refusal
         The torque falls where the declared lift does not rise, and another place or direction of the table explains it.
     """
-    if "torque" not in typical:
+    if not {"torque", "pressure"} <= set(typical) or recording.lift_table is None:
         return ()
     found = flank_places(typical["torque"], typical["pressure"], recording.cam_table, recording.config.pump, speed)
     _refuse_misplaced(found, recording)
@@ -234,7 +234,7 @@ def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
 def _moved(found: Flanks, recording: Recording, where: str) -> tuple[Finding, ...]:
     listed = ", ".join(f"{name} {_degrees(shift)}" for name, shift in found.places.items())
     spec = recording.config.trigger
-    if found.apart and spec.pulses_per_rev == 1:
+    if found.apart and spec.pulses_per_cycle == 1:
         text = (
             f"torque and pressure place parts of the lift table {np.degrees(found.apart):.1f} degrees apart ({listed} "
             f"degrees of cam angle; sound pumps stay below {APART_DEG['spring']:g} for the spring and "

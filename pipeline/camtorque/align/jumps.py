@@ -28,10 +28,13 @@ sample, q / sqrt(12), move it by up to 2 q."""
 
 
 def mark_jumps(
-    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording, edge_noise: float
+    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording, edge_noise: float, n: int
 ) -> tuple[PulseTrain, tuple[Finding, ...]]:
-    """Mark the pulses whose interval holds a jump, of the main trigger, between two clocks or of a file's time."""
-    jump = _odd_periods(train, recording.config.trigger.pulses_per_rev, edge_noise)
+    """Mark the pulses whose interval holds a jump, of the main trigger, between two clocks or of a file's time.
+
+    ``edge_noise`` [s] is that of one pulse, ``n`` the pulses per turn of the cam.
+    """
+    jump = _odd_periods(train, n, edge_noise)
     odd = int(jump.sum())
     findings = []
     if odd:
@@ -49,21 +52,23 @@ def mark_jumps(
         for moment in clock.breaks:
             jump[np.clip(np.searchsorted(train.time, moment), 1, jump.size - 1)] = True
     for channel in recording.channels:
+        if channel.logger not in clocks:
+            continue
         for begin, end in clocks[channel.logger].to_reference(pause_intervals(channel)):
             first, last = np.searchsorted(train.time, (begin, end))
             jump[max(1, first) : last + 1] = True
     return replace(train, jumped=jump), tuple(findings)
 
 
-def _odd_periods(train: PulseTrain, pulses_per_rev: int, edge_noise: float) -> np.ndarray:
+def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
     """Flag the pulse at the end of each odd interval; on a wheel, pitch errors repeat and are taken off first."""
     period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
     quantum = EDGE_NOISES * edge_noise / np.median(period) if period.size else 0.0
     jump = np.zeros(train.time.size, dtype=bool)
     if period.size < 5:
         return jump
-    if pulses_per_rev > 1:
-        tooth = train.step[1:] % pulses_per_rev
+    if n > 1:
+        tooth = train.step[1:] % n
         period = period / _usual_by_tooth(period, tooth)
     before, after, here = period[:-2], period[2:], period[1:-1]
     beside = 0.5 * (before + after)

@@ -55,13 +55,13 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
     Refusal
         A channel does not follow the cam; the data of torque and pressure look like each other's.
     """
-    if not sound.any():
+    if not sound.any() or not rows:
         return Checked({})
-    stride = max(1, rows["pressure"].shape[1] // COARSE_GRID)
+    stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
     typical = {}
     for quantity, values in rows.items():
         typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0])
-    if "torque" not in typical:
+    if len(typical) < 2 or recording.lift_table is None:
         return Checked(typical)
     torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.config import TriggerSpec
-from camtorque.records import Array, Finding, Refusal
+from camtorque.records import Array, Finding
 from camtorque.signal.running import running_median
 
 BOUNCE_PERIODS = 0.1
@@ -23,7 +22,6 @@ MAX_EXTRA = 4
 MAX_MISSED = 3
 """Pulses missed in a row that neighbours can prove."""
 LOCAL_PERIODS = 9
-LEAST_PULSES = 2
 
 
 @dataclass(frozen=True)
@@ -37,8 +35,12 @@ class PulseTrain:
     repaired : (n,) True where the pulse was put in
     broken : (n,) True where the way from the pulse before is not proven
     repair_error : expected error of a repaired pulse, in parts of a period
-    counts : ``bounced``, ``doubled``, ``missed``, ``gaps``
+    counts : ``bounced``, ``doubled``, ``missed``, ``gaps``, ``slips``
     jumped : (n,) True where a clock jumps on the way from the pulse before; None before it was looked for
+    offset : steps from the pulse of step 0 to where the nominal angle is passed (an index between two pulses)
+    offset_std : its standard error [steps]
+    by_index : True where the nominal angle is that of an index pulse
+    phase_open : True where the wheel turns several times per cycle and nothing told which turn is which
     """
 
     time: Array
@@ -48,6 +50,10 @@ class PulseTrain:
     repair_error: float
     counts: Mapping[str, int]
     jumped: NDArray[np.bool_] | None = None
+    offset: float = 0.0
+    offset_std: float = 0.0
+    by_index: bool = False
+    phase_open: bool = False
 
 
 def clean_pulses(time: Array, pulse_width: float) -> PulseTrain:
@@ -148,105 +154,6 @@ def _periods_in_gap(gaps: Array, i: int) -> tuple[int, bool]:
     return n, not proven
 
 
-def number_teeth(time: Array, pulse_width: float, spec: TriggerSpec, where: str) -> PulseTrain:
-    """Return the pulses of a wheel with ``step`` zero (mod pulses per revolution) at the first tooth after the mark.
-
-    Raises
-    ------
-    Refusal
-        The wheel has no mark, or the mark is not found once per revolution.
-    """
-    time = _forward(time, where)
-    if spec.pulses_per_rev == 1:
-        return clean_pulses(time, pulse_width)
-    if not spec.missing_teeth and not spec.double_tooth:
-        raise Refusal(
-            f"{where}: a wheel of {spec.pulses_per_rev} pulses per revolution without a mark does not tell which tooth "
-            "is at "
-            "nominal_angle_deg; expected missing_teeth or double_tooth in [trigger]"
-        )
-    train = _double_tooth_train(time, spec) if spec.double_tooth else _missing_tooth_train(time, spec)
-    return _from_mark(train, spec, where)
-
-
-def _forward(time: Array, where: str) -> Array:
-    """Keep the pulses whose times run forward."""
-    time = time[np.isfinite(time)]
-    kept = time[np.r_[True, np.diff(np.maximum.accumulate(time)) > 0.0]] if time.size else time
-    if kept.size < LEAST_PULSES:
-        raise Refusal(
-            f"{where}: found {kept.size} trigger pulses in the order of time, expected at least {LEAST_PULSES}; record "
-            "more "
-            "revolutions, or check the time of the file"
-        )
-    return kept
-
-
-@dataclass(frozen=True)
-class _Marked:
-    time: Array
-    step: NDArray[np.int64]
-    marks: NDArray[np.int64]
-    n_extra: int
-    n_missed: int
-
-
-def _pitch(time: Array) -> Array:
-    """Local pitch of each gap: a running median is deaf to the mark and to single disturbances."""
-    return running_median(np.diff(time), 11)
-
-
-def _missing_tooth_train(time: Array, spec: TriggerSpec) -> _Marked:
-    kept, n_extra = _without_close_teeth(time)
-    steps = np.maximum(1, np.rint(np.diff(kept) / _pitch(kept))).astype(np.int64)
-    marks = 1 + np.flatnonzero(steps == spec.missing_teeth + 1)
-    missed = int(np.sum(steps[steps != spec.missing_teeth + 1] - 1))
-    return _Marked(kept, np.r_[0, np.cumsum(steps)], marks, n_extra, missed)
-
-
-def _double_tooth_train(time: Array, spec: TriggerSpec) -> _Marked:
-    ratio = np.diff(time) / _pitch(time)
-    halves = (np.abs(ratio[:-1] - 0.5) < 0.2) & (np.abs(ratio[1:] - 0.5) < 0.2)
-    doubled = 1 + np.flatnonzero(halves)
-    kept = np.delete(time, doubled)
-    steps = np.maximum(1, np.rint(np.diff(kept) / _pitch(kept))).astype(np.int64)
-    marks = doubled - np.arange(doubled.size)
-    return _Marked(kept, np.r_[0, np.cumsum(steps)], marks, 0, int(np.sum(steps - 1)))
-
-
-def _without_close_teeth(time: Array) -> tuple[Array, int]:
-    """Drop a tooth whose two gaps together make one pitch, and the later edge of a bounce."""
-    n_before = time.size
-    while time.size > 3:
-        gaps, pitch = np.diff(time), _pitch(time)
-        both = gaps[:-1] + gaps[1:]
-        extra = (np.abs(both / pitch[:-1] - 1.0) < 0.3) & (np.minimum(gaps[:-1], gaps[1:]) < 0.7 * pitch[:-1])
-        if not extra.any():
-            break
-        first = extra & ~np.r_[False, extra[:-1]]
-        time = np.delete(time, 1 + np.flatnonzero(first))
-    return time, n_before - time.size
-
-
-def _from_mark(marked: _Marked, spec: TriggerSpec, where: str) -> PulseTrain:
-    n = spec.pulses_per_rev
-    if not marked.marks.size:
-        raise Refusal(
-            f"{where}: no mark found among {marked.time.size} teeth, expected "
-            f"{'a double tooth' if spec.double_tooth else f'{spec.missing_teeth} missing teeth'} "
-            f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger]"
-        )
-    phase = marked.step[marked.marks] % n
-    usual = int(np.bincount(phase, minlength=n).argmax())
-    agreeing = marked.marks[phase == usual]
-    step = marked.step - marked.step[agreeing[0]]
-    broken = np.zeros(step.size, dtype=bool)
-    broken[marked.marks[phase != usual]] = True
-    counts = {"bounced": 0, "doubled": marked.n_extra, "missed": marked.n_missed, "gaps": int(broken.sum())}
-    none = np.zeros(step.size, dtype=bool)
-    return PulseTrain(marked.time, step, none, broken, 0.0, counts)
-
-
 def shifted(train: PulseTrain, delay: float) -> PulseTrain:
     """Return the train with a delay taken off its times."""
     return replace(train, time=train.time - delay)
@@ -259,9 +166,13 @@ def train_findings(train: PulseTrain, where: str) -> tuple[Finding, ...]:
         "doubled": ("trigger_doubled", "trigger pulses too many between regular neighbours were left out"),
         "missed": ("trigger_missed", "trigger pulses were missing and their neighbours prove where they belong"),
         "gaps": ("trigger_gap", "stretches of the trigger hold no regular pulses; the revolutions there are not used"),
+        "slips": (
+            "trigger_slipped",
+            "revolutions have another number of teeth; counted anew from the next mark",
+        ),
     }
     return tuple(
         Finding(code, "warning", f"{train.counts[key]} {text}", where)
         for key, (code, text) in texts.items()
-        if train.counts[key]
+        if train.counts.get(key)
     )

@@ -123,8 +123,10 @@ def _speed_outlier(table: CycleTable) -> Mask:
 
 
 def _misfire(table: CycleTable) -> Mask:
-    low, high = table.extremes["pressure"].T
     weak = np.zeros(table.index.size, dtype=bool)
+    if "pressure" not in table.extremes:
+        return weak
+    low, high = table.extremes["pressure"].T
     sound = table.undamaged
     if sound.any():
         swing = high[sound] - low[sound]

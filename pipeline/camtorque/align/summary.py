@@ -37,7 +37,7 @@ def alignment_summary(cycles: CamCycles) -> dict[str, Any]:
         "angle_error_budget_deg": [_plain(asdict(row)) for row in cycles.angle_errors],
         "cut_flow": [asdict(row) for row in cycles.cut_flow],
         "findings": [asdict(finding) for finding in cycles.findings],
-        **{key: _plain(value) for key, value in cycles.details.items()},
+        **{key: _plain(value) for key, value in cycles.details.items() if not isinstance(value, np.ndarray)},
     }
 
 

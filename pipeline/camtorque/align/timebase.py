@@ -7,28 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.align.angle import cam_angle
+from camtorque.align.angle import TWO_PI, cam_angle
 from camtorque.align.clocks import Clock, against, fit_clock, same_clock
 from camtorque.align.jumps import mark_jumps
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
-from camtorque.align.pulses import PulseTrain, number_teeth, shifted, train_findings
+from camtorque.align.places import Places, tooth_places
+from camtorque.align.pulses import PulseTrain, train_findings
+from camtorque.align.sources import TriggerTrain, trigger_trains
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
-from camtorque.signal.edges import Edges, find_edges
 
-
-@dataclass(frozen=True)
-class TriggerTrain:
-    """Pulses of one trigger channel on its own logger's clock, the switching delay taken off."""
-
-    channel: Channel
-    edges: Edges
-    train: PulseTrain
-
-    @property
-    def where(self) -> str:
-        """File and channel."""
-        return f"{self.channel.path.name}, channel {self.channel.name!r}"
+PHYSICAL = ("torque", "pressure")
+"""Quantities that tie a logger without a trigger to the others."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +31,27 @@ class TimeBase:
     clocks : logger -> its clock
     train : pulses on the reference clock
     triggers : logger -> pulses on its own clock
+    pulses_per_cycle : steps of ``train`` per turn of the cam
     edge_noise : standard error of one pulse time [s]
+    places : what the turns of the cam have in common, None where too few pulses show it
     """
 
     reference: str
     clocks: Mapping[str, Clock]
     train: PulseTrain
     triggers: Mapping[str, TriggerTrain]
+    pulses_per_cycle: int
     edge_noise: float
+    places: Places | None
     findings: tuple[Finding, ...]
+
+    @property
+    def index_std(self) -> float:
+        """Standard deviation of the cam angle of the index pulse (or of a counter's zero) among the teeth [rad]."""
+        spread = self.train.offset_std * TWO_PI / self.pulses_per_cycle
+        if not self.train.by_index or self.places is None:
+            return spread
+        return float(np.hypot(spread, self.places.at(self.train.offset)[1]))
 
 
 def time_base(recording: Recording, reference: str, options: AlignOptions) -> TimeBase:
@@ -60,18 +62,25 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     Refusal
         A trigger without pulses, or a logger with its own clock and nothing to tie it to the others.
     """
-    triggers = _trigger_trains(recording, options)
+    triggers = trigger_trains(recording, options)
     main = _main_trigger(recording, triggers, reference)
     clocks = _clocks(recording, triggers, main, options)
     train, noise = _fused(recording, triggers, main, clocks)
     findings = [
-        finding for t in triggers.values() for finding in (*t.edges.findings, *train_findings(t.train, t.where))
+        finding
+        for t in triggers.values()
+        for finding in (*t.edges.findings, *t.findings, *train_findings(t.train, t.where))
     ]
     findings += [finding for clock in clocks.values() for finding in clock.findings]
     train = replace(train, time=clocks[reference].from_reference(train.time))
     clocks = _referred(clocks, reference)
-    train, jump_findings = mark_jumps(train, clocks, recording, noise)
-    return TimeBase(reference, clocks, train, triggers, noise, (*findings, *jump_findings))
+    n = main.pulses_per_cycle
+    train, jump_findings = mark_jumps(train, clocks, recording, noise, n)
+    places = tooth_places(train, recording.config.trigger, n)
+    if places is not None:
+        # the pulses of a wheel show themselves how well they repeat
+        noise = min(noise, places.scatter * float(np.median(np.diff(train.time) / np.diff(train.step))) * n / TWO_PI)
+    return TimeBase(reference, clocks, train, triggers, n, noise, places, (*findings, *jump_findings))
 
 
 def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:
@@ -86,17 +95,6 @@ def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:
         if clock.fit.method in ("reference", "common time base")
     }
     return {**referred, **named, reference: same_clock(reference, "reference")}
-
-
-def _trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
-    config = recording.config
-    trains = {}
-    for channel in recording.of("trigger"):
-        edges = find_edges(channel, config.trigger.edge, options.block_samples)
-        where = f"{channel.path.name}, channel {channel.name!r}"
-        train = number_teeth(edges.time, edges.width, config.trigger, where)
-        trains[channel.logger] = TriggerTrain(channel, edges, shifted(train, config.trigger.switching_delay))
-    return trains
 
 
 def _independent(recording: Recording, logger: str) -> bool:
@@ -116,10 +114,9 @@ def _main_trigger(recording: Recording, triggers: Mapping[str, TriggerTrain], re
 def _clocks(
     recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain, options: AlignOptions
 ) -> dict[str, Clock]:
-    """Return the clock of every logger against that of the main trigger's."""
+    """Return the clock of every logger against that of the main trigger's; one that nothing ties is left out."""
     base = main.channel.logger
     clocks = {base: same_clock(base, "reference")}
-    per_rev = recording.config.trigger.pulses_per_rev
     for channel in recording.channels:
         logger = channel.logger
         if logger in clocks:
@@ -127,9 +124,10 @@ def _clocks(
         if _same_base(recording, logger, base):
             clocks[logger] = same_clock(logger, "common time base")
         elif logger in triggers:
-            own = revolution_times(triggers[logger].train, per_rev)
-            clocks[logger] = fit_clock(logger, revolution_times(main.train, per_rev), own, channel.path.name)
-        else:
+            own = triggers[logger]
+            times = [revolution_times(t.train, t.pulses_per_cycle) for t in (main, own)]
+            clocks[logger] = fit_clock(logger, times[0], times[1], channel.path.name)
+        elif channel.quantity in PHYSICAL:
             clocks[logger] = _clock_by_physics(recording, main, channel, options)
     return clocks
 
@@ -137,7 +135,7 @@ def _clocks(
 def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, options: AlignOptions) -> Clock:
     """Tie a logger without a trigger to the main trigger's by torque and pressure, where each has one of them."""
     base = main.channel.logger
-    pair = {quantity: recording.of(quantity)[0] for quantity in ("torque", "pressure") if recording.of(quantity)}
+    pair = {quantity: recording.of(quantity)[0] for quantity in PHYSICAL if recording.of(quantity)}
     known = [channel for channel in pair.values() if channel is not own and _same_base(recording, channel.logger, base)]
     if own not in pair.values() or not known:
         raise Refusal(
@@ -146,17 +144,17 @@ def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, op
             f"pressure with logger {base!r}, expected one of them; record the trigger on every logger with its own "
             "clock"
         )
-    angle = cam_angle(main.train, recording.config.trigger, options.speed_law)
+    angle = cam_angle(main.train, recording.config.trigger, main.pulses_per_cycle, options.speed_law)
     return physics_clock(Pair(pair, own.quantity, recording.cam_table, angle))
 
 
-def revolution_times(train: PulseTrain, pulses_per_rev: int) -> Array:
-    """Return the times of the pulses at the nominal angle, one per revolution, nan where none was seen."""
-    first = -(-int(train.step[0]) // pulses_per_rev)
-    last = int(train.step[-1]) // pulses_per_rev
+def revolution_times(train: PulseTrain, n: int) -> Array:
+    """Return the times of the pulses at the nominal angle, one per turn of the cam, nan where none was seen."""
+    first = -(-int(train.step[0]) // n)
+    last = int(train.step[-1]) // n
     times = np.full(last - first + 1, np.nan)
-    whole = (train.step % pulses_per_rev == 0) & ~train.repaired
-    times[train.step[whole] // pulses_per_rev - first] = train.time[whole]
+    whole = (train.step % n == 0) & ~train.repaired
+    times[train.step[whole] // n - first] = train.time[whole]
     return times
 
 
@@ -168,7 +166,7 @@ def _fused(
     Only a plain trigger is fused: a wheel already has more pulses than the angle needs.
     """
     train, noise = main.train, main.edges.noise
-    if recording.config.trigger.pulses_per_rev > 1:
+    if main.pulses_per_cycle > 1:
         return train, noise
     for logger, other in triggers.items():
         if other is main or logger not in clocks:

@@ -11,6 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
 from camtorque.report.bundle import RunResult
 from camtorque.report.folder import reserve
@@ -91,9 +92,15 @@ def aligned_variables(cycles: CamCycles) -> list[Variable]:
     rows = [
         Variable("cycles/role", role, "1", "fitted cycles make the model, held-out ones score it"),
         Variable("cycles/speed", cycles.speed, "rad/s", "mean cam speed of the cycle"),
-        Variable("cycles/pressure", cycles.pressure, "Pa", "line pressure, gauge"),
-        Variable("mean/pressure", np.mean(cycles.pressure, axis=0), "Pa", "mean line pressure of the used cycles"),
+        *_deviation(cycles),
+        *_others(cycles),
     ]
+    if cycles.pressure.size:
+        mean = np.mean(cycles.pressure, axis=0)
+        rows += [
+            Variable("cycles/pressure", cycles.pressure, "Pa", "line pressure, gauge"),
+            Variable("mean/pressure", mean, "Pa", "mean line pressure of the used cycles"),
+        ]
     if cycles.torque is None:
         return rows
     several = cycles.index.size > 1
@@ -104,6 +111,29 @@ def aligned_variables(cycles: CamCycles) -> list[Variable]:
         Variable("mean/torque", np.mean(cycles.torque, axis=0), "N m", "mean measured torque of the used cycles"),
         Variable("mean/torque_std", std, "N m", "standard deviation of the torque over cycles"),
     ]
+
+
+def _deviation(cycles: CamCycles) -> list[Variable]:
+    texts = {
+        "angle_deviation": "measured angle ahead of even running within the revolution",
+        "angle_deviation_std": "standard uncertainty of the measured angle deviation",
+    }
+    return [
+        Variable(f"mean/{name}", cycles.details[name], "rad", text)
+        for name, text in texts.items()
+        if name in cycles.details
+    ]
+
+
+def _others(cycles: CamCycles) -> list[Variable]:
+    rows = []
+    for quantity, values in cycles.channels.items():
+        known, name = CHANNEL_QUANTITIES[quantity], quantity.replace("_", " ")
+        rows += [
+            Variable(f"cycles/{quantity}", values, known.unit, known.meaning),
+            Variable(f"cycles/{quantity}_mean", cycles.means(quantity), known.unit, f"{name}, mean of each cycle"),
+        ]
+    return rows
 
 
 def _halves(cycles: CamCycles) -> list[Variable]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import Band, Curves, Line, Panel
@@ -38,9 +39,13 @@ def small_torques(theta: Array, curves: tuple[Array, Array, Array], name: str) -
 
 
 def aligned_cycles(cycles: CamCycles) -> Curves:
-    """Show mean and scatter of torque (where there is one) and pressure over the cam angle."""
+    """Show mean and scatter of torque, pressure and all other channels over the cam angle."""
     rows = [] if cycles.torque is None else [(cycles.torque, "drive torque [N m]")]
-    rows.append((cycles.pressure / BAR, "line pressure [bar]"))
+    rows += [(cycles.pressure / BAR, "line pressure [bar]")] if cycles.pressure.size else []
+    for quantity, values in cycles.channels.items():
+        shown = CHANNEL_QUANTITIES[quantity]
+        known = values[np.isfinite(values).all(axis=1)]
+        rows.append((known * shown.shown_factor, f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"))
     panels = []
     for values, name in rows:
         mean, std = np.mean(values, axis=0), np.std(values, axis=0)

@@ -20,8 +20,8 @@ LEAST_PAIRS = 5
 LEAST_FOR_DENSITY = 30
 SAME_DURATION = 0.1
 """Relative spread of the flank's duration over the edges beyond which it is no property of the sensor."""
-LOGIC_LEVEL = 0.05
-"""Share of edges with a sample on the flank below which the log holds levels only: high or low, nothing between."""
+STEEPEST = 1.0e-3
+"""Duration of the flank of a logic-level log, which has no sample on any [samples]."""
 RECTANGULAR = 1.0 / np.sqrt(12.0)
 """Standard deviation of an edge that lies anywhere between two samples [samples]."""
 
@@ -101,15 +101,19 @@ def crossings(edges: EdgeSamples) -> Crossings:
     """
     slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
     linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
-    if edges.near.shape[0] and np.mean(_on_flank(edges.near).any(axis=1)) < LOGIC_LEVEL:
-        return Crossings(edges.before + linear, 1.0, RECTANGULAR)
     duration = _flank_duration(edges.near)
     if duration < SHORT_FLANK:
         unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
-        blur = np.sqrt(unseen / 12.0) * max(0.0, 1.0 - duration)
+        blur = RECTANGULAR * np.sqrt(unseen) * max(0.0, 1.0 - duration)
         return Crossings(edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration, float(blur))
     usual = float(np.median(slope)) if slope.size else 1.0
-    return Crossings(edges.before + linear, usual, usual / 8.0 if usual > 1.0 / SHORT_FLANK else 0.0)
+    seen = bool(_on_flank(edges.near).any())
+    return Crossings(edges.before + linear, usual, _linear_blur(usual) if seen else RECTANGULAR)
+
+
+def _linear_blur(slope: float) -> float:
+    """Return the error of a straight line over a flank of unknown duration [samples]."""
+    return slope / 8.0 if slope > 1.0 / SHORT_FLANK else 0.0
 
 
 def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:
@@ -144,7 +148,7 @@ def _flank_duration(near: Array) -> float:
         spread = 1.4826 * float(np.median(np.abs(durations - usual)))
         return usual if spread < SAME_DURATION * usual else np.inf
     density = float(flank.sum()) / max(1, near.shape[0]) / span
-    return density if near.shape[0] >= LEAST_FOR_DENSITY and 0.2 < density < 1.6 else np.inf
+    return max(density, STEEPEST) if near.shape[0] >= LEAST_FOR_DENSITY and density < 1.6 else np.inf
 
 
 def _ramp_crossing(near: Array, linear: Array, duration: float) -> Array:

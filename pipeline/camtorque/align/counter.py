@@ -1,0 +1,139 @@
+"""A recorded angle (counted or analogue, wrapped or not) -> pulses at whole steps of it.
+
+The time of a step is where a straight line through the changes of the counter around it passes: a counter that
+rises by one count now and then, one that rises by many counts a sample and an analogue angle are read alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.pulses import PulseTrain
+from camtorque.records import Array, Channel, Finding, Refusal
+from camtorque.signal.damage import NO_VOLTAGE
+from camtorque.signal.edges import Edges
+from camtorque.signal.logger_time import sample_times
+
+TWO_PI = 2.0 * np.pi
+MOST_SAMPLES = 8_000_000
+"""Of a longer log every n-th sample is read: an angle needs some per degree."""
+MOST_STEPS = 120
+"""Steps per turn: three degrees see the speed of any shaft."""
+LEAST_STEPS = 4
+CHANGES_PER_STEP = 4.0
+"""Changes of the counter that a line runs through, at least."""
+BACKWARDS = 0.2
+"""Part of the changes that may run against the others: noise of an analogue angle, not a shaft that swings."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Pulses of a counter; ``edges`` holds their noise."""
+
+    edges: Edges
+    train: PulseTrain
+    pulses_per_cycle: int
+    findings: tuple[Finding, ...]
+
+
+def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
+    """Return pulses at whole steps of a recorded angle; step zero is where it is zero.
+
+    Parameters
+    ----------
+    channel : angle [rad]
+    revolutions_per_cycle : turns of the counter's shaft per turn of the cam
+
+    Raises
+    ------
+    Refusal
+        The angle does not turn, or swings to and fro.
+    """
+    where = f"{channel.path.name}, channel {channel.name!r}"
+    time, angle, n_nan = _changes(channel, where)
+    back = float(np.mean(np.diff(angle) < 0.0))
+    turned = back > 0.5
+    if turned:
+        angle, back = -angle, float(np.mean(np.diff(angle) > 0.0))
+    turns = (angle[-1] - angle[0]) / TWO_PI
+    if not turns > 2.0 or back > BACKWARDS:
+        raise Refusal(
+            f"{where}: the angle runs over {turns:.2g} turns and {100.0 * back:.0f} % of its changes go back, expected "
+            "at least two turns in one direction; check the channel and its unit"
+        )
+    n = int(np.clip(time.size / turns / CHANGES_PER_STEP, LEAST_STEPS, MOST_STEPS))
+    pitch = TWO_PI / n
+    steps = np.arange(np.ceil(angle[0] / pitch) + 1.0, np.floor(angle[-1] / pitch))
+    coarse = np.interp(steps * pitch, np.maximum.accumulate(angle), time)
+    at, noise = _line_times(time, angle, steps * pitch, coarse, pitch)
+    quantum = float(np.median(np.abs(np.diff(angle))))
+    none = np.zeros(at.size, dtype=bool)
+    train = PulseTrain(
+        at, steps.astype(np.int64), none, none.copy(), 0.0, {}, offset_std=quantum / np.sqrt(12.0) / pitch,
+        phase_open=revolutions_per_cycle > 1,
+    )  # fmt: skip
+    text = "the recorded angle decreases: it is read in the direction of running"
+    findings = (Finding("angle_turned", "info", text, where),) if turned else ()
+    edges = Edges(at, 0.0, float(np.ptp(angle)), noise, 0.0, "", n_nan, np.empty(0))
+    return Counted(edges, train, n * revolutions_per_cycle, findings)
+
+
+def _changes(channel: Channel, where: str) -> tuple[Array, Array, int]:
+    """Return time and unwrapped angle in the middle between samples that differ."""
+    every = max(1, channel.n_samples // MOST_SAMPLES)
+    blocks = range(0, channel.n_samples, every << 20)
+    raw = np.concatenate([channel.read(a, min(a + (every << 20), channel.n_samples))[::every] for a in blocks])
+    position = np.arange(raw.size, dtype=np.float64) * every
+    known = np.abs(raw) < NO_VOLTAGE
+    raw, position = raw[known], position[known]
+    if raw.size < 3 or not np.ptp(raw) > 0.0:
+        raise Refusal(f"{where}: the angle does not change, expected one that turns; check the encoder and its channel")
+    angle = _unwrapped(raw)
+    moved = np.flatnonzero(np.diff(angle) != 0.0)
+    middle = 0.5 * (position[moved] + position[moved + 1])
+    return sample_times(channel, middle), 0.5 * (angle[moved] + angle[moved + 1]), int(np.sum(~known))
+
+
+def _unwrapped(raw: Array) -> Array:
+    """Return an angle without the jumps of a counter that starts again after whole turns."""
+    step, reach = np.diff(raw), float(np.ptp(raw))
+    wraps = np.where(np.abs(step) > 0.5 * reach, -np.sign(step), 0.0)
+    if not wraps.any() or np.mean(wraps != 0.0) > 0.1:
+        return np.unwrap(raw)
+    whole = TWO_PI * max(1.0, np.round(reach / TWO_PI))
+    return raw + whole * np.r_[0.0, np.cumsum(wraps)]
+
+
+def _line_times(time: Array, angle: Array, wanted: Array, coarse: Array, pitch: float) -> tuple[Array, float]:
+    """Return when each wanted angle is passed, and the standard error of one such time."""
+    at, error = np.empty(wanted.size), np.empty(wanted.size)
+    begin = np.searchsorted(time, np.interp(wanted - 0.5 * pitch, wanted, coarse, left=coarse[0]))
+    end = np.searchsorted(time, np.interp(wanted + 0.5 * pitch, wanted, coarse, right=coarse[-1]))
+    _fit_lines(time, angle, wanted, begin, end, coarse, at, error)
+    return at, float(np.median(error))
+
+
+@numba.njit(cache=True, nogil=True)
+def _fit_lines(
+    time: Array, angle: Array, wanted: Array, begin: NDArray[np.int64], end: NDArray[np.int64], coarse: Array,
+    at: Array, error: Array,
+) -> None:  # fmt: skip
+    """Fit time over angle around each wanted angle; too few points leave the coarse time."""
+    for k in range(wanted.size):
+        n = end[k] - begin[k]
+        at[k], error[k] = coarse[k], 0.0
+        if n < 3:
+            continue
+        a, t = angle[begin[k] : end[k]], time[begin[k] : end[k]]
+        mean_a, mean_t = np.mean(a), np.mean(t)
+        spread = np.sum((a - mean_a) ** 2)
+        if spread <= 0.0:
+            continue
+        slope = np.sum((a - mean_a) * (t - mean_t)) / spread
+        at[k] = mean_t + slope * (wanted[k] - mean_a)
+        rest = np.sum((t - mean_t - slope * (a - mean_a)) ** 2) / max(1, n - 2)
+        error[k] = np.sqrt(rest * (1.0 / n + (wanted[k] - mean_a) ** 2 / spread))

@@ -1,0 +1,73 @@
+"""Which turn of the wheel is which turn of the cam, where the wheel turns several times per cycle and no index tells.
+
+The torque of a pump follows line pressure times lift velocity, and the pressure rises with the lift. So each possible
+turn is tried on the mean cycle; the one that fits is taken, and it is told where none fits clearly better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from camtorque.align.angle import cam_angle
+from camtorque.align.channels import align_channels, covered
+from camtorque.align.measured import Measured
+from camtorque.align.options import AlignOptions
+from camtorque.align.polarity import lift_velocity
+from camtorque.align.timebase import TimeBase
+from camtorque.records import Array, CamTable, Finding, Recording
+
+COARSE = 720
+CLEARER = 0.2
+"""Correlation by which the best turn has to beat the next."""
+
+
+def settled_phase(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> TimeBase:
+    """Return the time base with the pulses numbered from the right turn of the wheel, and a finding."""
+    spec = recording.config.trigger
+    turns = spec.revolutions_per_cycle
+    if not base.train.phase_open or turns < 2:
+        return base
+    scores = np.zeros(turns)
+    if recording.lift_table is not None and "pressure" in channels.main:
+        means = _means(recording, base, channels, options)
+        for turn in range(turns):
+            # the table read from another turn: what is at theta then was at theta + turn
+            scores[turn] = _score(
+                {k: np.roll(v, -turn * COARSE // turns) for k, v in means.items()}, recording.cam_table
+            )
+    order = np.argsort(scores)[::-1]
+    best = int(order[0])
+    clear = scores[best] > scores[order[1]] + CLEARER
+    found = ", ".join(f"{score:.2f}" for score in scores)
+    text = (
+        f"the wheel turns {turns} times per turn of the cam and no index channel tells which is which: "
+        + (f"torque and pressure do (correlations {found})" if clear else f"turn {best + 1} is assumed ({found})")
+        + ("" if clear else '; add a channel with quantity = "index", one pulse per turn of the cam')
+    )
+    finding = Finding("cycle_phase_by_lift" if clear else "cycle_phase_open", "info" if clear else "warning", text)
+    step = base.train.step - best * (base.pulses_per_cycle // turns)
+    return replace(base, train=replace(base.train, step=step), findings=(*base.findings, finding))
+
+
+def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:
+    """Return the median cycle of torque and pressure on a coarse grid."""
+    coarse = replace(options, n_theta=COARSE, scratch_dir=None)
+    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, options.speed_law, base.places)
+    cycles = angle.candidate_cycles()
+    complete = covered(angle, cycles, channels.main, base.clocks)
+    if not complete.any():
+        return {}
+    aligned = align_channels(channels.main, angle, cycles, complete, base.clocks, coarse)
+    return {quantity: np.median(item.rows[complete], axis=0) for quantity, item in aligned.items()}
+
+
+def _score(means: dict[str, Array], table: CamTable) -> float:
+    """Return how well a mean cycle follows the lift."""
+    if "pressure" not in means:
+        return 0.0
+    velocity = lift_velocity(table, COARSE)
+    line = np.maximum(means["pressure"], 0.0)
+    pair = (means["torque"], line * velocity) if "torque" in means else (line, np.maximum(velocity, 0.0))
+    return float(np.corrcoef(*pair)[0, 1]) if min(np.ptp(item) for item in pair) > 0.0 else 0.0

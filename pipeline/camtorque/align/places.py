@@ -1,0 +1,302 @@
+"""How the angle deviates from even running within a turn of the cam, and where the teeth of a wheel really are.
+
+Over many turns the teeth repeat one pattern. Part of it is the speed that varies within the turn, part are teeth that
+are not where they should be; one wheel cannot tell the two apart by itself. What helps is how they look: the angle of a
+shaft with inertia is smooth (its harmonic of order n falls as 1 / n^2), errors of teeth are as large at every tooth and
+independent of each other. Both sizes are taken from the pattern itself (largest marginal likelihood), and what then
+remains open is the standard deviation that is stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.pulses import PulseTrain
+from camtorque.config import TriggerSpec
+from camtorque.records import Array
+
+TWO_PI = 2.0 * np.pi
+LEAST_TURNS = 4
+"""Whole turns of the cam between two others from which on the pattern is known."""
+LEAST_PULSES = 4
+MOST_ORDERS = 30
+"""Orders of the deviation, at most; fewer on a wheel with fewer teeth."""
+SMOOTHNESS = 2.0
+"""The angle's harmonic of order n falls as 1 / n to this power: torque over inertia, integrated twice."""
+TOOTH_STD = (1.0e-3, np.log(10.0))
+"""Before the data: errors of teeth of 0.06 degrees, give or take a factor of ten [rad]."""
+RIPPLE_STD = (1.0e-2, np.log(30.0))
+"""Before the data: first harmonic of the angle of 0.6 degrees, give or take a factor of thirty [rad]."""
+FREE_TOOTH = 0.1
+"""Standard deviation of the teeth beside a gap of an inductive wheel, whose wave the gap bends: six degrees [rad]."""
+SIZES = (-6.0, 0.5)
+"""Decades of both sizes that are tried [rad]."""
+OWN_SIZES = np.array([1.0e-4, 1.0e-3, 1.0e-2, 1.0e-1])
+"""Sizes of an order that stands out, times the order: parts of the speed [rad]."""
+STANDS_OUT = 3.0
+"""Gain in the logarithm of the probability for which an order gets its own size: odds of 20 to 1."""
+MOST_OWN = 6
+SPREAD = np.linspace(-2.4, 2.4, 9)
+"""Logarithms of the factors on both sizes over which the result is averaged."""
+LEAST_WEIGHT = 1.0e-3
+
+
+@dataclass(frozen=True)
+class Places:
+    """What the turns of a cam have in common.
+
+    Attributes
+    ----------
+    place, place_std : (pulses per cycle,) where a tooth is against its nominal place, and how well that is known [rad]
+    orders : orders of the deviation, per turn of the cam
+    coefficient : (2 n_orders,) cosines, then sines, of the angle since the pulse of step zero [rad]
+    covariance : of the coefficients [rad^2]
+    tooth_std : size of the teeth's errors that the pattern shows [rad]
+    scatter : of a single pulse about the pattern: error of its edge and what the speed does not repeat [rad]
+    turns : turns that were used
+    """
+
+    place: Array
+    place_std: Array
+    orders: NDArray[np.int64]
+    coefficient: Array
+    covariance: Array
+    tooth_std: float
+    scatter: float
+    turns: int
+
+    def at(self, step: float) -> tuple[float, float]:
+        """Return the place between two teeth, by a straight line, and its standard deviation [rad]."""
+        n, low = self.place.size, int(np.floor(step))
+        part = step - low
+        pair = [low % n, (low + 1) % n]
+        share = np.array([1.0 - part, part])
+        return float(share @ self.place[pair]), float(np.hypot(*(share * self.place_std[pair])))
+
+    def deviation(self, since_zero: Array) -> tuple[Array, Array]:
+        """Return how far the cam is ahead of even running, and its standard deviation [rad].
+
+        Parameters
+        ----------
+        since_zero : cam angle since the pulse of step zero [rad]
+        """
+        waves = _waves(since_zero, self.orders)
+        std = np.sqrt(np.maximum(np.sum((waves @ self.covariance) * waves, axis=1), 0.0))
+        return waves @ self.coefficient, std
+
+
+def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:
+    """Return the places of the teeth and the deviation of the angle; None where too few turns or pulses show them.
+
+    Parameters
+    ----------
+    train : numbered pulses
+    spec : the wheel
+    n : pulses per turn of the cam
+    """
+    found = _pattern(train, n) if n >= LEAST_PULSES else None
+    if found is None:
+        return None
+    tooth, mean, scatter, turns = found
+    # one variance for all teeth: that of a single one is known poorly from a few turns
+    variance = np.full(tooth.size, scatter**2 / turns + 1e-18)
+    pattern = _design(tooth, mean, variance, spec, n)
+    sizes = _sizes(pattern)
+    place, coefficient = _mixture(pattern, sizes)
+    everywhere = np.arange(n) % pattern.free.size
+    return Places(
+        place.mean[everywhere], np.sqrt(np.diag(place.covariance))[everywhere], pattern.orders, coefficient.mean,
+        coefficient.covariance, sizes.tooth, scatter, turns,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Mean and covariance of some parameters."""
+
+    mean: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class _Pattern:
+    """The pattern of a turn and what it may be made of: ``which`` tooth, ``waves`` of the angle."""
+
+    mean: Array
+    variance: Array
+    which: Array
+    free: NDArray[np.bool_]
+    orders: NDArray[np.int64]
+    waves: Array
+    teeth_covariance: Array
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Standard deviations: of the teeth's errors, of the first order, and of orders that stand out [rad]."""
+
+    tooth: float
+    ripple: float
+    own: tuple[tuple[int, float], ...] = ()
+
+    def waves(self, orders: NDArray[np.int64]) -> Array:
+        """Return the prior variance of each coefficient."""
+        variance = self.ripple**2 / orders.astype(np.float64) ** (2.0 * SMOOTHNESS)
+        for order, size in self.own:
+            variance = variance + np.where(orders == order, size**2, 0.0)
+        return np.r_[variance, variance]
+
+
+def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: TriggerSpec, n: int) -> _Pattern:
+    per_wheel = max(1, n // spec.revolutions_per_cycle)
+    which = np.zeros((tooth.size, per_wheel))
+    which[np.arange(tooth.size), tooth % per_wheel] = 1.0
+    free = _beside_gap(spec, per_wheel)
+    orders = np.arange(1, max(1, min(MOST_ORDERS, (tooth.size - 1) // 2)) + 1)
+    # a cam that is ahead passes its teeth earlier
+    waves = -_waves(np.asarray(tooth * (TWO_PI / n)), orders)
+    return _Pattern(mean, variance, which, free, orders, waves, which @ which.T)
+
+
+def _waves(angle: Array, orders: NDArray[np.int64]) -> Array:
+    phase = np.asarray(angle)[:, None] * orders[None, :]
+    return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+
+
+def _beside_gap(spec: TriggerSpec, per_wheel: int) -> NDArray[np.bool_]:
+    """Tell which teeth have a place of their own: a coil sees the two beside a gap elsewhere."""
+    free = np.zeros(per_wheel, dtype=bool)
+    if spec.sensor == "inductive" and spec.missing_teeth and per_wheel - spec.missing_teeth > 2 * LEAST_PULSES:
+        free[[0, per_wheel - spec.missing_teeth - 1]] = True
+    return free
+
+
+def _pattern(train: PulseTrain, n: int) -> tuple[NDArray[np.int64], Array, float, int] | None:
+    """Return tooth numbers, mean deviation of each from even running, scatter of single ones [rad], turns used."""
+    times, tooth = _turns(train, n)
+    if tooth.size < LEAST_PULSES:
+        return None
+    whole: NDArray[np.bool_] = np.asarray(np.isfinite(times).all(axis=1))
+    inner = np.flatnonzero(whole[1:-1] & whole[:-2] & whole[2:]) + 1
+    if inner.size < LEAST_TURNS:
+        return None
+    middle = times.mean(axis=1)
+    part = (tooth - tooth.mean()) / n
+    before, here, after = (middle[inner + k][:, None] for k in (-1, 0, 1))
+    # a parabola through the mean times of three turns is even running with a speed that changes
+    slope, bend = 0.5 * (after - before), 0.5 * (after + before) - here
+    even = here + slope * part + bend * part**2
+    rate = slope + 2.0 * bend * part
+    deviation = TWO_PI * (times[inner] - even) / rate
+    centre = np.median(deviation, axis=0)
+    scale = 1.4826 * np.median(np.abs(deviation - centre), axis=0)
+    good = np.abs(deviation - centre) <= 4.0 * scale + 1e-12
+    count = good.sum(axis=0)
+    mean = np.where(good, deviation, 0.0).sum(axis=0) / count
+    variance = np.where(good, (deviation - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
+    return tooth, mean, float(np.sqrt(np.mean(variance))), int(inner.size)
+
+
+def _turns(train: PulseTrain, n: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return (turns, teeth) times, nan where a turn is not whole, and the teeth that most turns show."""
+    jumped = np.zeros(train.time.size, dtype=bool) if train.jumped is None else train.jumped
+    turn, tooth = train.step // n, train.step % n
+    first = int(turn[0])
+    times = np.full((int(turn[-1]) - first + 1, n), np.nan)
+    sound = ~train.repaired
+    times[turn[sound] - first, tooth[sound]] = train.time[sound]
+    times[np.unique(turn[train.broken | jumped]) - first] = np.nan
+    shown = np.flatnonzero(np.isfinite(times).sum(axis=0) > 0.5 * times.shape[0])
+    return times[:, shown], shown
+
+
+def _marginal(pattern: _Pattern, sizes: _Sizes) -> Array:
+    """Return the covariance of the pattern; a common shift of all teeth is left open."""
+    covariance = sizes.tooth**2 * pattern.teeth_covariance + 1.0
+    covariance += (pattern.waves * sizes.waves(pattern.orders)) @ pattern.waves.T
+    free = pattern.which @ np.where(pattern.free, FREE_TOOTH, 0.0)
+    covariance[np.diag_indices_from(covariance)] += pattern.variance + free**2
+    return covariance
+
+
+def _score(pattern: _Pattern, sizes: _Sizes) -> float:
+    """Return the log of the marginal likelihood times the priors of the sizes."""
+    root = np.linalg.cholesky(_marginal(pattern, sizes))
+    misfit = np.linalg.solve(root, pattern.mean)
+    value = -0.5 * float(misfit @ misfit) - float(np.log(np.diag(root)).sum())
+    for size, (usual, spread) in ((sizes.tooth, TOOTH_STD), (sizes.ripple, RIPPLE_STD)):
+        value -= 0.5 * (np.log(size / usual) / spread) ** 2
+    return value
+
+
+def _sizes(pattern: _Pattern) -> _Sizes:
+    """Return the sizes that make the pattern most probable; an order that stands out gets one of its own.
+
+    A cam with four lobes makes a ripple of order four and next to none of orders one to three.
+    """
+    sizes = _best_pair(pattern, ())
+    score = _score(pattern, sizes)
+    for _ in range(MOST_OWN):
+        trials = [
+            replace(sizes, own=(*sizes.own, (int(order), float(size))))
+            for order in pattern.orders
+            for size in OWN_SIZES / order
+        ]
+        best = max(trials, key=lambda trial: _score(pattern, trial))
+        if _score(pattern, best) < score + STANDS_OUT:
+            return sizes
+        sizes = _best_pair(pattern, best.own)
+        score = _score(pattern, sizes)
+    return sizes
+
+
+def _best_pair(pattern: _Pattern, own: tuple[tuple[int, float], ...]) -> _Sizes:
+    low, high = np.log(10.0) * SIZES[0], np.log(10.0) * SIZES[1]
+    centre, reach = (0.5 * (low + high), 0.5 * (low + high)), 0.5 * (high - low)
+    for _ in range(6):
+        axis = np.linspace(-reach, reach, 5)
+        trials = [(centre[0] + a, centre[1] + b) for a in axis for b in axis]
+        centre = max(trials, key=lambda trial: _score(pattern, _Sizes(np.exp(trial[0]), np.exp(trial[1]), own)))
+        reach *= 0.5
+    return _Sizes(float(np.exp(centre[0])), float(np.exp(centre[1])), own)
+
+
+def _mixture(pattern: _Pattern, best: _Sizes) -> tuple[_Normal, _Normal]:
+    """Return places and waves averaged over all sizes that are probable: few teeth leave the sizes open."""
+    trials = [
+        replace(best, tooth=best.tooth * a, ripple=best.ripple * b) for a in np.exp(SPREAD) for b in np.exp(SPREAD[::2])
+    ]
+    scores = np.array([_score(pattern, trial) for trial in trials])
+    weights = np.exp(scores - scores.max())
+    parts = [
+        (weight, *_posteriors(pattern, trial))
+        for weight, trial in zip(weights / weights.sum(), trials, strict=True)
+        if weight > LEAST_WEIGHT
+    ]
+    return _mixed([(part[0], part[1]) for part in parts]), _mixed([(part[0], part[2]) for part in parts])
+
+
+def _mixed(parts: list[tuple[float, _Normal]]) -> _Normal:
+    total = sum(weight for weight, _ in parts)
+    mean: Array = np.asarray(sum(weight * part.mean for weight, part in parts) / total)
+    spread = sum(weight * (part.covariance + np.outer(part.mean - mean, part.mean - mean)) for weight, part in parts)
+    return _Normal(mean, np.asarray(spread / total))
+
+
+def _posteriors(pattern: _Pattern, sizes: _Sizes) -> tuple[_Normal, _Normal]:
+    """Return places of the teeth and coefficients of the waves for given sizes."""
+    weight: Array = np.asarray(np.linalg.inv(_marginal(pattern, sizes)), dtype=np.float64)
+    tooth_prior = np.where(pattern.free, FREE_TOOTH, sizes.tooth) ** 2
+    return (
+        _posterior(pattern.which, tooth_prior, weight, pattern.mean),
+        _posterior(pattern.waves, sizes.waves(pattern.orders), weight, pattern.mean),
+    )
+
+
+def _posterior(design: Array, prior: Array, weight: Array, data: Array) -> _Normal:
+    """Return parameters with independent priors of mean zero."""
+    gain = prior[:, None] * design.T @ weight
+    return _Normal(gain @ data, np.diag(prior) - gain @ design * prior)

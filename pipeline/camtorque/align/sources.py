@@ -1,0 +1,193 @@
+"""Channels that tell the angle -> pulses: tooth wheel, encoder with index, angle counter; one per logger.
+
+`SOURCES` is the registry: quantity -> function that returns the pulses of such a channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.counter import counter_train
+from camtorque.align.options import AlignOptions
+from camtorque.align.pulses import PulseTrain, shifted
+from camtorque.align.teeth import mark_misfit, number_counts, number_teeth
+from camtorque.config import TriggerSpec
+from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.signal.edges import Edges, find_edges
+from camtorque.signal.inductive import find_crossings
+
+TURNED = {"rising": "falling", "falling": "rising"}
+CLEARLY = 0.5
+"""The crossings of the other polarity have to fit the gap this much better: the gap bends the waves beside it."""
+MOST_PULSES = 120
+"""Pulses per turn of the cam that are kept of a fine encoder: one in three degrees sees every speed of a shaft."""
+
+
+@dataclass(frozen=True)
+class TriggerTrain:
+    """Pulses of one channel on its own logger's clock, the switching delay taken off.
+
+    ``pulses_per_cycle`` counts the steps of a turn of the cam in ``train``.
+    """
+
+    channel: Channel
+    edges: Edges
+    train: PulseTrain
+    pulses_per_cycle: int
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """File and channel."""
+        return f"{self.channel.path.name}, channel {self.channel.name!r}"
+
+
+def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
+    """Return the pulses of each logger that recorded the angle.
+
+    Raises
+    ------
+    Refusal
+        No channel tells the angle; no pulses; no mark.
+    """
+    trains: dict[str, TriggerTrain] = {}
+    for quantity, source in SOURCES.items():
+        for channel in recording.of(quantity):
+            if channel.logger not in trains:
+                trains[channel.logger] = source(recording, channel, options)
+    if not trains:
+        raise Refusal(
+            f"{recording.config.id}: no channel tells the angle, expected one of {', '.join(SOURCES)}; add a "
+            '[[channels]] entry, such as quantity = "trigger"'
+        )
+    return trains
+
+
+def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
+    """Return the pulses of a trigger or tooth wheel."""
+    spec = recording.config.trigger
+    where = f"{channel.path.name}, channel {channel.name!r}"
+    index = _index(recording, channel, options)
+    if spec.sensor == "inductive" and spec.missing_teeth:
+        edges, train = _coil_with_gap(channel, spec, index, options)
+    else:
+        find = find_crossings if spec.sensor == "inductive" else find_edges
+        edges = find(channel, spec.edge, options.block_samples)
+        train = number_teeth(edges.time, edges.width, spec, where, index)
+    return TriggerTrain(channel, edges, shifted(train, spec.switching_delay), spec.pulses_per_cycle)
+
+
+def _coil_with_gap(
+    channel: Channel, spec: TriggerSpec, index: Array | None, options: AlignOptions
+) -> tuple[Edges, PulseTrain]:
+    """Return the crossings at the teeth of a coil; those between the teeth show the gap in the wrong place."""
+    where = f"{channel.path.name}, channel {channel.name!r}"
+    trials: dict[str, tuple[float, Edges, PulseTrain]] = {}
+    refusal: Refusal | None = None
+    for edge in (spec.edge, TURNED[spec.edge]):
+        edges = find_crossings(channel, edge, options.block_samples)
+        try:
+            train = number_teeth(edges.time, edges.width, spec, where, index)
+        except Refusal as found:
+            refusal = refusal or found
+        else:
+            trials[edge] = (mark_misfit(train, spec) / (1.0 if edge == spec.edge else CLEARLY), edges, train)
+    if not trials:
+        raise refusal or Refusal(where)
+    best = min(trials, key=lambda edge: trials[edge][0])
+    _, edges, train = trials[best]
+    if best == spec.edge:
+        return edges, train
+    text = (
+        f"the {best} crossings of the inductive pick-up show the gap of the wheel as it is, the {spec.edge} ones do "
+        "not: its wires are exchanged, these are taken"
+    )
+    return replace(edges, findings=(*edges.findings, Finding("trigger_inverted", "warning", text, where))), train
+
+
+def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
+    """Return the pulses of track A of an encoder; track B tells which of them went back."""
+    spec = recording.config.trigger
+    where = f"{channel.path.name}, channel {channel.name!r}"
+    edges, index = find_edges(channel, spec.edge, options.block_samples), _index(recording, channel, options)
+    findings: tuple[Finding, ...] = ()
+    track_b = [other for other in recording.of("encoder_b") if other.logger == channel.logger]
+    if track_b:
+        time, findings = _forward_only(edges, find_edges(track_b[0], "rising", options.block_samples), where)
+        train = number_counts(time, spec, where, index)
+    else:
+        train = number_teeth(edges.time, edges.width, spec, where, index)
+    every = max(1, -(-spec.pulses_per_cycle // MOST_PULSES))
+    while spec.pulses_per_cycle % every:
+        every += 1
+    train = shifted(_thinned(train, every), spec.switching_delay)
+    return TriggerTrain(channel, edges, train, spec.pulses_per_cycle // every, findings)
+
+
+def _forward_only(a: Edges, b: Edges, where: str) -> tuple[Array, tuple[Finding, ...]]:
+    """Return the pulses of track A at which the shaft came further than before.
+
+    One edge of the disc is passed forward as a rising and back as a falling edge, so both are counted.
+    """
+    rising, falling = _level_of(b, a.time), -_level_of(b, a.opposite)
+    onward = 1 if rising.sum() + falling.sum() >= 0 else -1
+    passed, back = a.time[rising == onward], a.opposite[falling == -onward]
+    if not back.size:
+        return a.time, ()
+    times, ways = np.r_[passed, back], np.r_[np.ones(passed.size), -np.ones(back.size)]
+    order = np.argsort(times, kind="stable")
+    place = np.cumsum(ways[order])
+    ahead = place > np.r_[0, np.maximum.accumulate(place)[:-1]]
+    text = f"the shaft went back by {back.size} of {passed.size} pulses of the encoder; where it came further is used"
+    return times[order][ahead], (Finding("encoder_reversed", "info", text, where),)
+
+
+def _level_of(b: Edges, time: Array) -> NDArray[np.int64]:
+    """Return 1 where track B is high at the given times, else -1."""
+    rise = np.r_[-np.inf, b.time][np.searchsorted(b.time, time)]
+    fall = np.r_[-np.inf, b.opposite][np.searchsorted(b.opposite, time)]
+    return np.where(rise > fall, 1, -1)
+
+
+def _thinned(train: PulseTrain, every: int) -> PulseTrain:
+    """Return every n-th pulse, the one of step zero among them."""
+    if every == 1:
+        return train
+    kept = np.flatnonzero(train.step % every == 0)
+    total = np.r_[0, np.cumsum(train.broken)]
+    before = np.r_[kept[:1], kept[:-1] + 1]
+    broken = (total[kept + 1] - total[before]) > 0
+    return replace(
+        train, time=train.time[kept], step=train.step[kept] // every, repaired=train.repaired[kept], broken=broken,
+        offset=train.offset / every, offset_std=train.offset_std / every,
+    )  # fmt: skip
+
+
+def _index(recording: Recording, channel: Channel, options: AlignOptions) -> Array | None:
+    """Return the edge times of the index channel that shares a channel's clock."""
+    own = {logger.id for logger in recording.config.loggers if logger.clock == "independent"}
+    for index in recording.of("index"):
+        if index.logger == channel.logger or not own & {index.logger, channel.logger}:
+            return find_edges(index, recording.config.trigger.edge, options.block_samples).time
+    return None
+
+
+def _counter(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
+    """Return the pulses of a recorded angle."""
+    counted = counter_train(channel, recording.config.trigger.revolutions_per_cycle)
+    train = shifted(counted.train, recording.config.trigger.switching_delay)
+    return TriggerTrain(channel, counted.edges, train, counted.pulses_per_cycle, counted.findings)
+
+
+SOURCES: dict[str, Callable[[Recording, Channel, AlignOptions], TriggerTrain]] = {
+    "trigger": _wheel,
+    "encoder_a": _encoder,
+    "angle": _counter,
+}
+"""Quantity of a channel that tells the angle -> its pulses; the first that a logger has is used."""
+ANGLE_CHANNELS = (*SOURCES, "encoder_b", "index")
+"""Quantities that tell the angle and nothing else."""

@@ -1,0 +1,338 @@
+"""Edge times of a tooth wheel or encoder -> pulses with whole steps, counted anew at every mark.
+
+A mark is the gap of missing teeth, an extra tooth, or the pulse of an index channel. Between two marks a wheel has as
+many steps as it has teeth: where that is not so, the wheel slipped or teeth were lost, the revolution is not used and
+the count starts anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.pulses import PulseTrain, clean_pulses
+from camtorque.config import TriggerSpec
+from camtorque.records import Array, Refusal
+from camtorque.signal.running import running_median
+
+LEAST_PULSES = 2
+PITCH_TEETH = 11
+"""A running median over this many gaps is deaf to the mark and to single disturbances."""
+ONE_PITCH = 0.3
+"""Two gaps make one pitch when their sum differs from it by less than this part."""
+SHORT_GAP = 0.7
+"""The shorter of the two is below this part of a pitch: an engine's ripple stretches single gaps by 20 %."""
+STANDSTILL_STEPS = 8
+"""A gap of more steps (or twice the mark's) is a shaft that stood still: how far it turned is not counted from time."""
+NEAREST_MARKS = 0.7
+"""Two marks are further apart than this part of a revolution: a slip loses a few teeth, not a third of them."""
+FAR_MARKS = 3
+"""A mark is confirmed by another one up to this many revolutions away."""
+
+
+LATE_INDEX = 0.5
+"""An index that comes this many steps after a mark still belongs to it."""
+INDEX_SPREAD = 0.25
+"""Standard deviation of the index pulse among the others [steps] beyond which it does not belong to this wheel."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Pulses with their counted steps; ``marks`` are places in ``time``; ``broken`` as in `PulseTrain`."""
+
+    time: Array
+    step: NDArray[np.int64]
+    broken: NDArray[np.bool_]
+    marks: NDArray[np.int64]
+    n_extra: int = 0
+    n_missed: int = 0
+    n_slips: int = 0
+
+
+def number_teeth(
+    time: Array, pulse_width: float, spec: TriggerSpec, where: str, index: Array | None = None
+) -> PulseTrain:
+    """Return the pulses with ``step`` zero (mod pulses per cycle) at the reference of the nominal angle.
+
+    The reference is the first tooth after the gap, the first regular tooth after an extra one, or the pulse of an
+    index channel. Where the wheel turns several times per cycle, the first mark at or after the index pulse.
+
+    Parameters
+    ----------
+    time : edge times [s]
+    pulse_width : median width of a pulse [s]
+    index : edge times of the index channel [s], None without one
+
+    Raises
+    ------
+    Refusal
+        The wheel has no mark, or the mark is not found once per revolution.
+    """
+    train = _numbered(forward(time, where), pulse_width, spec, where, index)
+    return replace(train, phase_open=True) if spec.revolutions_per_cycle > 1 and index is None else train
+
+
+def _numbered(time: Array, pulse_width: float, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
+    if spec.pulses_per_rev == 1:
+        train = clean_pulses(time, pulse_width)
+        return train if index is None else numbered_by_index(train, index, spec, where)
+    if spec.double_tooth or spec.missing_teeth:
+        counted = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)
+        train = from_marks(counted, spec, where)
+        if index is None or (spec.revolutions_per_cycle == 1 and spec.reference != "index"):
+            return train
+        return numbered_by_index(train, index, spec, where)
+    if index is None:
+        raise _without_mark(spec, where)
+    return numbered_by_index(_train(even_steps(time)), index, spec, where)
+
+
+def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
+    """Return the pulses of an encoder whose two tracks told every step; where it stood the way is not proven."""
+    time = forward(time, where)
+    if index is None:
+        raise _without_mark(spec, where)
+    steps = np.rint(np.diff(time) / _pitch(time))
+    stood = np.r_[False, steps > 1.0]
+    counted = Counted(time, np.arange(time.size), stood, np.empty(0, dtype=np.int64))
+    return numbered_by_index(_train(counted), index, spec, where)
+
+
+def _without_mark(spec: TriggerSpec, where: str) -> Refusal:
+    return Refusal(
+        f"{where}: a wheel of {spec.pulses_per_rev} pulses per revolution without a mark does not tell which tooth "
+        "is at nominal_angle_deg; expected missing_teeth or double_tooth in [trigger], or a channel with "
+        'quantity = "index"'
+    )
+
+
+def forward(time: Array, where: str) -> Array:
+    """Keep the pulses whose times run forward."""
+    time = time[np.isfinite(time)]
+    kept = time[np.r_[True, np.diff(np.maximum.accumulate(time)) > 0.0]] if time.size else time
+    if kept.size < LEAST_PULSES:
+        raise Refusal(
+            f"{where}: found {kept.size} trigger pulses in the order of time, expected at least {LEAST_PULSES}; record "
+            "more revolutions, or check the time of the file"
+        )
+    return kept
+
+
+def _pitch(time: Array) -> Array:
+    return running_median(np.diff(time), PITCH_TEETH)
+
+
+def _steps(time: Array, most: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the steps of each gap, and which gaps are a standstill (counted as one step)."""
+    steps = np.maximum(1, np.rint(np.diff(time) / _pitch(time))).astype(np.int64)
+    still = steps > max(STANDSTILL_STEPS, 2 * most)
+    return np.where(still, 1, steps), still
+
+
+def missing_tooth_steps(time: Array, missing: int) -> Counted:
+    """Return the steps of a wheel whose mark is a gap."""
+    kept, n_extra = _without_close_teeth(time)
+    steps, still = _steps(kept, missing + 1)
+    is_mark = (steps == missing + 1) & ~still
+    n_missed = int(np.sum(steps[~is_mark] - 1))
+    return Counted(
+        kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], 1 + np.flatnonzero(is_mark), n_extra, n_missed
+    )
+
+
+def double_tooth_steps(time: Array) -> Counted:
+    """Return the steps of a wheel whose mark is one tooth more in the middle of a gap."""
+    ratio = np.diff(time) / _pitch(time)
+    halves = (np.abs(ratio[:-1] - 0.5) < 0.2) & (np.abs(ratio[1:] - 0.5) < 0.2)
+    doubled = 1 + np.flatnonzero(halves)
+    kept = np.delete(time, doubled)
+    steps, still = _steps(kept, 1)
+    marks = doubled - np.arange(doubled.size)
+    return Counted(kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], marks, 0, int(np.sum(steps - 1)))
+
+
+def even_steps(time: Array) -> Counted:
+    """Return the steps of a wheel without a mark."""
+    kept, n_extra = _without_close_teeth(time)
+    steps, still = _steps(kept, 1)
+    none = np.empty(0, dtype=np.int64)
+    return Counted(kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], none, n_extra, int(np.sum(steps - 1)))
+
+
+def _without_close_teeth(time: Array) -> tuple[Array, int]:
+    """Drop a tooth whose two gaps together make one pitch, and the later edge of a bounce."""
+    n_before = time.size
+    while time.size > 3:
+        gaps, pitch = np.diff(time), _pitch(time)
+        both = gaps[:-1] + gaps[1:]
+        least = np.minimum(pitch[:-1], pitch[1:])
+        extra = (np.abs(both / least - 1.0) < ONE_PITCH) & (np.minimum(gaps[:-1], gaps[1:]) < SHORT_GAP * least)
+        if not extra.any():
+            break
+        first = extra & ~np.r_[False, extra[:-1]]
+        time = np.delete(time, 1 + np.flatnonzero(first))
+    return time, n_before - time.size
+
+
+def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
+    """Return the train of a wheel with a mark: confirmed marks only, counted anew at each.
+
+    Raises
+    ------
+    Refusal
+        No gap or extra tooth is there.
+    """
+    n = spec.pulses_per_rev
+    if not counted.marks.size:
+        raise Refusal(
+            f"{where}: no mark found among {counted.time.size} teeth, expected "
+            f"{'a double tooth' if spec.double_tooth else f'{spec.missing_teeth} missing teeth'} "
+            f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger], and sensor "
+            '("inductive" for a coil)'
+        )
+    marks = confirmed(counted.step[counted.marks], n)
+    found = resynced(replace(counted, marks=counted.marks[marks]), n, n - spec.missing_teeth)
+    return _train(found)
+
+
+def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
+    """Return how far the gap and the two intervals beside it are from whole pitches (mean absolute logarithm)."""
+    marks = np.flatnonzero((train.step % spec.pulses_per_rev == 0) & (train.step > train.step[0]))
+    marks = marks[(marks > 1) & (marks < train.time.size - 1)]
+    if not marks.size:
+        return np.inf
+    gaps, steps = np.diff(train.time), np.diff(train.step)
+    pitch = _pitch(train.time)[marks]
+    beside = [np.abs(np.log(gaps[marks + k] / (steps[marks + k] * pitch))) for k in (-2, -1, 0)]
+    return float(np.median(np.sum(beside, axis=0)))
+
+
+def confirmed(step: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Return which marks are confirmed by others whole revolutions away; of rivals the better confirmed one.
+
+    A tooth that is lost once looks like the mark of a wheel with one tooth missing; it has no others like it.
+    """
+    support = np.zeros(step.size, dtype=np.int64)
+    for turns in range(-FAR_MARKS, FAR_MARKS + 1):
+        if turns:
+            support += np.isin(step + turns * n, step)
+    if not support.any():
+        phase = step % n
+        return np.flatnonzero(phase == np.bincount(phase, minlength=n).argmax())
+    chosen: list[int] = []
+    for k in np.flatnonzero(support).tolist():
+        if chosen and step[k] - step[chosen[-1]] < NEAREST_MARKS * n and support[k] <= support[chosen[-1]]:
+            continue
+        while chosen and step[k] - step[chosen[-1]] < NEAREST_MARKS * n:
+            chosen.pop()
+        chosen.append(k)
+    return np.array(chosen, dtype=np.int64)
+
+
+def resynced(counted: Counted, n: int, present: int) -> Counted:
+    """Return steps that are zero (mod n) at every mark; the pulses between marks that do not agree are left out.
+
+    Beyond the first and the last mark as many pulses are kept as the wheel has without showing another mark.
+
+    Parameters
+    ----------
+    n : steps from mark to mark
+    present : steps that the wheel can run before the next mark shows
+    """
+    step, marks = counted.step, counted.marks
+    between = np.diff(step[marks])
+    turns = np.maximum(1, np.rint(between / n)).astype(np.int64)
+    slipped = between != n * turns
+    new = step - step[marks[0]]
+    shift = np.r_[0, np.cumsum(n * turns - between)]
+    last_mark = np.clip(np.searchsorted(marks, np.arange(step.size), side="right") - 1, 0, None)
+    new = new + shift[last_mark]
+    kept = (new > -n) & (new < new[marks[-1]] + present)
+    broken = counted.broken.copy()
+    for k in np.flatnonzero(slipped):
+        kept[marks[k] + 1 : marks[k + 1]] = False
+        broken[marks[k + 1]] = True
+    passed_on = _broken_before(broken, kept)
+    return replace(counted, time=counted.time[kept], step=new[kept], broken=passed_on, n_slips=int(slipped.sum()))
+
+
+def _broken_before(broken: NDArray[np.bool_], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell for each kept pulse whether any way since the kept one before is not proven."""
+    total = np.r_[0, np.cumsum(broken)]
+    places = np.flatnonzero(kept)
+    before = np.r_[places[0], places[:-1] + 1]
+    return (total[places + 1] - total[before]) > 0
+
+
+def _train(counted: Counted) -> PulseTrain:
+    none = np.zeros(counted.time.size, dtype=bool)
+    counts = {
+        "bounced": 0,
+        "doubled": counted.n_extra,
+        "missed": counted.n_missed,
+        "gaps": int(counted.broken.sum()) - counted.n_slips,
+        "slips": counted.n_slips,
+    }
+    return PulseTrain(counted.time, counted.step, none, counted.broken, 0.0, counts)
+
+
+def numbered_by_index(train: PulseTrain, index: Array, spec: TriggerSpec, where: str) -> PulseTrain:
+    """Return the train with its steps counted from the index pulse, anew at each one.
+
+    Raises
+    ------
+    Refusal
+        The index does not come once per turn of the cam, or wanders among the pulses.
+    """
+    n, per_rev = spec.pulses_per_cycle, spec.pulses_per_rev
+    place = np.interp(index, train.time, train.step.astype(np.float64), left=np.nan, right=np.nan)
+    place = place[np.isfinite(place)]
+    by_mark = bool(spec.missing_teeth or spec.double_tooth or per_rev == 1)
+    _refuse_odd_index(place, n, where)
+    if by_mark and spec.reference != "index":
+        # the index only tells which turn of the wheel; the nominal angle is that of the mark at or after it
+        late = min(LATE_INDEX, 0.1 * per_rev)
+        turn = np.ceil((_circular_mean(place, n) - late) / per_rev) * per_rev
+        return replace(train, step=train.step - int(turn))
+    fraction, spread = _fraction(place)
+    if spread > INDEX_SPREAD:
+        raise Refusal(
+            f"{where}: the index pulse wanders by {spread:.2g} of a pulse interval among the pulses, expected a place "
+            "that repeats; check that both channels belong to one encoder and pulses_per_rev"
+        )
+    counted = Counted(train.time, train.step, train.broken, np.empty(0, dtype=np.int64))
+    zeros = np.rint(place - fraction).astype(np.int64)
+    marks = np.searchsorted(train.step, zeros)
+    there = train.step[np.minimum(marks, train.step.size - 1)] == zeros
+    found = resynced(replace(counted, marks=np.unique(marks[there])), n, n)
+    kept = np.isin(train.time, found.time)
+    counts = {**train.counts, "slips": train.counts.get("slips", 0) + found.n_slips}
+    return PulseTrain(
+        found.time, found.step, train.repaired[kept], found.broken, train.repair_error, counts,
+        offset=fraction, offset_std=float(spread / np.sqrt(place.size)), by_index=True,
+    )  # fmt: skip
+
+
+def _refuse_odd_index(place: Array, n: int, where: str) -> None:
+    apart = float(np.median(np.diff(place))) if place.size > 1 else float(n)
+    if place.size and abs(apart / n - 1.0) < ONE_PITCH:
+        return
+    found = f"one every {apart:.1f} pulses" if place.size else "none beside the pulses"
+    raise Refusal(
+        f"{where}: found {place.size} index pulses, {found}, expected one every {n} (per turn of the cam); check "
+        "pulses_per_rev, revolutions_per_cycle and the index channel"
+    )
+
+
+def _circular_mean(place: Array, n: int) -> float:
+    return float(np.angle(np.mean(np.exp(2j * np.pi * place / n))) / (2.0 * np.pi) * n)
+
+
+def _fraction(place: Array) -> tuple[float, float]:
+    """Return where between two pulses the index lies (-0.5 to 0.5) and its robust spread [steps]."""
+    centre = _circular_mean(place, 1)
+    around = (place - centre + 0.5) % 1.0 - 0.5
+    middle = float(np.median(around))
+    return centre + middle, 1.4826 * float(np.median(np.abs(around - middle)))

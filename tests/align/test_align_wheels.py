@@ -1,0 +1,237 @@
+"""Wheels of all kinds, tooth by tooth against the truth: the stated error lies between one and two times the actual."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from align_truth import TWO_PI, Samples, Shaft, angle_error_deg, pressure_of, torque_of
+from camtorque.align import AlignOptions, align
+from camtorque.align.timebase import time_base
+from camtorque.records import Refusal
+from camtorque.signal.inductive import find_crossings
+from wheel_truth import (
+    Wheel,
+    index_volts,
+    judged,
+    pulse_channel,
+    true_deviation,
+    wheel_recording,
+    wheel_volts,
+)
+
+SEEDS = (1, 2, 3, 4)
+WHEELS = {
+    "60-2": Wheel(),
+    "36-2": Wheel(teeth=36),
+    "60-1": Wheel(missing=1),
+    "36-1": Wheel(teeth=36, missing=1),
+    "12-1": Wheel(teeth=12, missing=1),
+    "60-2 inductive": Wheel(kind="inductive", edge="falling"),
+    "36-2 inductive": Wheel(kind="inductive", edge="falling", teeth=36),
+    "60-2 inductive, ten samples a tooth": Wheel(kind="inductive", edge="falling", rate=6e3),
+    "60-2 on the crank, index": Wheel(turns=2, index=True),
+    "60 and index": Wheel(missing=0, index=True),
+    "four lobes": Wheel(shaft=Shaft(rpm=600.0, ripple=0.01, order=4)),
+    "100 rpm": Wheel(shaft=Shaft(rpm=100.0, ripple=0.02), duration=8.0, rate=10e3),
+    "6000 rpm": Wheel(shaft=Shaft(rpm=6000.0, ripple=0.005), duration=1.0, rate=200e3),
+}
+
+
+@pytest.mark.parametrize("name", WHEELS)
+def test_error_of_every_tooth_is_stated(name: str) -> None:
+    wheels = [replace(WHEELS[name], seed=seed) for seed in SEEDS]
+    found = [judged(wheel, wheel_recording(wheel)) for wheel in wheels]
+    actual = np.sqrt(np.mean([np.mean(item.error**2) for item in found]))
+    stated = np.sqrt(np.mean([np.mean(item.stated**2) for item in found]))
+    assert 1.0 < stated / actual < 2.0
+    # five standard errors: no tooth is far from what is stated for it
+    assert all(np.max(np.abs(item.error) / item.stated) < 5.0 for item in found)
+
+
+@pytest.mark.parametrize("name", ["60-2", "36-2 inductive", "60 and index", "four lobes"])
+def test_deviation_from_even_running_is_handed_on_with_its_error(name: str) -> None:
+    errors, stated = [], []
+    for seed in SEEDS:
+        wheel = replace(WHEELS[name], seed=seed)
+        cycles = align(wheel_recording(wheel))
+        truth = true_deviation(wheel.shaft, cycles.theta)
+        error = cycles.details["angle_deviation"] - (truth - truth.mean())
+        errors.append(np.mean(error**2))
+        stated.append(np.mean(cycles.details["angle_deviation_std"] ** 2))
+        assert np.sqrt(errors[-1]) < 0.3 * np.std(truth)
+        assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+        assert "ripple_unseen" not in {finding.code for finding in cycles.findings}
+    assert 1.0 < np.sqrt(np.mean(stated) / np.mean(errors)) < 2.0
+
+
+def test_one_pulse_per_turn_tells_no_deviation() -> None:
+    wheel = Wheel(teeth=1, missing=0)
+    assert "angle_deviation" not in align(wheel_recording(wheel)).details
+
+
+def test_exchanged_wires_of_a_coil_are_told_and_read_right() -> None:
+    wheel = replace(WHEELS["60-2 inductive"], edge="rising")
+    cycles = align(wheel_recording(wheel))
+    assert {finding.code for finding in cycles.findings} == {"trigger_inverted"}
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+
+
+def test_coil_from_standstill_keeps_its_teeth_over_a_range_of_speed() -> None:
+    # 0.2 to 1.8 times the speed: the waves grow ninefold, and the first interval is the longest
+    wheel = replace(WHEELS["60-2 inductive"], shaft=Shaft(rpm=300.0, ramp=0.0), duration=4.0, noise=0.002)
+    t = wheel.times
+
+    class Ramp(Shaft):
+        def angle(self, t: np.ndarray) -> np.ndarray:
+            return self.start + self.speed * (0.2 * t + 0.2 * t**2)
+
+    ramp = replace(wheel, shaft=Ramp(rpm=300.0))
+    edges = find_crossings(pulse_channel(ramp, "trigger", wheel_volts(ramp)), "falling")
+    turned = ramp.wheel_angle(np.array([0.0, t[-1]])) / (TWO_PI / 60)
+    k = np.arange(np.ceil(turned[0]), np.floor(turned[1]) + 1)
+    assert edges.time.size == pytest.approx(np.sum(k % 60 < 58), abs=1)
+
+
+def slipped(wheel: Wheel, at: float, by: float) -> np.ndarray:
+    """Volts of a wheel that slips on its shaft by some teeth: the log goes on with a later part of the wheel."""
+    volts = wheel_volts(wheel)
+    i = round(at * wheel.rate)
+    skip = round(by * 60.0 / wheel.shaft.rpm / wheel.teeth * wheel.rate)
+    return np.r_[volts[:i], volts[i + skip :], volts[i : i + skip]]
+
+
+def test_count_starts_anew_at_the_mark_after_lost_teeth() -> None:
+    wheel = replace(WHEELS["60-2"], shaft=Shaft(rpm=600.0))
+    volts = wheel_volts(wheel)
+    angle = wheel.wheel_angle(wheel.times) / TWO_PI
+    # between two marks, seven teeth are hidden and three false ones added
+    hidden = (angle % 1.0 > 0.3) & (angle % 1.0 < 0.3 + 7.0 / 60.0) & (np.floor(angle) == 10)
+    volts[hidden] = 0.0
+    false = np.flatnonzero((np.floor(angle) == 20) & (angle % 1.0 > 0.5))[: 3 * 20]
+    volts[false] = 5.0 * (np.arange(false.size) % 20 < 10)
+    cycles = align(wheel_recording(wheel, volts=volts))
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+    lost = {row.reason: row.cycles for row in cycles.cut_flow if row.cycles and row.reason != "incomplete"}
+    assert sum(lost.values()) <= 4
+    assert np.max(cycles.speed) / np.min(cycles.speed) < 1.01
+
+
+def test_a_wheel_that_slips_costs_the_revolution_and_no_more() -> None:
+    wheel = replace(WHEELS["60-2"], shaft=Shaft(rpm=600.0), duration=4.0)
+    cycles = align(wheel_recording(wheel, volts=slipped(wheel, 2.0, 5.4)))
+    codes = {finding.code for finding in cycles.findings}
+    assert "trigger_slipped" in codes
+    before = cycles.index < cycles.index[0] + 15
+    assert abs(angle_error_deg(cycles.torque[before], torque_of, cycles.theta)) < 0.05
+    # after the slip the wheel stands five teeth further on the shaft: the angle of the wheel is kept, no cycle is odd
+    assert np.max(cycles.speed) / np.min(cycles.speed) < 1.01
+
+
+def test_noisy_36_2_with_glitches_is_used() -> None:
+    wheel = Wheel(teeth=36, shaft=Shaft(rpm=900.0, ripple=0.01), duration=3.0, rate=20e3, noise=0.25)
+    volts = wheel_volts(wheel)
+    rng = np.random.default_rng(5)
+    for place in rng.integers(0, volts.size - 3, 12):
+        volts[place : place + 2] = 5.0 * (volts[place] < 2.5)
+    cycles = align(wheel_recording(wheel, volts=volts))
+    assert cycles.index.size >= 0.7 * cycles.cycles_found
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+
+
+def encoder(wheel: Wheel, phase: float) -> np.ndarray:
+    pitch = TWO_PI / wheel.teeth
+    part = wheel.wheel_angle(wheel.times) / pitch - phase
+    return (part % 1.0 < 0.5).astype(float)
+
+
+@pytest.mark.parametrize("quarter", [0.25, -0.25])
+def test_encoder_tracks_with_index(quarter: float) -> None:
+    wheel = Wheel(shaft=Shaft(rpm=300.0, ripple=0.01), teeth=720, missing=0, rate=100e3, error_deg=0.0, index=True)
+    channels = [
+        pulse_channel(wheel, "encoder_a", encoder(wheel, 0.0)),
+        pulse_channel(wheel, "encoder_b", encoder(wheel, quarter)),
+        pulse_channel(wheel, "index", (index_volts(wheel) > 2.5).astype(float)),
+    ]
+    recording = wheel_recording(wheel, *channels)
+    found = judged(wheel, recording)
+    assert np.sqrt(np.mean(found.error**2)) < 0.03
+    assert 1.0 < found.ratio < 2.0
+    cycles = align(recording)
+    assert abs(angle_error_deg(cycles.pressure, pressure_of, cycles.theta)) < 0.05
+    assert cycles.index.size == cycles.cycles_found
+
+
+def test_encoder_that_swings_back_is_counted_once() -> None:
+    wheel = Wheel(shaft=Shaft(rpm=300.0), teeth=360, missing=0, rate=100e3, error_deg=0.0, index=True)
+    tracks = {name: encoder(wheel, phase) for name, phase in (("encoder_a", 0.0), ("encoder_b", 0.25))}
+    i, j = 150_000, 150_700
+    # three counts back and forth again, as a shaft that is stopped by hand
+    tracks = {k: np.r_[v[:j], v[i:j][::-1], v[i:j], v[j:]][: v.size] for k, v in tracks.items()}
+    channels = [pulse_channel(wheel, k, v) for k, v in tracks.items()]
+    index = index_volts(wheel) > 2.5
+    index = np.r_[index[:j], np.zeros(2 * (j - i), dtype=bool), index[j:]][: index.size].astype(float)
+    recording = wheel_recording(wheel, *channels, pulse_channel(wheel, "index", index))
+    # torque and pressure ran on: only the numbering is looked at
+    base = time_base(recording, "DAQ", AlignOptions())
+    assert "encoder_reversed" in {finding.code for finding in base.findings}
+    assert "trigger_slipped" not in {finding.code for finding in base.findings}
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda angle: angle % TWO_PI,
+        lambda angle: -angle,
+        lambda angle: np.floor(angle / (TWO_PI / 360)) * (TWO_PI / 360) % TWO_PI,
+        lambda angle: np.floor(angle / (TWO_PI / 36000)) * (TWO_PI / 36000),
+        lambda angle: (angle + 0.002 * np.random.default_rng(2).standard_normal(angle.size)) % TWO_PI,
+    ],
+    ids=["wrapped", "decreasing", "counts of a degree", "fine counts", "analogue with noise"],
+)
+def test_recorded_angle(law) -> None:
+    wheel = Wheel(shaft=Shaft(rpm=300.0, ripple=0.01), missing=0, rate=20e3, nominal_deg=40.0)
+    recording = wheel_recording(wheel, pulse_channel(wheel, "angle", law(wheel.wheel_angle(wheel.times))))
+    cycles = align(recording)
+    # a counter that rounds down is half a count late: 0.5 degrees of one that counts degrees, and stated
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.52
+    truth = true_deviation(wheel.shaft, cycles.theta)
+    assert np.std(cycles.details["angle_deviation"] - truth) < 0.1 * np.std(truth)
+
+
+def test_wheel_without_mark_needs_an_index() -> None:
+    wheel = replace(WHEELS["60-2"], missing=0)
+    with pytest.raises(Refusal, match=r"60 pulses per revolution without a mark .* or a channel with quantity"):
+        align(wheel_recording(wheel))
+    assert align(wheel_recording(replace(wheel, index=True))).index.size > 20
+
+
+def test_crank_wheel_without_index_is_told_from_the_lift() -> None:
+    wheel = replace(WHEELS["60-2 on the crank, index"], index=False)
+    cycles = align(wheel_recording(wheel))
+    assert "cycle_phase_by_lift" in {finding.code for finding in cycles.findings}
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+    bare = wheel_recording(wheel)
+    open_ = align(replace(bare, lift_table=None))
+    assert "cycle_phase_open" in {finding.code for finding in open_.findings}
+
+
+def test_index_of_another_shaft_is_refused() -> None:
+    wheel = Wheel(missing=0, index=True)
+    slow = replace(wheel, shaft=Shaft(rpm=170.0))
+    channels = (
+        pulse_channel(wheel, "trigger", wheel_volts(wheel)),
+        pulse_channel(wheel, "index", index_volts(slow)),
+    )
+    with pytest.raises(Refusal, match=r"index pulses, one every .* pulses, expected one every 60 \(per turn"):
+        align(wheel_recording(wheel, *channels))
+
+
+def test_angle_that_does_not_turn_is_refused() -> None:
+    wheel = Wheel(missing=0, rate=5e3)
+    still = pulse_channel(wheel, "angle", 0.3 + 0.2 * np.sin(wheel.times))
+    with pytest.raises(Refusal, match=r"the angle runs over .* turns and .* expected at least two turns"):
+        align(wheel_recording(wheel, still))
+    with pytest.raises(Refusal, match="the angle does not change"):
+        align(wheel_recording(wheel, replace(still, source=Samples(np.zeros(wheel.times.size)))))
