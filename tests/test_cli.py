@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 from camtorque import __version__, cli
 from camtorque.commands import COMMANDS, check, options, run, texts
-from camtorque.commands.arguments import EFFECTS, SHELLS
+from camtorque.commands.arguments import SHELLS
 from camtorque.commands.outcome import Outcome
-from camtorque.fit.problem import FIT_EFFECTS
 from camtorque.records import Refusal
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
@@ -74,13 +73,6 @@ def test_unknown_unit(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "furlong" in refused(copy, capsys)
 
 
-def test_unknown_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["run", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path / "o"), "--effects", "magic"]
-    with pytest.raises(SystemExit, match="2"):
-        cli.main(arguments)
-    assert "--effects: found magic, expected some of chamber" in one_line(capsys)
-
-
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -88,33 +80,15 @@ def test_unknown_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         ("run r --tolerance nan", "--tolerance: found 'nan'"),
         ("run r --n-theta 12", "--n-theta: found '12', expected a whole number from 36"),
         ("run r --n-theta 7.5", "--n-theta: found '7.5', expected a whole number"),
-        ("run r --posterior -3", "--posterior: found '-3', expected a whole number from 0"),
         ("campaign d --out o --workers 0", "--workers: found '0', expected a whole number from 1"),
         ("predict p --speed -5", "--speed: found '-5', expected a number above 0"),
         ("predict p --speed fast", "--speed: found 'fast'"),
-        ("run r --effects ,", "--effects: found no name"),
     ],
 )
 def test_options_are_bounded(capsys: pytest.CaptureFixture[str], arguments: str, text: str) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main(arguments.split())
     assert text in one_line(capsys)
-
-
-def test_help_names_every_effect(capsys: pytest.CaptureFixture[str]) -> None:
-    assert set(EFFECTS) == set(FIT_EFFECTS)
-    with pytest.raises(SystemExit, match="0"):
-        cli.main(["run", "--help"])
-    printed = capsys.readouterr().out
-    assert all(name in printed for name in EFFECTS)
-
-
-def test_missing_extra_is_refused_before_anything_is_read(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(options, "find_spec", lambda name: None)
-    assert cli.main(["run", "no such folder", "--posterior", "100"]) == 2
-    assert "found no package emcee, corner, expected the extra 'posterior'" in one_line(capsys)
 
 
 def test_output_that_cannot_be_written_is_refused_first(
@@ -152,11 +126,11 @@ def test_completion_names_commands_and_options(capsys: pytest.CaptureFixture[str
     printed = capsys.readouterr().out
     assert all(name in printed for name in COMMANDS)
     assert "speed-accuracy" in printed
-    assert "posterior" in printed
+    assert "limits" in printed
 
 
 @pytest.mark.parametrize(
-    ("typed", "wanted"), [("ru", "run"), ("run --post", "--posterior"), ("study sp", "speed-accuracy")]
+    ("typed", "wanted"), [("ru", "run"), ("run --lim", "--limits"), ("study sp", "speed-accuracy")]
 )
 def test_bash_completes(capsys: pytest.CaptureFixture[str], typed: str, wanted: str) -> None:
     cli.main(["completion", "bash"])

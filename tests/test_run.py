@@ -49,7 +49,7 @@ def test_main_job_reaches_what_it_must_reach(report: Path) -> None:
     assert abs(held["return_min_measured_nm"] - held["return_min_model_nm"]) <= 0.4
     assert abs(doc["losses"]["closure_percent"]) <= 1.0
     assert doc["recording"]["cycles_used"] >= 0.95 * doc["recording"]["cycles_found"]
-    assert doc["ladder"][0]["effects"] == []
+    assert set(doc["evidence"]) == {"chamber", "friction", "damping", "driveline"}
     assert sum(row["cycles"] for row in doc["recording"]["cut_flow"]) == (
         doc["recording"]["cycles_found"] - doc["recording"]["cycles_used"]
     )
@@ -81,7 +81,7 @@ def test_one_broken_recording_does_not_stop_a_campaign(tmp_path: Path, capsys: p
         shutil.copytree(EXAMPLES / name, tmp_path / "raw" / name)
     (tmp_path / "raw" / "A_1250rpm" / "A_1250rpm_all.csv").write_bytes(b"")
     arguments = ["campaign", str(tmp_path / "raw"), "--out", str(tmp_path / "out"), "--workers", "1", "--quiet"]
-    assert cli.main([*arguments, "--effects", "chamber", "--no-ladder", "--n-theta", "1800"]) == 1
+    assert cli.main([*arguments, "--n-theta", "1800"]) == 1
     doc = document(tmp_path / "out", "campaign.json")
     assert {row["name"]: row["status"] for row in doc["recordings"]} == {"A_1000rpm": "ok", "A_1250rpm": "refused"}
     assert "A_1250rpm_all.csv" in doc["recordings"][1]["error"]

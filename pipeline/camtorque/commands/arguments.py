@@ -6,19 +6,6 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-EFFECTS = (
-    "chamber",
-    "trigger",
-    "driveline",
-    "sensor",
-    "friction",
-    "damping",
-    "spring",
-    "lift",
-    "controller",
-    "coupling",
-)
-"""Names that `--effects` takes; a test holds them to those of the fit."""
 STUDIES = ("speed-accuracy", "stability")
 METHODS = ("closed", "recursion", "denoc")
 """Ways to solve the mechanics; a test holds them to those of the mechanism."""
@@ -62,16 +49,6 @@ def _range(low: float, high: float, above: bool) -> str:
     return start if high == float("inf") else f"{start} to {high:g}"
 
 
-def effect_names(text: str) -> tuple[str, ...]:
-    """Read a list of effects, separated by commas."""
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    unknown = [name for name in names if name not in EFFECTS]
-    if unknown or not names:
-        found = ", ".join(unknown) or "no name"
-        raise argparse.ArgumentTypeError(f"found {found}, expected some of {', '.join(EFFECTS)}")
-    return names
-
-
 def _recording(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder with recording.toml, or that file")
 
@@ -95,9 +72,6 @@ def _tolerance(parser: argparse._ActionsContainer) -> None:
 def _fit(parser: argparse.ArgumentParser) -> None:
     _grid(parser)
     _tolerance(parser)
-    text = f"effects that are offered (default: all): {', '.join(EFFECTS)}"
-    parser.add_argument("--effects", type=effect_names, metavar="A,B,...", help=text)
-    parser.add_argument("--no-ladder", action="store_true", help="keep every offered effect, needed or not")
 
 
 def check(parser: argparse.ArgumentParser) -> None:
@@ -117,9 +91,6 @@ def run(parser: argparse.ArgumentParser) -> None:
     _recording(parser)
     _out(parser, required=False, otherwise="reports/NAME, NAME being the recording's folder")
     _fit(parser)
-    parser.add_argument(
-        "--posterior", type=whole(0), default=0, metavar="STEPS", help="sample the posterior by chains of that length"
-    )
     parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="of the random numbers (default 0)")
     _pdf(parser)
     _limits(parser)

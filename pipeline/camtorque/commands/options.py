@@ -22,16 +22,11 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
     ------
     Refusal : a grid and a tolerance together; an optional package that a choice needs is missing
     """
-    steps, seed = getattr(arguments, "posterior", 0), getattr(arguments, "seed", 0)
-    if steps:
-        require(("emcee", "corner"), "--posterior", "posterior")
     if getattr(arguments, "pdf", False):
         require(("weasyprint",), "--pdf", "pdf")
     given = getattr(arguments, "limits", None)
     limits = () if given is None else read_limits(given)
-    return RunOptions(
-        _align(arguments, tell), FitOptions(arguments.effects, not arguments.no_ladder, steps, seed), limits
-    )
+    return RunOptions(_align(arguments, tell), FitOptions(getattr(arguments, "seed", 0)), limits)
 
 
 def _align(arguments: argparse.Namespace, tell: Tell) -> AlignOptions:

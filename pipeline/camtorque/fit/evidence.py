@@ -5,9 +5,11 @@ For a loss e that vanishes with its parameters, Gaussian posterior (mu, C) and p
 
     2 ln K = mu_e' C_ee^-1 mu_e + ln det C_ee + 2 ln Pr(box) - 2 ln Pr(rest in box | e = 0) - the same of the prior
 
-and a fit without the loss gives it by Laplace's approximation, ``-2 ln Z = chi^2 + ln det H - ln det P^-1 - 2 ln Pr(box) +
-2 ln Pr_prior(box)``. *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss small
-whatever the data allow (a small K alone is not absence). Else the data cannot tell.
+and a fit without the loss gives it by Laplace's approximation,
+``-2 ln Z = chi^2 + ln det H - ln det P^-1 - 2 ln Pr(box) + 2 ln Pr_prior(box)``.
+
+*Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
+small whatever the data allow (a small K alone is not absence). Else the data cannot tell.
 Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995); Genz, J. Comp. Graph. Stat. 1 (1992).
 """
 
@@ -180,9 +182,7 @@ def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) ->
     return np.asarray(shifts - np.mean(shifts, axis=0))
 
 
-def _sentence(
-    name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str
-) -> str:
+def _sentence(name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str) -> str:
     what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name)
     span = f"between {interval[0]:.2g} and {interval[1]:.2g} {unit} rms"
     if verdict == "needed":

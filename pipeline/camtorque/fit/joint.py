@@ -29,15 +29,15 @@ ANCHOR_LIMIT, ANCHOR_FACTOR = 10.0, 3.0
 START_ITERATIONS = 6
 OWN_ITERATIONS = 6
 BAD_FACTOR = 4.0
-"""A recording whose misfit exceeds the median by this factor has its structure searched anew, and is told if it stays."""
+"""A recording whose misfit exceeds the median by this factor has its structure searched anew."""
 ASIDE_FACTOR = 25.0
 SAME_SPEED = 0.05
 TWO_STATES = 5.0
 """Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
 DRIFT_TOLD = 2.5
 COMPARED = (
-    "trigger_offset", "leakage", "dead_volume", "bearing_arm", "spring_preload_error", "port_closing_lift", "shaft_drag",
-    "shaft_compliance",
+    "trigger_offset", "leakage", "dead_volume", "bearing_arm", "spring_preload_error", "port_closing_lift",
+    "shaft_drag", "shaft_compliance",
 )  # fmt: skip
 """Shared parameters that tell whether recordings belong to one pump in one state."""
 
@@ -147,14 +147,18 @@ def solve_joint(prepared: Sequence[Prepared]) -> tuple[Problem, Solution]:
     assert best is not None
     problem, solution = best
     again = [started_at(problem, solution, k) for k in range(count)]
-    searched = [searched_anew(item) if bad else item for item, bad in zip(again, misfits(problem, solution), strict=True)]
+    searched = [
+        searched_anew(item) if bad else item for item, bad in zip(again, misfits(problem, solution), strict=True)
+    ]
     problem = build_problem(searched)
     return problem, joint_solution(problem, problem.start, 40)
 
 
 def started_at(problem: Problem, solution: Solution, index: int) -> FitData:
     """Return a recording that starts at a solution."""
-    starts = {s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording in (-1, index)}
+    starts = {
+        s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording in (-1, index)
+    }
     return with_starts(problem.data[index], starts)
 
 
@@ -190,7 +194,9 @@ def searched_anew(item: FitData) -> FitData:
         tried = [item, *tried] if structure == item.structure else tried
         for trial in tried:
             problem = build_problem([trial], held)
-            found.append((try_at(problem, problem.start, lifts_at(problem, problem.start)).chi_square, len(found), trial))
+            found.append(
+                (try_at(problem, problem.start, lifts_at(problem, problem.start)).chi_square, len(found), trial)
+            )
     best = [entry[2] for entry in sorted(found, key=lambda entry: entry[:2])[:4]]
     fitted = [own_fitted(trial, 12) for trial in best]
     values = []
@@ -250,9 +256,9 @@ def refuse_two_states(prepared: Sequence[Prepared]) -> None:
                 if abs(a - b) > TWO_STATES * np.hypot(s, t):
                     raise Refusal(
                         f"joint fit: {other.data.name} and {one.data.name} run at one speed but differ in "
-                        f"{name.replace('_', ' ')} ({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {unit}): they are not one "
-                        "pump in one state and are not averaged; give each state its own `group` in [recording], or "
-                        "use `camtorque compare`"
+                        f"{name.replace('_', ' ')} ({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {unit}): they are not "
+                        "one pump in one state and are not averaged; give each state its own `group` in [recording], "
+                        "or use `camtorque compare`"
                     )
 
 
@@ -324,4 +330,3 @@ def _aside_findings(aside: Sequence[str]) -> tuple[Finding, ...]:
         )
         for name in aside
     )  # fmt: skip
-

@@ -72,14 +72,9 @@ def left_out_predictions(prepared: Sequence[Prepared], fit: Fit) -> tuple[HeldOu
     return tuple(result)
 
 
-def _prediction(
-    prepared: Prepared, fit: Fit, index: int, data: FitData, held: dict[str, float], mode: str
-) -> HeldOut:
+def _prediction(prepared: Prepared, fit: Fit, index: int, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
     problem = build_problem([data], held)
-    if problem.size:
-        solution = solve(problem, None, 20)
-    else:
-        solution = _evaluated(problem)
+    solution = solve(problem, None, 20) if problem.size else _evaluated(problem)
     alone = replace(
         fit, problem=problem, solution=solution, covariance=fit.covariance, measured=(fit.measured[index],),
         pressure_gain_std=(fit.pressure_gain_std[index],),
@@ -148,7 +143,11 @@ def _end_angle(fit: Fit, index: int) -> float:
         return _own_value(fit, index, "end_of_delivery")
     lift = item.chain.law.evaluate(item.chain.theta, 0)
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    return float(np.interp(_own_value(fit, index, "spill_lift"), np.maximum.accumulate(lift[: top + 1]), item.chain.theta[: top + 1]))
+    return float(
+        np.interp(
+            _own_value(fit, index, "spill_lift"), np.maximum.accumulate(lift[: top + 1]), item.chain.theta[: top + 1]
+        )
+    )
 
 
 def _slope_around(item: FitData, angle: float) -> Array:
@@ -158,4 +157,3 @@ def _slope_around(item: FitData, angle: float) -> Array:
     slope = np.gradient(chain.line_pressure, chain.theta) * chain.speed
     found = np.interp(angle + times * chain.speed, chain.theta, slope, period=2.0 * np.pi)
     return np.asarray(found / (np.max(np.abs(slope)) + 1e-12))
-

@@ -10,7 +10,7 @@ from scipy.signal import resample
 from camtorque.config import RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BINS, ChainInput, binned
+from camtorque.laws.chain import BINS, ChainInput, angle_grid, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
@@ -18,6 +18,7 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
 from camtorque.records import Array, CamCycles, CamTable, Recording, Refusal, SensorCalibration, freeze_arrays
 
+LEAST_GRID = BINS
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
 SMALLEST_SHARE = 2.0e-4
@@ -64,7 +65,8 @@ def halves(cycles: CamCycles) -> Halves:
         raise Refusal("fit: the recording has no torque channel; use `camtorque align` for pressure and trigger only")
     if cycles.theta.size < BINS:
         raise Refusal(
-            f"fit: found an angle grid of {cycles.theta.size} points, expected at least {BINS}; choose another --n-theta"
+            f"fit: found an angle grid of {cycles.theta.size} points, expected at least {BINS}; choose another "
+            "--n-theta"
         )
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
@@ -166,7 +168,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
     fine = on_grid(torque, grid)
     chain = ChainInput(
-        theta=np.arange(grid) * (2.0 * np.pi / grid), speed=cycles.mean_speed, line_pressure=on_grid(pressure, grid),
+        theta=angle_grid(grid), speed=cycles.mean_speed, line_pressure=on_grid(pressure, grid),
         shaft_torque=fine, trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
         offset=config.pump.follower_offset * config.rotation, roller_inertia=assumed_roller(config.pump).inertia,
     )  # fmt: skip

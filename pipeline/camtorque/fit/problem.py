@@ -161,7 +161,7 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
     """
     held = dict(held or {})
     fixed = {name: ROWS[name].start for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
-    fixed.update({name: 0.0 for name in COLUMN_NAMES})
+    fixed.update(dict.fromkeys(COLUMN_NAMES, 0.0))
     fixed.update(NEUTRAL)
     fixed.update(held)
     slots: list[Slot] = []

@@ -14,7 +14,7 @@ from camtorque.records import Array, ResidualBump
 
 UNEXPLAINED_TIMES = 3.0
 UNEXPLAINED_SHARE = 1.5e-3
-"""A recording is unexplained where the residual exceeds odd against even cycles this often and this share of the peak."""
+"""Unexplained: the residual exceeds so many times odd against even cycles and this share of the peak."""
 BLOCK_DEG = 20.0
 BUMP_TIMES = 4.0
 BUMP_WINDOW_DEG = 3.0
@@ -61,7 +61,9 @@ def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[Residua
     n = residual.size
     width = max(1, round(n * BUMP_WINDOW_DEG / 360.0))
     level = float(np.sqrt(np.mean(repeat**2))) + 1e-12
-    smooth = np.sqrt(np.convolve(np.r_[residual[-width:], residual, residual[:width]] ** 2, np.ones(width) / width, "same"))
+    smooth = np.sqrt(
+        np.convolve(np.r_[residual[-width:], residual, residual[:width]] ** 2, np.ones(width) / width, "same")
+    )
     smooth = smooth[width:-width]
     above = smooth > BUMP_TIMES * level
     edges = np.flatnonzero(np.diff(np.r_[0, above.astype(int), 0]))

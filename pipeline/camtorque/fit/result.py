@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
@@ -17,10 +18,11 @@ from camtorque.fit.solver import LiftModes
 from camtorque.fit.uncertainty import confidence, confounded_with, knowledge, uncertainty_budget
 from camtorque.laws import LAW_OF, ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
-from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluate
+from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, angle_grid, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
+from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import (
@@ -77,8 +79,8 @@ def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Model
     hidden = item.chain.shaft_torque - fit.measured[index]
     substeps = item.chain.substeps
     chain = replace(
-        item.chain, theta=np.arange(n) * (2.0 * np.pi / n), line_pressure=pressure, shaft_torque=torque + on_grid(hidden, n),
-        substeps=_finer(substeps, n, grid),
+        item.chain, theta=angle_grid(n), line_pressure=pressure,
+        shaft_torque=torque + on_grid(hidden, n), substeps=_finer(substeps, n, grid),
     )  # fmt: skip
     output = evaluate(chain, values, coefficients, tangents=True)
     lifts = lift_coefficients(solution.lifts[index], solution.residuals[index])
@@ -88,7 +90,7 @@ def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Model
     return Modelled(chain, output, values, cam, by_cause, basis.correction(output.motion.theta, lifts))
 
 
-def _finer(substeps: Array, n: int, grid: int) -> Array:
+def _finer(substeps: NDArray[np.int64], n: int, grid: int) -> NDArray[np.int64]:
     """Return the substeps of another grid that make about the same time steps."""
     place = np.minimum((np.arange(n) * grid) // n, grid - 1)
     return np.maximum(1, np.ceil(substeps[place] * grid / n)).astype(np.int64)
@@ -111,9 +113,12 @@ def fitted_torque(
     config = recording.config
     smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
     motion = fitted.output.motion
-    tables = closed_form_tables(config.pump, smooth, motion.theta, Mounting(rotation=config.rotation))
-    friction = {name: fitted.values.get(name, 0.0) for name in ("guide_friction",)}
-    forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second, **friction)
+    _, coefficients = fit.problem.values(fit.solution.z, index)
+    arms = (float(coefficients[COLUMN_NAMES.index(name)]) for name in ("bearing_arm", "pin_arm"))
+    friction = Friction(fitted.values["guide_friction"], *arms)
+    mounting = Mounting(rotation=config.rotation)
+    tables = closed_form_tables(config.pump, smooth, motion.theta, mounting, friction)
+    forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
     pressure_std = _pressure_std(fit, index, fitted)
     trigger = _trigger(parameters, config.trigger.nominal_angle)
     odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
@@ -123,7 +128,8 @@ def fitted_torque(
     chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
     return FittedTorque(
         effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
-        parameters=parameters, correlation=_correlation(fit), correlation_names=tuple(s.name for s in fit.problem.slots),
+        parameters=parameters, correlation=_correlation(fit),
+        correlation_names=tuple(slot.name for slot in fit.problem.slots),
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
@@ -167,7 +173,7 @@ def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
 
 def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
     """Return the structures (and second minima) that were compared and are not out of the question, best first."""
-    rows = []
+    rows: list[Alternative] = []
     for item, probability in zip(fit.candidates, fit.probabilities, strict=True):
         if rows and probability < WORTH_TELLING:
             continue
@@ -191,7 +197,9 @@ def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak:
     sheet = recording.of("torque")[0].calibration
     absolute = float("nan")
     if sheet is not None:
-        absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(sheet.zero_std, sheet.nonlinearity_std) / peak))
+        absolute = 100.0 * float(
+            np.hypot(sheet.gain_relative_std, np.hypot(sheet.zero_std, sheet.nonlinearity_std) / peak)
+        )
     spreads = dict(fit.shifts)
     return {
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
@@ -305,7 +313,7 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
         if abs(pull) > PULLED:
             text = (
                 f"{row.name.replace('_', ' ')} is {row.value:.3g} {row.unit}, {abs(pull):.1f} standard deviations off "
-                f"what was known ({row.prior[0]:.3g} +- {row.prior[1]:.2g}; {row.source}): check it, or a law is missing"
+                f"what was known ({row.prior[0]:.3g} +- {row.prior[1]:.2g}; {row.source}): check it, or a law misses"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)

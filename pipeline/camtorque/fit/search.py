@@ -15,7 +15,7 @@ import numpy as np
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, Solution, lifts_at, no_lift, solve, try_at
-from camtorque.laws.chain import evaluate, with_substeps
+from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.records import Array
 from camtorque.units import DEGREE
 
@@ -86,7 +86,7 @@ def coarse(data: FitData, grid: int = SEARCH_GRID) -> FitData:
     if chain.theta.size == grid:
         return data
     return replace(data, chain=replace(
-        chain, theta=np.arange(grid) * (2.0 * np.pi / grid), line_pressure=on_grid(chain.line_pressure, grid),
+        chain, theta=angle_grid(grid), line_pressure=on_grid(chain.line_pressure, grid),
         shaft_torque=on_grid(chain.shaft_torque, grid), substeps=np.zeros(0, dtype=np.int64),
     ))  # fmt: skip
 
@@ -110,7 +110,9 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
         held = {
             slot.row.name: slot.row.start for slot in full.slots[: full.n_nonlinear] if slot.row.name not in CORE
         }  # fmt: skip
-    data = refined(coarse(data, grid_for(smoothing_deg)), build_problem([data]).values(build_problem([data]).start, 0)[0])
+    data = refined(
+        coarse(data, grid_for(smoothing_deg)), build_problem([data]).values(build_problem([data]).start, 0)[0]
+    )
     problem = build_problem([data], held)
     lifts: tuple[LiftModes, ...] = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start)
     try:
@@ -121,15 +123,15 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     return Start(with_starts(data, starts), solution)
 
 
-def descend(
-    items: dict[str, list[FitData]], smoothings: tuple[float, ...], core_first: bool
-) -> dict[str, list[Start]]:
+def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core_first: bool) -> dict[str, list[Start]]:
     """Return what is left of the starts of each structure after a ladder of smoothings, least chi-square first."""
     result: dict[str, list[Start]] = {}
     for rung, smoothing in enumerate(smoothings):
         result = {}
         for name, group in items.items():
-            starts = [start for start in (continued(item, smoothing, core_first and rung == 0) for item in group) if start]
+            starts = [
+                start for start in (continued(item, smoothing, core_first and rung == 0) for item in group) if start
+            ]
             result[name] = sorted(starts, key=lambda s: s.chi_square)
         best = min(group[0].chi_square for group in result.values() if group)
         limit = KEEP_FACTOR * best + KEEP_MARGIN
@@ -180,7 +182,9 @@ def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open"
     result = merged(result, lambda best, name, group: rescanned(best, name), SMOOTHINGS_DEG[2:])
     if least(result).chi_square > POOR:
         result = merged(result, lambda best, name, group: with_coupling(group[0]), SMOOTHINGS_DEG[1:])
-        result = merged(result, lambda best, name, group: [as_expected(start) for start in group[:2]], SMOOTHINGS_DEG[1:])
+        result = merged(
+            result, lambda best, name, group: [as_expected(start) for start in group[:2]], SMOOTHINGS_DEG[1:]
+        )
         result = merged(result, lambda best, name, group: rescanned(best, name), SMOOTHINGS_DEG[2:])
     return result
 
@@ -197,6 +201,8 @@ def merged(
 ) -> dict[str, list[Start]]:
     """Return the starts with those that further ones lead to, best first."""
     best = least(result)
-    found = descend({name: more(best, name, group) for name, group in result.items() if group and name != "line"}, smoothings, False)
+    found = descend(
+        {name: more(best, name, group) for name, group in result.items() if group and name != "line"}, smoothings, False
+    )
     return {name: sorted([*group, *found.get(name, [])], key=lambda start: start.chi_square)
             for name, group in result.items()}  # fmt: skip

@@ -170,7 +170,10 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     odd_even = float(np.sqrt(np.mean((prepared.means.torque - prepared.means.held_torque) ** 2)))
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
-        evidence = (chamber_evidence(prepared.candidates, cov.inflation), *loss_evidence(problem, solution, cov, odd_even))
+        evidence = (
+            chamber_evidence(prepared.candidates, cov.inflation),
+            *loss_evidence(problem, solution, cov, odd_even),
+        )
     gain = pressure_gain_std(prepared.recording)
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)
     return Fit(
@@ -234,6 +237,7 @@ def relaxed_variant(best: Candidate) -> Candidate:
 
 def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> LossEvidence:
     """Return the evidence for a chamber whose pressure is not the line's."""
+
     def least(kinds: tuple[str, ...]) -> Candidate | None:
         found = [item for item in candidates if item.data.structure in kinds]
         return min(found, key=lambda item: item.value) if found else None

@@ -156,7 +156,7 @@ def bounded_quadratic(matrix: Array, vector: Array, lower: Array, upper: Array, 
 
 
 def try_at(
-    problem: Problem, z: Array, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] = smoother(0.0)
+    problem: Problem, z: Array, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] | None = None
 ) -> Trial:
     """Evaluate all recordings at z and solve for the linear parameters.
 
@@ -166,6 +166,7 @@ def try_at(
     lifts : lift correction of each recording
     smooth : smoothing of the residual
     """
+    smooth = smooth or smoother(0.0)
     k, first = problem.size, problem.n_nonlinear
     steps, (means, stds), (lower, upper) = problem.steps, problem.priors, problem.bounds
     size = k - first
@@ -198,9 +199,10 @@ def try_at(
 
 
 def normal_equations(
-    problem: Problem, trial: Trial, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] = smoother(0.0)
+    problem: Problem, trial: Trial, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] | None = None
 ) -> tuple[Array, Array, tuple[ChainOutput, ...]]:
     """Return Gauss-Newton matrix and descent vector (J^T r) without priors in units of the steps, and the outputs."""
+    smooth = smooth or smoother(0.0)
     k = problem.size
     matrix, vector = np.zeros((k, k)), np.zeros(k)
     steps = problem.steps

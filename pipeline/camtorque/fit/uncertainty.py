@@ -1,4 +1,4 @@
-"""How sure: covariance of the full model, inflation by what stays unexplained, budget by source, what the data added."""
+"""How sure: covariance of the full model, inflation by what stays unexplained, budget by source, knowledge."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from numba import njit
 from camtorque.laws import fluid, leakage, ports, valve
 from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
-from camtorque.laws.ports import LAMINAR, flow_root, opening
+from camtorque.laws.ports import flow_root, opening
 from camtorque.laws.rows import display
 from camtorque.laws.valve import SPRING, lifted, stop_force
 

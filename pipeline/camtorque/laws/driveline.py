@@ -13,8 +13,8 @@ same with w_b, r small. The third is a hub that swings behind the transducer on 
 more compliance. The inertia between transducer and cam turns the load into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
 
 w_b, r and T_c act through their logarithms (they are scales without a zero); where the recording's [drive] table knows
-inertia or loop, that is the prior. Sources: servo drives close their speed loop at 1-60 Hz with a reset time of 20 ms to
-1 s; couplings and hubs of 0.1-3 g m^2 swing at 40-400 Hz; torsion of steel shafts is damped by 0.2-10 % of critical.
+inertia or loop, that is the prior. Sources: servo drives close their speed loop at 1-60 Hz with a reset time of 20 ms
+to 1 s; hubs of 0.1-3 g m^2 on couplings swing at 40-400 Hz; torsion of shafts is damped by 0.2-10 % of critical.
 """
 
 from __future__ import annotations

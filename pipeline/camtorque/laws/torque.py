@@ -52,7 +52,7 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
     least : least value of 1 - mu |tan phi| sign(y')
     """
     rise, offset, radius, mass, stiffness, preload, area, inertia = pump
-    a_bearing, a_pin, drag, c_shaft, c_plunger, e_stiff, e_load, f_pack, s_pack = coefficients
+    a_bearing, a_pin, _drag, c_shaft, c_plunger, e_stiff, e_load, f_pack, s_pack = coefficients
     base = np.sqrt(rise * rise - offset * offset)
     n = rate.size
     torque = np.empty(n)

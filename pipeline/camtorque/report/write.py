@@ -27,7 +27,6 @@ from camtorque.report.folder import output_folder
 from camtorque.report.overview_figures import aligned_cycles
 from camtorque.report.page import ESCAPED, Drawing, align_page, run_page
 from camtorque.report.phases import phases
-from camtorque.report.posterior_figures import write_posterior
 from camtorque.report.predict_page import prediction_page
 from camtorque.version import __version__
 
@@ -45,9 +44,6 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     charts = {name: (spec, spec.draw(result)) for name, spec in FIGURES.items()}
     drawings = [drawn(name, spec, chart) for name, (spec, chart) in charts.items() if chart is not None]
     write_figures(drawings, folder / "figures", lambda name: FIGURES[name].png)
-    posterior = result.fitted.details.get("posterior")
-    if posterior is not None:
-        write_posterior(posterior, folder)
     doc = result_document(result)
     correlation = (result.fitted.correlation_names, result.fitted.correlation)
     strokes = phases(result.rigid.theta, result.rigid.lift)

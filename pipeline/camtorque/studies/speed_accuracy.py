@@ -10,10 +10,8 @@ from camtorque.report import output_files
 from camtorque.report.study_figures import save_study_figure
 from camtorque.studies.driveline import driveline_chart
 from camtorque.studies.dynamics import dynamics_chart
-from camtorque.studies.fitting import fitting_charts
 from camtorque.studies.grid import grid_chart, table_charts
 from camtorque.studies.resampling import resampling_charts
-from camtorque.studies.scenes import scenes_chart
 from camtorque.studies.table import Chart, document, write_document
 
 Charts = tuple[Chart, ...]
@@ -23,8 +21,6 @@ CHARTS: dict[str, Callable[[Path, bool], Charts]] = {
     "dynamics": lambda _, quick: (dynamics_chart(quick),),
     "driveline": lambda _, quick: (driveline_chart(quick),),
     "resampling": lambda _, quick: resampling_charts(quick),
-    "fitting": fitting_charts,
-    "scenes": lambda examples, quick: (scenes_chart(examples, quick),),
 }
 """Part of the study -> its charts."""
 

@@ -10,7 +10,6 @@ from camtorque.report.study_figures import save_study_figure
 from camtorque.studies.speed_accuracy import EXAMPLES, need_examples
 from camtorque.studies.stability_align import align_map
 from camtorque.studies.stability_driveline import drift_map, event_map, multiplier_map, stiffness_map
-from camtorque.studies.stability_fit import fit_map
 from camtorque.studies.stability_pump import running_map, table_map
 from camtorque.studies.table import StabilityMap, document, write_document
 
@@ -22,7 +21,6 @@ MAPS: dict[str, Callable[[bool, Path], StabilityMap]] = {
     "alignment": lambda quick, _: align_map(quick),
     "lift_tables": lambda quick, _: table_map(quick),
     "running": lambda quick, _: running_map(quick),
-    "fitting_starts": fit_map,
 }
 """Name -> map."""
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.ingest.pump_file import read_pressure_curve
-from camtorque.laws.chain import ChainInput, contact_load
 from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, kinematics, lift_law
+from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import Prediction, predict
 from camtorque.records import CamTable, Refusal
@@ -133,15 +133,15 @@ def running_map(quick: bool) -> StabilityMap:
 
 
 def _jamming(friction: float) -> Outcome:
-    """Return 1 where the contact force of the chain turns negative although it jams (mu tan(phi) reaches 1) unrefused.
+    """Return 1 where the contact force turns negative although the follower jams (mu tan(phi) reaches 1) unrefused.
 
     0.35 is the largest coefficient that a fit may reach; more can only be held by hand.
     """
-    law, pressure = study_law(rise_deg=25.0), study_pressure(THETA)
-    data = ChainInput(THETA, SPEED, pressure, 0.0 * THETA, 0.0, study_pump(), law, 0.0, 0.0, None, False)
-    lift, slope, curve = law.derivatives(THETA, 2)
-    load = contact_load(data, (lift, slope, curve), (SPEED + 0.0 * THETA, 0.0 * THETA), pressure, friction)
-    free = contact_load(data, (lift, slope, curve), (SPEED + 0.0 * THETA, 0.0 * THETA), pressure, 0.0)
+    pump, law, pressure = study_pump(), study_law(rise_deg=25.0), study_pressure(THETA)
+    load = closed_form_tables(pump, law, THETA, friction=Friction(guide=friction)).evaluate(
+        "contact_y", pressure, SPEED
+    )
+    free = closed_form_tables(pump, law, THETA).evaluate("contact_y", pressure, SPEED)
     return float(np.any((load < 0.0) & (free > 0.0))), ""
 
 
