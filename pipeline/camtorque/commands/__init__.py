@@ -36,6 +36,7 @@ COMMANDS: dict[str, Command] = {
     "limits": Command("camtorque.commands.limits", "reports held against bands: pass or fail", takes.limits),
     "export": Command("camtorque.commands.export", "tables of a report for other programs; trends", takes.export),
     "predict": Command("camtorque.commands.predict", "torque and forces of a pump from its sheet", takes.predict),
+    "design": Command("camtorque.commands.design", "a better cam for a pump: Pareto front, lift table", takes.design),
     "study": Command(
         "camtorque.commands.study", "speed charted against accuracy; stability where methods fail", takes.study, False
     ),

@@ -170,6 +170,12 @@ def predict(parser: argparse.ArgumentParser) -> None:
     _tolerance(parser)
 
 
+def design(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `design`."""
+    parser.add_argument("task", type=Path, metavar="DESIGN", help="design file, see docs/design.md")
+    _out(parser)
+
+
 def study(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `study`."""
     parser.add_argument("name", choices=STUDIES, metavar="NAME", help=" or ".join(STUDIES))

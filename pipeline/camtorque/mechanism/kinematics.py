@@ -127,6 +127,13 @@ def _paths(lift, base, offset, radius, out):  # type: ignore[no-untyped-def]
             out[row, i] = values[row]
 
 
+def path_rows(lift: Array, base: float, offset: float, radius: float) -> Array:
+    """Return s, tan phi, 1 / cos phi, q, q' and kappa (6, n) from the lift with two derivatives (3, n)."""
+    rows = np.empty((6, lift.shape[1]))
+    _paths(lift, base, offset, radius, rows)
+    return rows
+
+
 def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> Kinematics:
     """Return the kinematics of a pump at any cam angles.
 
@@ -142,8 +149,7 @@ def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> 
     angle = np.array(theta, dtype=np.float64)
     offset, radius = rotation * pump.follower_offset, pump.roller_radius
     lift = law.derivatives(angle, 2)
-    rows = np.empty((6, angle.size))
-    _paths(lift.reshape(3, -1), base_height(pump), offset, radius, rows)
+    rows = path_rows(lift.reshape(3, -1), base_height(pump), offset, radius)
     height, tangent, secant, ratio, ratio_slope, curvature = rows.reshape((6, *angle.shape))
     return Kinematics(
         theta=angle,

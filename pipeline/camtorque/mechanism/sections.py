@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial, chebyshev
+from scipy.interpolate import PPoly
 
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.records import Array, Refusal
@@ -85,6 +86,12 @@ def flank(kind: str, angle: float, rise: float) -> Section:
         raise Refusal(f"cam section: kind {kind!r} is unknown, expected one of {', '.join(FLANKS)}")
     unit = FLANKS[kind]
     return Section(kind, angle, lambda local: rise * unit(local / angle))
+
+
+def unit_flank(kind: str) -> PPoly:
+    """Return a flank of `FLANKS` of unit rise over unit angle as a piecewise polynomial of degree 9."""
+    widths, coefficients = _pieces(flank(kind, 1.0, 1.0), 0.0)
+    return PPoly(coefficients, np.append(0.0, np.cumsum(widths)))
 
 
 def tangent_sections(

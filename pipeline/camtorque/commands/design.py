@@ -1,0 +1,51 @@
+"""`camtorque design`: a better cam for a pump, from a design file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.design import Answer, answer_document, design_page, read_task, solve_task, write_chosen
+from camtorque.design.page import label_of
+from camtorque.design.responses import RESPONSES
+from camtorque.plain import plain
+from camtorque.report import check_output, output_folder
+from camtorque.report.document import write_json
+
+
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Find the front of a design task and write the chosen cam."""
+    check_output(arguments.out)
+    task = read_task(arguments.task)
+    answer = solve_task(task, tell)
+    with output_folder(arguments.out) as folder:
+        document = plain(_written(answer, folder))
+    return Outcome("\n".join([*_table(answer), str(arguments.out / "design.html")]), document)
+
+
+def _written(answer: Answer, folder: Path) -> dict[str, object]:
+    """Write everything into an open folder and return the document."""
+    chosen = answer.chosen
+    read_back = write_chosen(chosen.problem.evaluated(chosen.variables), folder)
+    document = answer_document(answer, read_back)
+    (folder / "design.html").write_text(design_page(answer, read_back), encoding="utf-8")
+    write_json(folder / "design.json", plain(document))
+    return document
+
+
+def _table(answer: Answer) -> list[str]:
+    """Return the chosen design against the first guess, and the dearest limits."""
+    problem, chosen = answer.chosen.problem, answer.chosen
+    before, after = problem.evaluated(problem.start()), problem.evaluated(chosen.variables)
+    lines = [f"design {answer.front.chosen + 1} of {len(answer.front.points)}, {chosen.design.family.name}"]
+    lines.append(f"{'':44}{'first guess':>14}{'design':>14}")
+    for name in problem.names:
+        values = (RESPONSES[name].value(design) for design in (before, after))
+        lines.append(f"{label_of(name):44}" + "".join(f"{value:14.5g}" for value in values))
+    for variable in problem.task.variables:
+        lines.append(f"{label_of(variable.name):44}{variable.start:14.5g}{chosen.design.values[variable.name]:14.5g}")
+    for price in answer.prices[:5]:
+        costs = "; ".join(f"{label_of(name)} {value:+.3g}" for name, value in price.per_aim.items())
+        lines.append(f"per {price.unit or 'unit'} by which {price.what} is loosened: {costs}")
+    return lines

@@ -1,0 +1,196 @@
+"""What a design leaves behind: the chosen cam as lift table and pump file, read back as `predict` reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.config_pump import PumpConfig
+from camtorque.design.evaluate import Evaluated
+from camtorque.design.explain import Price, prices
+from camtorque.design.front import Front, FrontPoint, Tell, find_front
+from camtorque.design.responses import RESPONSES
+from camtorque.design.task import Task
+from camtorque.design.tolerances import Spread, spreads
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.outliers import outlying_points
+from camtorque.mechanism.predict import predict, sweep_rows
+from camtorque.records import Array, Refusal
+from camtorque.units import BAR, DEGREE
+
+TABLE_STEP_DEG, TABLE_DECIMALS = 0.5, 5
+PRESSURE_STEP_DEG = 0.25
+PUMP, TABLE = "pump.toml", "cam.csv"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A solved task: its front, and for the chosen design the price of every limit and the spread by tolerances."""
+
+    task: Task
+    front: Front
+    prices: tuple[Price, ...]
+    spreads: Mapping[str, Spread]
+
+    @property
+    def chosen(self) -> FrontPoint:
+        """The chosen point."""
+        return self.front.points[self.front.chosen]
+
+
+def solve_task(task: Task, tell: Tell) -> Answer:
+    """Return the answer to a task.
+
+    Raises
+    ------
+    Refusal : no design keeps all limits
+    """
+    front = find_front(task, tell)
+    point = front.points[front.chosen]
+    tell("what the limits cost, and the tolerances")
+    found = prices(point.problem, front.scale, point.variables, point.reference)
+    return Answer(task, front, found, spreads(point.problem, point.variables, task.seed))
+
+
+def lift_table_text(design: Evaluated) -> str:
+    """Return the lift table over one revolution in the direction of running, as `read_cam_table` reads it."""
+    start = design.config.sections_start
+    degrees = np.arange(0.0, 360.0, TABLE_STEP_DEG)
+    lift = 1e3 * design.lobe.law(start).evaluate(degrees * DEGREE)
+    rows = "\n".join(f"{a:.1f},{y:.{TABLE_DECIMALS}f}" for a, y in zip(degrees, np.maximum(lift, 0.0), strict=True))
+    return (
+        f"# lift of the chosen design, resolution {10.0 ** (3 - TABLE_DECIMALS):g} um\ncam_angle_deg,lift_mm\n{rows}\n"
+    )
+
+
+def pressure_text(design: Evaluated, number: int) -> str:
+    """Return the pressure of a load over cam angle, as `read_pressure_curve` reads it."""
+    start = design.config.sections_start / DEGREE
+    order = design.order
+    angle, pressure = design.theta[order] / DEGREE, design.solved[number].pressure[order] / BAR
+    grid = np.arange(0.0, 360.0, PRESSURE_STEP_DEG)
+    # the corners of the load as well, apart from grid points that would coincide with them
+    corners, _ = design.lobe.crossings(design.loads[number].events)
+    local = np.unique(np.round(np.concatenate([np.mod(grid - start, 360.0), corners / DEGREE]), 6))
+    values = np.interp(local, angle, pressure, period=360.0)
+    turned = np.round(np.mod(local + start, 360.0), 6)
+    ranks = np.argsort(turned, kind="stable")
+    rows = "\n".join(f"{turned[k]:.6f},{values[k]:.4f}" for k in ranks)
+    return f"cam_angle_deg,pressure_bar\n{rows}\n"
+
+
+def pump_text(design: Evaluated) -> str:
+    """Return the pump file of a design, which `predict` runs."""
+    pump, config = design.pump, design.config
+    rows: dict[str, dict[str, Any]] = {
+        "pump": {
+            "id": "design", "base_circle_radius_m": pump.base_circle_radius, "roller_radius_m": pump.roller_radius,
+            "roller_width_m": pump.roller_width, "follower_offset_m": pump.follower_offset,
+            "cam_mass_kg": pump.cam_mass, "cam_inertia_kg_m2": pump.cam_inertia,
+            "follower_mass_kg": pump.follower_mass, "spring_stiffness_N_per_m": pump.spring_stiffness,
+            "spring_preload_N": pump.spring_preload, "plunger_diameter_m": pump.plunger_diameter,
+            "youngs_modulus_cam_Pa": pump.youngs_modulus_cam, "youngs_modulus_roller_Pa": pump.youngs_modulus_roller,
+            "poisson_ratio": pump.poisson_ratio, "roller_mass_kg": pump.roller_mass,
+            "roller_inertia_kg_m2": pump.roller_inertia, "cam_table": TABLE,
+            "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm",
+        },
+        "mounting": _mounting_rows(config),
+        "shaft": {"phases_deg": [float(phase / DEGREE) for phase in design.phases]},
+        "friction": {"guide": config.friction[0], "bearing_arm_um": 1e6 * config.friction[1],
+                     "pin_arm_um": 1e6 * config.friction[2]},
+    }  # fmt: skip
+    blocks = ['schema = "camtorque-pump/1"']
+    for name, values in rows.items():
+        lines = [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
+        blocks.append("\n".join([f"[{name}]", *lines]))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _mounting_rows(config: PumpConfig) -> dict[str, Any]:
+    return {"rotation": "positive" if config.rotation == 1 else "negative",
+            "gravity_m_per_s2": [float(g) for g in config.gravity], "spring_mass_kg": config.spring_mass,
+            "guide_height_m": config.guide_height}  # fmt: skip
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    return str(value) if isinstance(value, list) else repr(float(value))
+
+
+def write_chosen(design: Evaluated, folder: Path) -> list[dict[str, float]]:
+    """Write lift table, pump file and pressure curves; return what `predict` makes of them, one row per load.
+
+    Raises
+    ------
+    Refusal : the files cannot be read back, or a point of the table sticks out
+    """
+    (folder / TABLE).write_text(lift_table_text(design), encoding="utf-8")
+    (folder / PUMP).write_text(pump_text(design), encoding="utf-8")
+    config, _ = read_pump(folder / PUMP)
+    if config.cam_table is not None and outlying_points(config.cam_table).size:
+        raise Refusal(f"{folder / TABLE}: points of the lift table stick out; ask for a smoother lift law in [lift]")
+    rows = []
+    for k, load in enumerate(design.loads):
+        name = f"pressure_{k + 1}.csv"
+        (folder / name).write_text(pressure_text(design, k), encoding="utf-8")
+        read = sweep_rows(predict(config, [load.speed], read_pressure_curve(folder / name)))[0]
+        rows.append({"speed_rpm": read["speed_rpm"], "peak_torque_nm": read["shaft_torque_max_nm"],
+                     "hertz_gpa": read["hertz_max_gpa"]})  # fmt: skip
+    return rows
+
+
+def answer_document(answer: Answer, read_back: list[dict[str, float]]) -> dict[str, Any]:
+    """Return the answer as JSON-ready values (schema ``camtorque.design/1``), units in the names."""
+    task = answer.task
+    return {
+        "schema": "camtorque.design/1",
+        "task": task.text,
+        "aims": list(task.aims),
+        "limits": [limit.text for limit in task.limits],
+        "chosen": answer.front.chosen,
+        "points": [point_document(point) for point in answer.front.points],
+        "prices": [asdict(price) for price in answer.prices],
+        "tolerances": {name: asdict(spread) for name, spread in answer.spreads.items()},
+        "as_predict_reads_it": read_back,
+    }
+
+
+def point_document(point: FrontPoint) -> dict[str, Any]:
+    """Return one point: its law, its free quantities, coefficients of its flanks, every response."""
+    design, evaluated = point.design, point.problem.evaluated(point.variables)
+    return {
+        "law": design.family.name,
+        "free": {variable.name: design.values[variable.name] for variable in point.problem.task.variables},
+        "rise_coefficients": design.rise,
+        "return_coefficients": design.fall,
+        "responses": responses_of(evaluated),
+    }
+
+
+def responses_of(design: Evaluated) -> dict[str, float]:
+    """Return every response of a design in its unit."""
+    return {name: response.value(design) for name, response in RESPONSES.items()}
+
+
+def curves_of(design: Evaluated) -> dict[str, Array]:
+    """Return what is drawn of a design over cam angle, in order: angle, lift, pressure angle, torques, stresses."""
+    order = design.order
+    found: dict[str, Array] = {
+        "theta_deg": design.theta[order] / DEGREE,
+        "lift_mm": 1e3 * design.lift[0][order],
+        "pressure_angle_deg": np.arctan(design.path[1][order]) / DEGREE,
+    }
+    grid = np.linspace(0.0, TURN, 721)
+    found["shaft_deg"] = np.rad2deg(grid)
+    for k, solved in enumerate(design.solved):
+        local = np.mod(grid[:, None] - design.phases, TURN)
+        torque = np.interp(local, design.theta[order], solved.outputs["torque"][order], period=TURN).sum(axis=1)
+        found[f"torque_{k}_nm"] = torque
+        found[f"hertz_{k}_gpa"] = 1e-9 * solved.hertz[order]
+    return found

@@ -1,0 +1,218 @@
+"""The Pareto front of a task: best of each aim, then evenly spread points between, for every family of flanks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from camtorque.design.evaluate import Design
+from camtorque.design.explain import refuse_collision
+from camtorque.design.problem import Problem
+from camtorque.design.responses import RESPONSES
+from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
+from camtorque.design.task import KNEE, Task
+from camtorque.records import Array, Refusal, freeze_arrays
+
+Tell = Callable[[str], None]
+SAME = 1.0e-4
+"""Scaled distance of two points of the front below which they are one."""
+WORTHWHILE = 1.0e-6
+"""Gain in every aim, scaled, from which one design is better than another."""
+NARROW = 1.0e-6
+"""Distance of ideal and worst value over the value below which an aim does not pull against the others."""
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """One design of the front: the variables of its problem, its aims 0 to 1, and every response in its unit."""
+
+    problem: Problem
+    variables: Array
+    reference: Array | None
+    aims: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.problem.design(self.variables)
+
+
+@dataclass(frozen=True)
+class Front:
+    """All points that no other is better than, in the order of the first aim; the scale of the aims; the chosen one."""
+
+    points: tuple[FrontPoint, ...]
+    scale: Scale
+    chosen: int
+
+
+def find_front(task: Task, tell: Tell) -> Front:
+    """Return the front of a task.
+
+    Raises
+    ------
+    Refusal : no design keeps all limits; the message says which collide, and by how much
+    """
+    problems = [Problem(task, family) for family in task.families]
+    ends = [_ends(problem, tell) for problem in problems]
+    if not any(ends):
+        refuse_collision(problems[0], min((_least_violation(p) for p in problems), key=lambda s: s.violation))
+    scale = _common_scale(task, [(p, s) for p, rows in zip(problems, ends, strict=True) for s in rows])
+    points = []
+    for problem, rows in zip(problems, ends, strict=True):
+        if rows:
+            points += list(_between(problem, scale, rows, _share(task, sum(map(bool, ends))), tell))
+    kept = _best(points)
+    return Front(kept, scale, _choice(task, kept))
+
+
+def _share(task: Task, families: int) -> int:
+    """Return how many points each family gets; the answer has as many as were asked for, or fewer where some lose."""
+    return max(2, int(np.ceil(task.points / families)))
+
+
+def own_scale(problem: Problem) -> Scale:
+    """Return a scale by the size of the aims at the first guess."""
+    design = problem.evaluated(problem.start())
+    sizes = np.array([abs(RESPONSES[name].value(design)) for name in problem.task.aims])
+    return Scale(np.zeros(sizes.size), np.maximum(sizes, 1e-9))
+
+
+def _least_violation(problem: Problem) -> Solution:
+    """Return the design that violates the limits least."""
+    generator = np.random.default_rng(problem.task.seed)
+    starts = [problem.start(), *(problem.random_start(generator) for _ in range(problem.task.starts))]
+    found = []
+    for start in starts:
+        found.append(solve(problem, own_scale(problem), start, relaxed=True))
+        if found[-1].feasible:
+            break
+    return min(found, key=lambda solution: solution.violation)
+
+
+def _ends(problem: Problem, tell: Tell) -> list[Solution]:
+    """Return the best design of each aim, empty where the limits cannot be kept."""
+    scale, task = own_scale(problem), problem.task
+    start = problem.start()
+    if violation(problem, start) > 0.0:
+        relaxed = _least_violation(problem)
+        if not relaxed.feasible:
+            tell(f"{problem.family.name}: no design keeps all limits")
+            return []
+        start = relaxed.variables
+    generator = np.random.default_rng(task.seed)
+    starts = [start, *(problem.random_start(generator) for _ in range(task.starts - 1))]
+    ends = []
+    for i, name in enumerate(task.aims):
+        best = _best_of(problem, scale, starts, i)
+        value = RESPONSES[name].value(problem.evaluated(best.variables))
+        tell(f"{problem.family.name}: best {name} {value:.5g}")
+        ends.append(best)
+    return ends
+
+
+def _best_of(problem: Problem, scale: Scale, starts: list[Array], aim: int) -> Solution:
+    """Return the best design of one aim from several starts; the first one keeps all limits."""
+    here = starts[0]
+    found = [Solution(here, scaled_aims(problem, scale, here), violation(problem, here), 0)]
+    for start in starts:
+        solution = solve(problem, scale, start, single=aim)
+        # a second run forgets the curvature that led the first one astray
+        found += [solution, solve(problem, scale, solution.variables, single=aim)]
+    return min((s for s in found if s.feasible), key=lambda s: float(s.aims[aim]))
+
+
+def _common_scale(task: Task, ends: list[tuple[Problem, Solution]]) -> Scale:
+    """Return offset and width of every aim from its best and its worst value among the best designs."""
+    values = np.array([
+        signs_of(problem) * [RESPONSES[n].value(problem.evaluated(s.variables)) for n in task.aims]
+        for problem, s in ends
+    ])  # fmt: skip
+    ideal, worst = values.min(axis=0), values.max(axis=0)
+    width = np.where(worst - ideal > NARROW * np.abs(worst), worst - ideal, np.maximum(np.abs(worst), 1e-9))
+    return Scale(ideal, width)
+
+
+def references(aims: int, count: int) -> Array:
+    """Return evenly spread reference points with a sum of 1, (k, aims): a simplex lattice with at least ``count``."""
+    if aims == 1:
+        return np.zeros((1, 1))
+    steps = 1
+    while _lattice_size(aims, steps) < count:
+        steps += 1
+    cuts = combinations(range(steps + aims - 1), aims - 1)
+    rows = [np.diff([-1, *cut, steps + aims - 1]) - 1 for cut in cuts]
+    return np.array(rows, dtype=np.float64) / steps
+
+
+def _lattice_size(aims: int, steps: int) -> int:
+    return comb(steps + aims - 1, aims - 1)
+
+
+def _between(
+    problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Tell
+) -> Iterator[FrontPoint]:  # fmt: skip
+    """Yield the points of a family, each started from the solved one that is nearest."""
+    goals = references(len(ends), count)
+    solved = [
+        FrontPoint(problem, s.variables, None, scaled_aims(problem, scale, s.variables)) for s in ends
+    ]  # fmt: skip
+    yield from solved
+    if len(ends) == 1:
+        return
+    # from the corners of the lattice inwards, so that every point has a solved neighbour
+    order = np.argsort(-np.max(goals, axis=1), kind="stable")
+    done = 0
+    for number, at in enumerate(order, start=1):
+        goal = goals[at]
+        nearest = sorted(solved, key=lambda point: float(np.sum((_direction(point.aims) - _direction(goal)) ** 2)))
+        found = _approach(problem, scale, goal, nearest[:2])
+        if found is not None:
+            solved.append(found)
+            yield found
+        if 10 * number // order.size > done:
+            done = 10 * number // order.size
+            tell(f"{problem.family.name}: {number} of {order.size} points of the front")
+
+
+def _direction(aims: Array) -> Array:
+    """Return where on the lattice a point lies: the aims less what they have in common."""
+    return aims - np.mean(aims)
+
+
+def _approach(problem: Problem, scale: Scale, goal: Array, near: list[FrontPoint]) -> FrontPoint | None:
+    """Return the design closest to a reference point, from the first start that leads to one."""
+    for start in near:
+        found = solve(problem, scale, start.variables, reference=goal)
+        if found.feasible:
+            return FrontPoint(problem, found.variables, goal, found.aims)
+    return None
+
+
+def _best(points: list[FrontPoint]) -> tuple[FrontPoint, ...]:
+    """Return the points that no other is better than, each once, in the order of the first aim."""
+    kept: list[FrontPoint] = []
+    for point in points:
+        beaten = any(np.all(other.aims <= point.aims + WORTHWHILE) and np.any(other.aims < point.aims - WORTHWHILE)
+                     for other in points)  # fmt: skip
+        twice = any(np.max(np.abs(other.aims - point.aims)) < SAME for other in kept)
+        if not beaten and not twice:
+            kept.append(point)
+    return tuple(sorted(kept, key=lambda point: float(point.aims[0])))
+
+
+def _choice(task: Task, points: tuple[FrontPoint, ...]) -> int:
+    """Return the point that was asked for: best in one aim, or the knee, where the worst scaled aim is least."""
+    if not points:
+        raise Refusal(f"{task.path}: no point of the front was found; widen the bounds in [free] or the limits")
+    if task.choose == KNEE:
+        return int(np.argmin([np.max(point.aims) + 1e-3 * np.sum(point.aims) for point in points]))
+    aim = task.aims.index(task.choose)
+    return int(np.argmin([point.aims[aim] for point in points]))

@@ -1,0 +1,67 @@
+"""A load that a design is judged under: one speed, and the pressure on the plunger over lift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from camtorque.records import Array, freeze_arrays
+
+
+@dataclass(frozen=True)
+class Load:
+    """One speed with the pressure on the plunger over lift, on the rise and on the return.
+
+    The pressure belongs to the stroke, not to the cam angle: whatever the cam, the same volume is delivered at the same
+    pressure.
+
+    Attributes
+    ----------
+    name : for messages
+    speed : [rad/s]
+    lifts, pressures : (k,) corners on the rise, linear in between [m, Pa]
+    back_lifts, back_pressures : on the return
+    events : (j,) lifts at which the rise is evaluated exactly [m]
+    """
+
+    name: str
+    speed: float
+    lifts: Array
+    pressures: Array
+    back_lifts: Array
+    back_pressures: Array
+    events: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    def on_rise(self, lift: Array) -> Array:
+        """Return the pressure at some lifts of the rise [Pa]."""
+        return np.interp(lift, self.lifts, self.pressures)
+
+    def on_return(self, lift: Array) -> Array:
+        """Return the pressure at some lifts of the return [Pa]."""
+        return np.interp(lift, self.back_lifts, self.back_pressures)
+
+    @property
+    def share(self) -> tuple[Array, Array]:
+        """Corners of the share of the peak pressure over lift on the rise, for delivery."""
+        peak = float(np.max(self.pressures))
+        return self.lifts, self.pressures / peak if peak > 0.0 else np.ones_like(self.pressures)
+
+    @cached_property
+    def half(self) -> tuple[float, float]:
+        """The lifts between which the pressure is at least half its peak [m]; inf where it stays so to the end."""
+        corners, share = self.share
+        steps = np.flatnonzero(np.diff(share >= 0.5))
+        ends = corners[steps] + (0.5 - share[steps]) / np.diff(share)[steps] * np.diff(corners)[steps]
+        first = 0.0 if share[0] >= 0.5 or not ends.size else float(ends[0])
+        return first, float(ends[-1]) if ends.size and share[-1] < 0.5 else float("inf")
+
+    def delivered(self, lift: float) -> float:
+        """Return the stroke that delivers on a rise to some lift: the integral of the share over lift [m]."""
+        corners, share = self.share
+        grid = np.unique(np.clip(np.concatenate([[0.0, lift], corners]), 0.0, lift))
+        return float(np.trapezoid(np.interp(grid, corners, share), grid))

@@ -1,0 +1,128 @@
+"""The page of a design: the front as a chart whose points open their cam, without a script, and what was learned."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from camtorque.design.answer import Answer, curves_of, responses_of
+from camtorque.design.explain import unit_of
+from camtorque.design.front import Front, FrontPoint
+from camtorque.design.responses import RESPONSES
+from camtorque.records import Array
+from camtorque.report.chart import HALF, Curves, Line, Panel
+from camtorque.report.curves_svg import curves_svg
+from camtorque.report.page import render
+from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
+from camtorque.report.tones import CYCLE, fill
+
+SIZE = (640.0, 420.0)
+EDGES = (70.0, 14.0, 14.0, 46.0)
+"""Left, right, top and bottom of the chart [px]."""
+
+
+def label_of(name: str) -> str:
+    """Return a response or quantity as words with its unit."""
+    unit = unit_of(name)
+    words = name
+    for ending in ("mm3_per_deg", "mm_per_rad3", "mm_per_rad2", "mm_per_rad", "N_per_mm", "mm3", "mm", "deg", "rpm",
+                   "gpa", "nm", "N", "n", "j"):  # fmt: skip
+        if name.endswith("_" + ending):
+            words = name.removesuffix("_" + ending)
+            break
+    shown = words.replace("_", " ").replace("hertz", "Hertz pressure")
+    return f"{shown} [{unit}]" if unit else shown
+
+
+def front_svg(front: Front, aims: tuple[str, ...], across: int, up: int) -> str:
+    """Return the front over two aims; every point is a link to its design."""
+    values = np.array(
+        [[RESPONSES[name].value(p.problem.evaluated(p.variables)) for name in aims] for p in front.points]
+    )
+    x, y = values[:, across], values[:, up]
+    (width, height), (left, right, top, bottom) = SIZE, EDGES
+    horizontal = Scale(*padded([x]), left, width - right)
+    vertical = Scale(*padded([y]), height - bottom, top)
+    parts = _axes(horizontal, vertical, label_of(aims[across]), label_of(aims[up]))
+    for k, point in enumerate(front.points):
+        tone, radius = ("bad", 6.5) if k == front.chosen else (CYCLE[_family_number(front, point)], 4.5)
+        hint = f"design {k + 1}: {label_of(aims[across])} {x[k]:.5g}, {label_of(aims[up])} {y[k]:.5g}"
+        place = f'cx="{horizontal(x[k]):.1f}" cy="{vertical(y[k]):.1f}" r="{radius}"'
+        parts.append(f'<a href="#d{k + 1}"><circle {place} {fill(tone)}><title>{hint}</title></circle></a>')
+    return drawing(width, height, f"Pareto front of {aims[across]} and {aims[up]}", parts)
+
+
+def _family_number(front: Front, point: FrontPoint) -> int:
+    names = list(dict.fromkeys(p.problem.family.name for p in front.points))
+    return names.index(point.problem.family.name) % len(CYCLE)
+
+
+def _axes(across: Scale, up: Scale, below: str, beside: str) -> list[str]:
+    places, levels = ticks(across.low, across.high), ticks(up.low, up.high)
+    parts = [line(across(v), up.start, across(v), up.stop, "grid") for v in places]
+    parts += [line(across.start, up(v), across.stop, up(v), "grid") for v in levels]
+    step_x, step_y = (float(np.diff(v)[0]) if len(v) > 1 else 1.0 for v in (places, levels))
+    parts += [text(across(v), up.start + 17.0, tick_text(v, step_x), "middle", "muted") for v in places]
+    parts += [text(across.start - 6.0, up(v) + 4.0, tick_text(v, step_y), "end", "muted") for v in levels]
+    middle = 0.5 * (up.start + up.stop)
+    parts.append(text(0.5 * (across.start + across.stop), up.start + 37.0, below, "middle"))
+    parts.append(text(14.0, middle, beside, "middle", "ink", f'transform="rotate(-90 14 {middle:.1f})"'))
+    return parts
+
+
+def design_svg(point: FrontPoint, names: tuple[str, ...]) -> str:
+    """Return lift, pressure angle, torque and stress of one design over cam angle; ``names`` of the loads."""
+    curves = curves_of(point.problem.evaluated(point.variables))
+    grid, angle = curves["shaft_deg"], curves["theta_deg"]
+
+    def on_grid(values: Array) -> Array:
+        return np.interp(grid, angle, values, period=360.0)
+
+    steep = on_grid(curves["pressure_angle_deg"])
+    torque = tuple(Line(n, curves[f"torque_{k}_nm"], CYCLE[k % len(CYCLE)]) for k, n in enumerate(names))
+    hertz = tuple(Line(n, on_grid(curves[f"hertz_{k}_gpa"]), CYCLE[k % len(CYCLE)]) for k, n in enumerate(names))
+    panels = (
+        Panel("lift [mm]", (Line("lift", on_grid(curves["lift_mm"]), "c2"),), height=90.0),
+        Panel("pressure angle [deg]", (Line("pressure angle", steep, "c6"),), height=90.0),
+        Panel("torque of all pumps [N m]", torque, height=150.0),
+        Panel("Hertz pressure [GPa]", hertz, height=110.0),
+    )
+    return curves_svg(Curves(grid, "cam angle from the start of the rise [deg]", panels, width=HALF), "one design")
+
+
+def design_page(answer: Answer, read_back: list[dict[str, float]]) -> str:
+    """Return the page as HTML."""
+    task, front = answer.task, answer.front
+    pairs = [(a, b) for b in range(1, len(task.aims)) for a in range(b)]
+    loads = tuple(load.name for load in task.loads)
+    designs = [_design(k, point, loads) for k, point in enumerate(front.points)]
+    responses = responses_of(answer.chosen.problem.evaluated(answer.chosen.variables))
+    return render(
+        "design.html", {}, title=f"{task.path.stem}: design", aims=[label_of(name) for name in task.aims],
+        fronts=[Markup(front_svg(front, task.aims, a, b)) for a, b in pairs], designs=designs, chosen=front.chosen + 1,
+        families=[f.name.replace("_", " ") for f in task.families],
+        gains=[(label_of(n), responses[n], before) for n, before in _before(answer).items()],
+        prices=[(p.what, p.unit, [(label_of(n), v) for n, v in p.per_aim.items()]) for p in answer.prices],
+        spreads=[(label_of(name), spread) for name, spread in answer.spreads.items()],
+        samples=task.tolerances.samples, read_back=read_back, config_text=task.text,
+    )  # fmt: skip
+
+
+def _before(answer: Answer) -> dict[str, float]:
+    """Return every aim and limit of the first guess: the pump file within the bounds."""
+    problem = answer.chosen.problem
+    design = problem.evaluated(problem.start())
+    return {name: RESPONSES[name].value(design) for name in problem.names}
+
+
+def _design(number: int, point: FrontPoint, loads: tuple[str, ...]) -> dict[str, Any]:
+    values = point.design.values
+    responses = responses_of(point.problem.evaluated(point.variables))
+    return {
+        "number": number + 1, "law": point.design.family.name.replace("_", " "),
+        "free": [(label_of(v.name), values[v.name]) for v in point.problem.task.variables],
+        "responses": [(label_of(name), value) for name, value in responses.items()],
+        "svg": Markup(design_svg(point, loads)),
+    }  # fmt: skip

@@ -1,0 +1,147 @@
+"""A design task as an optimisation problem: scaled variables, the values of every response asked for, their slopes.
+
+The variables are the free quantities between their bounds, 0 to 1, then the free coefficients of rise and return of a
+B-spline, which do not decrease (so that the flank does not turn back).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.design.evaluate import Design, Evaluated
+from camtorque.design.profile import Family
+from camtorque.design.responses import RESPONSES
+from camtorque.design.task import Limit, Task
+from camtorque.records import Array, freeze_arrays
+
+STEP = 1.0e-6
+"""Step of the forward differences, of the width of the bounds: truncation and rounding both below 1e-5."""
+LEAST_RADIUS, LARGEST_LOBE = 0.05, 359.0
+"""Always asked for: no undercut [mm], and a rest on the base circle [deg]."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Values of one response as constraints ``sign (value - level) <= 0`` that may have a floor of their own.
+
+    Attributes
+    ----------
+    response : name
+    sign : +1 where the values have to stay below a level, -1 above it
+    part : index of the values in the response's tuple
+    floor : number of the floor that is taken off the values (the range's upper end), or that they keep above (its
+        lower end); None for a plain response
+    lower : whether these are the values that keep above the floor
+    """
+
+    response: str
+    sign: float
+    part: int
+    floor: int | None = None
+    lower: bool = False
+
+
+@dataclass(frozen=True)
+class Values:
+    """Response name -> tuple of value arrays at one design, and its variables."""
+
+    variables: Array
+    parts: Mapping[str, tuple[Array, ...]]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+class Problem:
+    """One family of flanks under a task."""
+
+    def __init__(self, task: Task, family: Family) -> None:
+        self.task, self.family = task, family
+        self.low = np.array([v.low for v in task.variables])
+        self.width = np.array([v.high - v.low for v in task.variables])
+        self.size = self.low.size + 2 * family.size
+        self.limits = self._all_limits()
+        self.names = tuple(dict.fromkeys((*task.aims, *(limit.response for limit in self.limits))))
+        self._seen: dict[bytes, Values] = {}
+        self._slopes: dict[bytes, Mapping[str, tuple[Array, ...]]] = {}
+
+    def _all_limits(self) -> tuple[Limit, ...]:
+        """Return the limits of the task, and those that every cam has to keep, where the task has none of its own."""
+        own = {limit.response for limit in self.task.limits}
+        always = (
+            Limit("convex_radius_mm", "least", LEAST_RADIUS),
+            Limit("contact_force_n", "least", 0.0),
+            Limit("lobe_angle_deg", "most", LARGEST_LOBE),
+        )
+        return (*self.task.limits, *(limit for limit in always if limit.response not in own))
+
+    def start(self) -> Array:
+        """Return the variables of the pump as it is, moved into the bounds."""
+        first = np.array([v.start for v in self.task.variables])
+        shape = self.family.start()
+        return np.concatenate([(first - self.low) / np.where(self.width > 0.0, self.width, 1.0), shape, shape])
+
+    def random_start(self, generator: np.random.Generator) -> Array:
+        """Return a design anywhere within the bounds, its flanks near the first guess."""
+        free = self.low.size
+        start = self.start()
+        start[:free] = generator.random(free)
+        return start
+
+    def design(self, variables: Array) -> Design:
+        """Return the design of some variables."""
+        free, size = self.low.size, self.family.size
+        own = zip(self.task.variables, self.low + self.width * variables[:free], strict=True)
+        values = {**self.task.fixed, **{variable.name: float(value) for variable, value in own}}
+        shape = np.clip(variables[free:], 0.0, 1.0)
+        return Design(self.family, values, shape[:size].copy(), shape[size:].copy())
+
+    def evaluated(self, variables: Array) -> Evaluated:
+        """Return the design of some variables under the loads of the task."""
+        return Evaluated(self.design(variables), self.task.config, self.task.loads)
+
+    def values(self, variables: Array) -> Values:
+        """Return the values of every response asked for; the last designs are remembered."""
+        key = variables.tobytes()
+        if key not in self._seen:
+            if len(self._seen) > 8:
+                self._seen.clear()
+            design = self.evaluated(variables)
+            self._seen[key] = Values(variables.copy(), {name: RESPONSES[name].values(design) for name in self.names})
+        return self._seen[key]
+
+    def slopes(self, variables: Array) -> Mapping[str, tuple[Array, ...]]:
+        """Return the derivatives of all values, (k, n) in the place of (k,), by forward differences."""
+        key = variables.tobytes()
+        if key not in self._slopes:
+            self._slopes.clear()
+            base = self.values(variables).parts
+            columns = []
+            for k in range(self.size):
+                moved = variables.copy()
+                step = STEP if moved[k] + STEP <= 1.0 else -STEP
+                moved[k] += step
+                design = self.evaluated(moved)
+                columns.append({name: RESPONSES[name].values(design) for name in self.names})
+                for name in self.names:
+                    columns[-1][name] = tuple(
+                        (a - b) / step for a, b in zip(columns[-1][name], base[name], strict=True)
+                    )
+            self._slopes[key] = {
+                name: tuple(np.stack([c[name][i] for c in columns], axis=1) for i in range(len(base[name])))
+                for name in self.names
+            }
+        return self._slopes[key]
+
+    def shape_rules(self) -> Array:
+        """Return the matrix of what has to be 0 or more: steps between the coefficients of either flank, (k, n)."""
+        size, free = self.family.size, self.low.size
+        rows = np.zeros((2 * max(size - 1, 0), self.size))
+        for flank in range(2):
+            for k in range(size - 1):
+                at = free + flank * size + k
+                rows[flank * (size - 1) + k, [at, at + 1]] = -1.0, 1.0
+        return rows

@@ -1,0 +1,279 @@
+"""Smallest greatest values under limits: one smooth programme per point of the front, solved by scipy's SLSQP.
+
+The greatest value of an aim is a bound t_i on all of its values (the epigraph form), so that the corner where two peaks
+are equally high is an ordinary vertex of smooth constraints. A point of the front is the design that comes closest,
+along a fixed direction, to a reference point (Pascoletti & Serafini 1984)::
+
+    min s + AUGMENT sum(t_i)   with   t_i - a_i <= s,   sign (f_i - z) <= t_i,   z <= lower values,   limits
+
+Every limit is scaled by its size; the multipliers come from the stationarity of the same programme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize, nnls
+
+from camtorque.design.problem import Problem
+from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
+from camtorque.records import Array, freeze_arrays
+
+AUGMENT = 1.0e-4
+"""Weight of the sum of all aims: what costs no other aim is taken along."""
+FEASIBLE = 1.0e-5
+"""Scaled violation below which a limit is kept."""
+ITERATIONS, TOLERANCE = 30, 1.0e-6
+"""Of a point of the front: tighter ones cost five times as much and move it by 1e-5 of the front."""
+END_ITERATIONS, END_TOLERANCE = 150, 1.0e-8
+"""Of the best design of one aim: the corners of the front carry all the others."""
+ACTIVE = 1.0e-4
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Offset and width by which each aim is made 0 to 1; one value per aim, in its unit and with its sign."""
+
+    offset: Array
+    width: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """One solved programme: variables, scaled aims, scaled violation, and the full vector with its multipliers."""
+
+    variables: Array
+    aims: Array
+    violation: float
+    steps: int
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is kept."""
+        return self.violation <= FEASIBLE
+
+
+def signs_of(problem: Problem) -> Array:
+    """Return +1 for aims that are to be least, -1 for those to be most."""
+    return np.array([1.0 if RESPONSES[name].aim == LEAST else -1.0 for name in problem.task.aims])
+
+
+def limit_scale(value: float) -> float:
+    """Return the number by which a limit is scaled."""
+    return max(abs(value), 1.0)
+
+
+class Programme:
+    """The constraints of a problem on the vector (variables, t of every aim, floors, s)."""
+
+    def __init__(self, problem: Problem, scale: Scale, reference: Array | None, relaxed: bool = False) -> None:
+        self.problem, self.scale, self.reference, self.relaxed = problem, scale, reference, relaxed
+        parts = problem.values(problem.start()).parts
+        self.aims = () if relaxed else problem.task.aims
+        self.ranges = [name for name in problem.names if RESPONSES[name].extreme == "range"]
+        self.floors = {(name, k): i for i, (name, k) in enumerate(
+            (name, k) for name in self.ranges for k in range(len(parts[name]) // 2))}  # fmt: skip
+        n, m = problem.size, len(self.aims)
+        self.at_aims, self.at_floors = n, n + m
+        self.size = n + m + len(self.floors) + 1
+        self.floor_scale = {name: max(float(np.max(np.abs(parts[name][0]))), 1e-9) for name in self.ranges}
+
+    # each block: values (k,), slopes by variables (k, n), then (column, slope) pairs of the other unknowns, and a label
+    def blocks(self, vector: Array, slopes: bool) -> tuple[list[Array], list[Array], list[str]]:
+        """Return what has to be 0 or more as (values, rows, labels), one entry per block."""
+        values, rows, labels = [], [], []
+        n = self.problem.size
+        variables = np.ascontiguousarray(vector[:n])
+        parts = self.problem.values(variables).parts
+        tangents = self.problem.slopes(variables) if slopes else parts
+
+        def add(value: Array, slope: Array, factor: float, others: dict[int, float], label: str) -> None:
+            values.append(value)
+            labels.extend([label] * value.size)
+            if slopes:
+                row = np.zeros((value.size, self.size))
+                row[:, :n] = factor * slope
+                for column, share in others.items():
+                    row[:, column] = share
+                rows.append(row)
+
+        signs = signs_of(self.problem)
+        for i, name in enumerate(self.aims):
+            width, offset, t = self.scale.width[i], self.scale.offset[i], vector[self.at_aims + i]
+            for part, slope, floor, share in self._upper(name, parts[name], tangents[name]):
+                level = part - (vector[floor] * share if floor is not None else 0.0)
+                others = {self.at_aims + i: 1.0}
+                if floor is not None:
+                    others[floor] = share * signs[i] / width
+                add(t - (signs[i] * level - offset) / width, slope, -signs[i] / width, others, f"aim {name}")
+            if self.reference is not None:
+                add(np.array([vector[-1] - t + self.reference[i]]), np.zeros((1, n)), 0.0,
+                    {self.size - 1: 1.0, self.at_aims + i: -1.0}, f"reference {name}")  # fmt: skip
+        for (name, k), i in self.floors.items():
+            share = self.floor_scale[name]
+            lower = parts[name][2 * k + 1]
+            add(lower / share - vector[self.at_floors + i], tangents[name][2 * k + 1], 1.0 / share,
+                {self.at_floors + i: -1.0}, f"floor {name}")  # fmt: skip
+        for limit in self.problem.limits:
+            if limit.kind == EQUAL:
+                continue
+            sign, size = (1.0 if limit.kind == MOST else -1.0), limit_scale(limit.value)
+            for part, slope, floor, share in self._upper(
+                limit.response, parts[limit.response], tangents[limit.response]
+            ):
+                level = part - (vector[floor] * share if floor is not None else 0.0)
+                others = {self.size - 1: 1.0} if self.relaxed else {}
+                if floor is not None:
+                    others[floor] = sign * share / size
+                slack = vector[-1] if self.relaxed else 0.0
+                add(sign * (limit.value - level) / size + slack, slope, -sign / size, others, f"limit {limit.text}")
+        rules = self.problem.shape_rules()
+        add(rules @ variables, rules, 1.0, {}, "shape")
+        return values, rows, labels
+
+    def _upper(self, name: str, parts: tuple[Array, ...], tangents: tuple[Array, ...]):  # type: ignore[no-untyped-def]
+        """Yield the values that a level bounds, their slopes, and the column and scale of their floor."""
+        if RESPONSES[name].extreme != "range":
+            yield parts[0], tangents[0], None, 0.0
+            return
+        for k in range(len(parts) // 2):
+            yield parts[2 * k], tangents[2 * k], self.at_floors + self.floors[name, k], self.floor_scale[name]
+
+    def equalities(self, vector: Array, slopes: bool) -> Array:
+        """Return what has to be 0: the limits of kind ``equal``, values or rows."""
+        variables = np.ascontiguousarray(vector[: self.problem.size])
+        found = []
+        for limit in self.problem.limits:
+            if limit.kind != EQUAL:
+                continue
+            size = limit_scale(limit.value)
+            if slopes:
+                row = np.zeros((1, self.size))
+                row[:, : self.problem.size] = self.problem.slopes(variables)[limit.response][0] / size
+                found.append(row)
+            else:
+                found.append((self.problem.values(variables).parts[limit.response][0] - limit.value) / size)
+        return np.concatenate(found) if found else np.zeros((0, self.size) if slopes else 0)
+
+    def objective(self) -> Array:
+        """Return the gradient of the objective, which is linear."""
+        gradient = np.zeros(self.size)
+        gradient[self.at_aims : self.at_floors] = AUGMENT
+        if self.reference is not None or self.relaxed:
+            gradient[-1] = 1.0
+        return gradient
+
+    def first(self, variables: Array) -> Array:
+        """Return the vector of some variables, everything else where it just fits."""
+        vector = np.zeros(self.size)
+        vector[: self.problem.size] = variables
+        parts = self.problem.values(variables).parts
+        for (name, k), i in self.floors.items():
+            vector[self.at_floors + i] = np.min(parts[name][2 * k + 1]) / self.floor_scale[name]
+        if self.aims:
+            vector[self.at_aims : self.at_floors] = scaled_aims(self.problem, self.scale, variables)
+        if self.reference is not None:
+            vector[-1] = np.max(vector[self.at_aims : self.at_floors] - self.reference)
+        if self.relaxed:
+            vector[-1] = max(violation(self.problem, variables), 0.0)
+        return vector
+
+    def bounds(self) -> list[tuple[float | None, float | None]]:
+        """Return the bounds of the vector."""
+        free: list[tuple[float | None, float | None]] = [(0.0, 1.0)] * self.problem.size
+        rest: list[tuple[float | None, float | None]] = [(None, None)] * (self.size - self.problem.size - 1)
+        return [*free, *rest, (0.0, None) if self.relaxed else (None, None)]
+
+
+def scaled_aims(problem: Problem, scale: Scale, variables: Array) -> Array:
+    """Return the aims of a design, 0 to 1 between ideal and worst."""
+    design = problem.evaluated(variables)
+    values = np.array([RESPONSES[name].value(design) for name in problem.task.aims])
+    return (signs_of(problem) * values - scale.offset) / scale.width
+
+
+def violation(problem: Problem, variables: Array) -> float:
+    """Return the greatest scaled violation of any limit, 0 where all are kept."""
+    design = problem.evaluated(variables)
+    worst = 0.0
+    for limit in problem.limits:
+        over = (RESPONSES[limit.response].value(design) - limit.value) / limit_scale(limit.value)
+        worst = max(worst, abs(over) if limit.kind == EQUAL else over if limit.kind == MOST else -over)
+    return worst
+
+
+def solve(
+    problem: Problem, scale: Scale, start: Array, *, single: int | None = None, reference: Array | None = None,
+    relaxed: bool = False,
+) -> Solution:  # fmt: skip
+    """Return the solution of one programme from a start.
+
+    Parameters
+    ----------
+    single : index of the only aim that counts; or ``reference`` (m,), the point to be approached; or ``relaxed`` for
+        the least violation of the limits
+    """
+    programme = Programme(problem, scale, reference, relaxed)
+    gradient, between = programme.objective(), reference is not None
+    if single is not None:
+        gradient[programme.at_aims + single] = 1.0
+    constraints = [{
+        "type": "ineq",
+        "fun": lambda v: np.concatenate(programme.blocks(v, False)[0]),
+        "jac": lambda v: np.concatenate(programme.blocks(v, True)[1]),
+    }]  # fmt: skip
+    if any(limit.kind == EQUAL for limit in problem.limits):
+        constraints.append({
+            "type": "eq",
+            "fun": lambda v: programme.equalities(v, False),
+            "jac": lambda v: programme.equalities(v, True),
+        })  # fmt: skip
+    found = minimize(
+        lambda v: float(gradient @ v), programme.first(np.clip(start, 0.0, 1.0)), jac=lambda v: gradient,
+        bounds=programme.bounds(), constraints=constraints, method="SLSQP",
+        options={"maxiter": ITERATIONS if between else END_ITERATIONS, "ftol": TOLERANCE if between else END_TOLERANCE},
+    )  # fmt: skip
+    variables = np.clip(np.nan_to_num(found.x[: problem.size]), 0.0, 1.0)
+    return Solution(variables, scaled_aims(problem, scale, variables), violation(problem, variables), int(found.nit))
+
+
+def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Array | None, relaxed: bool = False
+                ) -> Mapping[str, float]:  # fmt: skip
+    """Return the multipliers of everything that is active at a solution, by label; bounds by ``lower``, ``upper``.
+
+    Non-negative least squares of the objective's gradient on those of the active constraints.
+    """
+    programme = Programme(problem, scale, reference, relaxed)
+    vector = programme.first(variables)
+    values, rows, labels = programme.blocks(vector, True)
+    slack, jacobian = np.concatenate(values), np.concatenate(rows)
+    near = slack < ACTIVE
+    columns, names = [jacobian[near].T], [label for label, active in zip(labels, near, strict=True) if active]
+    equal = programme.equalities(vector, True)
+    texts = [f"limit {limit.text}" for limit in problem.limits if limit.kind == EQUAL]
+    columns += [equal.T, -equal.T]
+    names += [*texts, *(f"-{text}" for text in texts)]
+    for k in range(problem.size):
+        name = problem.task.variables[k].name if k < problem.low.size else "shape"
+        for side, sign, at_bound in (("lower", 1.0, variables[k] < ACTIVE), ("upper", -1.0, variables[k] > 1 - ACTIVE)):
+            if at_bound:
+                unit = np.zeros((programme.size, 1))
+                unit[k] = sign
+                columns.append(unit)
+                names.append(f"{side} {name}")
+    gradient = programme.objective()
+    weights, _ = nnls(np.concatenate(columns, axis=1), gradient)
+    found: dict[str, float] = {}
+    for name, weight in zip(names, weights, strict=True):
+        if weight > 0.0:
+            plain = name.removeprefix("-")
+            found[plain] = found.get(plain, 0.0) + (-weight if name.startswith("-") else weight)
+    return found

@@ -1,0 +1,303 @@
+"""DESIGN.toml -> `Task`: what is free within which bounds, loads, aims, limits, tolerances; checked, SI inside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.design.loads import Load
+from camtorque.design.profile import BSPLINE, LAWS, Family
+from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
+from camtorque.design.responses import RESPONSES
+from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, LOAD, TOLERANCES, TOP
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism.predict import cam_of, pressure_at
+from camtorque.records import Array, Refusal
+from camtorque.toml_schema import Key, TableSchema
+from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.units import DEGREE, RPM, did_you_mean
+
+SLIP = 50.0
+"""Bounds further than this factor from the value of the pump file are taken for a slip of units."""
+KNEE = "knee"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A free quantity: name, bounds and first guess in the unit of its name."""
+
+    name: str
+    low: float
+    high: float
+    start: float
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit on a response, in its unit: kind ``most``, ``least`` or ``equal``."""
+
+    response: str
+    kind: str
+    value: float
+
+    @property
+    def text(self) -> str:
+        """Return the limit as the user wrote it."""
+        return f"{self.response} {self.kind} {self.value:g}"
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Half widths of what the shop may be off by, in units of the names; ``samples`` cams are drawn."""
+
+    lift_um: float
+    follower_offset_mm: float
+    base_circle_radius_mm: float
+    roller_radius_mm: float
+    plunger_clearance_um: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """A design task, complete."""
+
+    path: Path
+    text: str
+    config: PumpConfig
+    families: tuple[Family, ...]
+    fixed: Mapping[str, float]
+    variables: tuple[Variable, ...]
+    loads: tuple[Load, ...]
+    aims: tuple[str, ...]
+    limits: tuple[Limit, ...]
+    tolerances: Tolerances
+    points: int
+    choose: str
+    seed: int
+    starts: int
+
+
+def read_task(path: Path | str) -> Task:
+    """Return a design task from its file, pump file and pressure curves read.
+
+    Raises
+    ------
+    Refusal : a missing or unknown key, a free quantity without bounds, a slip of units, an unknown aim or limit
+    """
+    file = Path(path)
+    text, values = read_toml(file, f"expected a design file (schema {DESIGN_SCHEMA})")
+    root = Table(values, file, "")
+    _known(root, (*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
+    top = _read(root, TOP)
+    if top["schema"] != DESIGN_SCHEMA:
+        raise Refusal(f"{root.where('schema')}: found {values['schema']!r:.80}, expected {DESIGN_SCHEMA!r}")
+    config, _ = read_pump(top["pump"])
+    lift, free = root.table("lift", optional=True), root.table("free", optional=True)
+    shape = _read(lift, LIFT, "law")
+    fixed = _lobe_values(config, lift, shape, free)
+    variables = _variables(free, fixed, len(config.phases))
+    return _checked(Task(
+        path=file,
+        text=text,
+        config=config,
+        families=_families(lift, shape),
+        fixed=fixed,
+        variables=variables,
+        loads=tuple(load for table in root.tables("load") for load in _loads(table, config)),
+        aims=_aims(root.table("aims")),
+        limits=_limits(root.table("limits", optional=True)),
+        tolerances=_tolerances(root.table("tolerances", optional=True)),
+        **_read(root.table("answer", optional=True), ANSWER),
+    ))  # fmt: skip
+
+
+def _read(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
+    """Return key -> value in SI of a table with the keys of a schema and some others; all that is wrong is said."""
+    problems = Problems()
+    values = read_keys(table, schema, problems)
+    if schema is not TOP:
+        with problems.collecting():
+            _known(table, (*schema.names, *others))
+    problems.raise_any()
+    return {key.name: values[key.attribute] for key in schema.keys}
+
+
+def _known(table: Table, names: tuple[str, ...]) -> None:
+    for key in table.values:
+        if key not in names:
+            hint = did_you_mean(key, names) or f", expected one of {', '.join(names)}"
+            raise Refusal(f"{table.file} {table.header or '[top]'}: unknown key {key[:80]!r}{hint}")
+
+
+def _families(table: Table, shape: Mapping[str, Any]) -> tuple[Family, ...]:
+    """Return the flanks to be tried."""
+    laws = table.values.get("law", BSPLINE)
+    names = [laws] if isinstance(laws, str) else laws
+    if not isinstance(names, list) or not names or not all(name in LAWS for name in names):
+        raise Refusal(f"{table.where('law')}: found {laws!r}, expected one or a list of {', '.join(LAWS)}")
+    spline = Family(BSPLINE, shape["degree"], shape["pieces"])
+    return tuple(spline if name == BSPLINE else Family(name) for name in dict.fromkeys(names))
+
+
+def _lobe_values(config: PumpConfig, lift: Table, shape: Mapping[str, Any], free: Table) -> dict[str, float]:
+    """Return the value of every quantity before anything moves, in the unit of its name."""
+    values = {name: getattr(config.pump, field) / QUANTITIES[name].factor for name, field in PUMP_FIELDS.items()}
+    values |= {phase_name(k + 1): phase / DEGREE for k, phase in enumerate(config.phases)}
+    if len(config.sections) == 4 and config.sections[1].kind == config.sections[3].kind == "dwell":
+        rise, top, fall, _ = config.sections
+        parts = (rise.rise / MILLIMETRE, rise.angle / DEGREE, top.angle / DEGREE, fall.angle / DEGREE)
+        values |= dict(zip(LOBE, parts, strict=True))
+    for name in LOBE:
+        if shape[name] is not None:
+            values[name] = shape[name] / QUANTITIES[name].factor
+        elif name not in values and not free.has(name):
+            raise Refusal(
+                f"{lift.where(name)}: this key is missing, and the pump file does not give rise, dwell, return and "
+                "dwell as sections; give it here, or its bounds in [free]"
+            )
+    return values
+
+
+def _variables(free: Table, values: dict[str, float], pumps: int) -> tuple[Variable, ...]:
+    """Return the free quantities; their first guess is the value of the pump file, moved into the bounds."""
+    allowed = (*QUANTITIES, *(phase_name(k) for k in range(2, pumps + 1)))
+    found = []
+    for name, bounds in free.values.items():
+        if name not in allowed:
+            hint = did_you_mean(name, allowed) or f", expected one of {', '.join(allowed)}"
+            raise Refusal(f"{free.where(name)}: nothing of this name can be free{hint}")
+        low, high = _bounds(free, name, bounds)
+        least = QUANTITIES[name].least if name in QUANTITIES else -360.0
+        if low < least:
+            raise Refusal(f"{free.where(name)}: found a lower bound of {low:g}, expected at least {least:g}")
+        start = values.get(name, 0.5 * (low + high))
+        far = max(abs(low), abs(high)) < abs(start) / SLIP or (min(abs(low), abs(high)) > SLIP * abs(start) > 0.0)
+        if far and name not in ("follower_offset_mm", "spring_preload_N") and not name.startswith("phase"):
+            raise Refusal(
+                f"{free.where(name)}: found bounds {low:g} to {high:g}, but the pump has {start:g} in this unit; "
+                "expected bounds near it; check the unit"
+            )
+        found.append(Variable(name, low, high, float(np.clip(start, low, high))))
+        values[name] = found[-1].start
+    return tuple(found)
+
+
+def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:
+    numbers = isinstance(bounds, list) and all(isinstance(x, int | float) and np.isfinite(x) for x in bounds)
+    if not numbers or len(bounds) != 2 or not bounds[0] < bounds[1]:
+        raise Refusal(
+            f"{free.where(name)}: found {bounds!r}, expected two bounds such as [lower, upper]; a quantity without "
+            "bounds cannot be free"
+        )
+    return float(bounds[0]), float(bounds[1])
+
+
+def _loads(table: Table, config: PumpConfig) -> list[Load]:
+    """Return one load per speed of a [[load]] table."""
+    speeds = table.values.get("speed_rpm")
+    listed = Table(
+        {**table.values, "speed_rpm": speeds if isinstance(speeds, list) else [speeds]}, table.file, table.header
+    )
+    values = _read(listed, LOAD)
+    if values["pressure_file"] is not None:
+        curve = _carried(read_pressure_curve(values["pressure_file"]), config, table)
+    else:
+        curve = _trapezoid(table, values)
+    return [Load(f"{speed / RPM:g} rpm", speed, *curve) for speed in values["speed_rpm"]]
+
+
+def _trapezoid(table: Table, values: Mapping[str, Any]) -> tuple[Array, ...]:
+    """Return a pressure that comes and goes over lift on the rise; nothing on the return."""
+    for name in ("pressure_bar", "spills_mm"):
+        if values[name] is None:
+            raise Refusal(f"{table.where(name)}: this key is missing; give it, or a pressure_file")
+    closes, spills, ramp = (values[name] for name in ("closes_mm", "spills_mm", "ramp_mm"))
+    if spills < closes + ramp:
+        raise Refusal(
+            f"{table.where('spills_mm')}: found {spills / MILLIMETRE:g} mm, expected at least {ramp / MILLIMETRE:g} mm "
+            f"(ramp_mm) above closes_mm, {closes / MILLIMETRE:g} mm"
+        )
+    lifts = np.array([closes, closes + ramp, spills, spills + ramp])
+    shape = values["pressure_bar"] * np.array([0.0, 1.0, 1.0, 0.0])
+    return lifts, shape, np.array([0.0, 1.0]), np.zeros(2), lifts
+
+
+def _carried(curve: PressureCurve, config: PumpConfig, table: Table) -> tuple[Array, ...]:
+    """Return a curve over cam angle as pressure over lift, by the cam of the pump file: it belongs to the stroke."""
+    law = cam_of(config)
+    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    lift, pressure = law.evaluate(theta), pressure_at(curve, theta)
+    top = int(np.argmax(lift))
+    shift = -int(np.argmin(np.where(lift < 1e-3 * lift[top], (theta - theta[top]) % (2.0 * np.pi), np.inf)))
+    lift, pressure = np.roll(lift, shift), np.roll(pressure, shift)
+    peak = int(np.argmax(lift))
+    grid = np.linspace(0.0, lift[peak], 200)
+    rise, back = np.maximum.accumulate(lift[: peak + 1]), np.maximum.accumulate(lift[:peak:-1])
+    if rise.size < 3 or back.size < 3:
+        raise Refusal(f"{table.where('pressure_file')}: the cam of {config.path} has no rise and return to carry it by")
+    up, down = (np.interp(grid, y, p) for y, p in ((rise, pressure[: peak + 1]), (back, pressure[:peak:-1])))
+    return grid, up, grid, down, grid[[int(np.argmax(up))]]
+
+
+def _aims(table: Table) -> tuple[str, ...]:
+    """Return the responses to be optimised."""
+    for name, way in table.values.items():
+        _known_response(table, name)
+        expected = RESPONSES[name].aim
+        if way != expected:
+            raise Refusal(f"{table.where(name)}: found {way!r}, expected {expected!r}")
+    if not table.values:
+        raise Refusal(f"{table.file} [aims]: is empty, expected at least one of {', '.join(RESPONSES)}")
+    return tuple(table.values)
+
+
+def _known_response(table: Table, name: str) -> None:
+    if name not in RESPONSES:
+        hint = did_you_mean(name, tuple(RESPONSES)) or f", expected one of {', '.join(RESPONSES)}"
+        raise Refusal(f"{table.where(name)}: unknown{hint}")
+
+
+def _limits(table: Table) -> tuple[Limit, ...]:
+    """Return the limits; a response may have a ``least`` and a ``most`` where it is a single number."""
+    found = []
+    for name, rule in table.values.items():
+        _known_response(table, name)
+        kinds = RESPONSES[name].limits
+        if not isinstance(rule, dict) or not rule or not set(rule) <= set(kinds):
+            raise Refusal(
+                f"{table.where(name)}: found {rule!r}, expected {{ {kinds[0]} = number }}"
+                + (f" (or {', '.join(kinds[1:])})" if kinds[1:] else "")
+            )
+        inner = Table(rule, table.file, f"{table.header} {name}")
+        found += [Limit(name, kind, inner.value(Key(kind, "number", "the limit", band=ANY_SIZE))) for kind in rule]
+    return tuple(found)
+
+
+def _tolerances(table: Table) -> Tolerances:
+    values = _read(table, TOLERANCES)
+    factors = {"um": 1e-6, "mm": MILLIMETRE}
+    widths = {name: value / factors[name.rpartition("_")[2]] for name, value in values.items() if name != "samples"}
+    return Tolerances(**widths, samples=values["samples"])
+
+
+def _checked(task: Task) -> Task:
+    """Return the task, or refuse what cannot be asked of it."""
+    if task.choose not in (KNEE, *task.aims):
+        raise Refusal(
+            f"{task.path} [answer] choose: found {task.choose!r}, expected {KNEE!r} or one of the aims "
+            f"({', '.join(task.aims)})"
+        )
+    rough = {"friction_work_j"} & {*task.aims, *(limit.response for limit in task.limits)}
+    if rough and not any(task.config.friction):
+        raise Refusal(f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it")
+    if not task.variables and not any(family.size for family in task.families):
+        raise Refusal(f"{task.path} [free]: nothing is free, expected bounds of at least one quantity")
+    if np.isfinite(task.config.shaft_stiffness):
+        raise Refusal(f"{task.config.path} [shaft]: found a stiffness, a design is made on a rigid shaft; leave it out")
+    return task

@@ -1,0 +1,206 @@
+"""A design file in; a front, a page and files that are read back out."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from camtorque.cli import main
+from camtorque.design.answer import lift_table_text, pump_text, solve_task
+from camtorque.design.front import find_front, references
+from camtorque.design.problem import Problem
+from camtorque.design.quantities import QUANTITIES
+from camtorque.design.responses import RESPONSES
+from camtorque.design.tolerances import shifted_follower, spreads
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism import closed_form_tables, solve_rigid
+from camtorque.mechanism.predict import cam_of, pressure_at
+from camtorque.units import RPM
+from design_cases import PAPER, design_file, shaft, task_of
+
+FREE = "follower_offset_mm = [-6, 9]\nrise_deg = [50, 70]\nroller_radius_mm = [7, 11]"
+AIMS = 'peak_torque_nm = "least"\nhertz_gpa = "least"'
+LIMITS = "convex_radius_mm = { least = 4 }\njump_speed_rpm = { least = 2400 }\ndelivery_angle_deg = { most = 16 }"
+FEW = "[answer]\npoints = 6\nstarts = 1\n"
+
+
+def silent(text):
+    pass
+
+
+def test_the_paper_pump_is_evaluated_as_the_mechanism_does(tmp_path):
+    task = task_of(tmp_path, lift='[lift]\nlaw = "polynomial_4567"\n', free="follower_offset_mm = [-6, 9]", aims=AIMS)
+    problem = Problem(task, task.families[0])
+    design = problem.evaluated(problem.start())
+    law = design.lobe.law()
+    theta = np.linspace(0.0, 2.0 * np.pi, 20001)
+    lift = law.evaluate(theta)
+    corners = design.loads[0]
+    pressure = np.where(law.evaluate(theta, 1) > 0.0, corners.on_rise(lift), 0.0)
+    solved = solve_rigid(task.config.pump, law, theta, pressure, 500.0 * RPM)
+    expected = {
+        "peak_torque_nm": np.max(solved.torque),
+        "torque_ripple_nm": np.ptp(solved.torque),
+        "hertz_gpa": 1e-9 * np.max(solved.forces.hertz),
+        "side_force_n": np.max(np.abs(solved.forces.guide)),
+        "contact_force_n": np.min(solved.forces.contact_normal),
+        "jump_speed_rpm": closed_form_tables(task.config.pump, law, theta).jump().speed / RPM,
+        "convex_radius_mm": 5.013,
+        "delivery_mm3": 150.8,
+        "cam_radius_mm": 28.0,
+    }
+    for name, value in expected.items():
+        assert RESPONSES[name].value(design) == pytest.approx(value, rel=1e-3), name
+
+
+def test_front_is_a_front_and_the_same_again(tmp_path):
+    task = task_of(tmp_path, free=FREE, aims=AIMS, limits=LIMITS, more=FEW)
+    front = find_front(task, silent)
+    aims = np.array([point.aims for point in front.points])
+    assert len(aims) >= 5
+    for point in aims:
+        assert not np.any(np.all(aims < point - 1e-6, axis=1))
+    assert np.all(np.diff(aims[:, 0]) > 0.0)
+    assert np.all(np.diff(aims[:, 1]) < 0.0)
+    again = find_front(task, silent)
+    assert np.array_equal(aims, np.array([point.aims for point in again.points]))
+    for point in front.points:
+        design = point.problem.evaluated(point.variables)
+        assert RESPONSES["jump_speed_rpm"].value(design) > 2400.0 * (1.0 - 1e-4)
+        assert RESPONSES["convex_radius_mm"].value(design) > 4.0 * (1.0 - 1e-4)
+
+
+def test_flanks_compete_on_one_front(tmp_path):
+    lift = '[lift]\nlaw = ["polynomial_4567", "modified_sine"]\n'
+    front = find_front(task_of(tmp_path, lift=lift, free=FREE, aims=AIMS, limits=LIMITS, more=FEW), silent)
+    assert {point.problem.family.name for point in front.points} == {"modified_sine"}
+
+
+def test_price_of_a_limit_is_what_loosening_it_brings(tmp_path):
+    free = "roller_radius_mm = [7, 11]"
+    limits = "convex_radius_mm = {{ least = {} }}\ndelivery_angle_deg = {{ most = 20 }}"
+    aim = 'hertz_gpa = "least"'
+    answers = [solve_task(task_of(tmp_path, free=free, aims=aim, limits=limits.format(radius), more=FEW), silent)
+               for radius in (7.0, 6.99)]  # fmt: skip
+    values = [RESPONSES["hertz_gpa"].value(a.chosen.problem.evaluated(a.chosen.variables)) for a in answers]
+    price = {p.what: p.per_aim["hertz_gpa"] for p in answers[0].prices}
+    assert price["convex radius mm least 7"] == pytest.approx((values[1] - values[0]) / 0.01, rel=0.02)
+    assert price["convex radius mm least 7"] < 0.0
+
+
+def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):
+    more = FEW + "[tolerances]\nlift_um = 2\nfollower_offset_mm = 0.05\nplunger_clearance_um = 4\nsamples = 10\n"
+    path = design_file(tmp_path, free=FREE, aims=AIMS, limits=LIMITS, more=more)
+    out = tmp_path / "out"
+    assert main(["design", str(path), "--out", str(out), "--debug"]) == 0
+    printed = capsys.readouterr().out
+    assert "first guess" in printed
+    document = json.loads((out / "design.json").read_text())
+    assert document["schema"] == "camtorque.design/1"
+    chosen = document["points"][document["chosen"]]["responses"]
+    config, findings = read_pump(out / "pump.toml")
+    assert findings == ()
+    curve = read_pressure_curve(out / "pressure_1.csv")
+    theta = np.linspace(0.0, 2.0 * np.pi, 7200)
+    solved = solve_rigid(config.pump, cam_of(config), theta, pressure_at(curve, theta), 500.0 * RPM)
+    assert np.max(solved.torque) == pytest.approx(chosen["peak_torque_nm"], rel=2e-3)
+    assert 1e-9 * np.nanmax(solved.forces.hertz) == pytest.approx(chosen["hertz_gpa"], rel=2e-3)
+    assert document["as_predict_reads_it"][0]["peak_torque_nm"] == pytest.approx(chosen["peak_torque_nm"], rel=5e-3)
+    spread = document["tolerances"]["hertz_gpa"]
+    assert spread["low"] < spread["high"] < 1.1 * spread["nominal"]
+    # again into the same folder: it is the product's own
+    assert main(["predict", str(out / "pump.toml"), "--speed", "500", "--pressure", str(out / "pressure_1.csv")]) == 0
+
+
+def test_page_opens_every_design_without_a_script(tmp_path):
+    path = design_file(tmp_path, free=FREE, aims=AIMS, limits=LIMITS, more=FEW)
+    assert main(["design", str(path), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    page = (tmp_path / "out" / "design.html").read_text()
+    links, sections = re.findall(r'href="#(d\d+)"', page), re.findall(r'<section id="(d\d+)"', page)
+    assert links == sections
+    assert len(links) >= 5
+    assert page.count('class="design chosen"') == 1
+    assert "script-src &#39;none&#39;" in page
+    assert "<script" not in page
+    # a style element beside the one whose hash the policy names would be ignored
+    assert page.count("<style>") == 1
+
+
+def test_several_pumps_share_a_shaft(tmp_path):
+    task = task_of(tmp_path, pump=shaft(tmp_path, 2), free="phase_2_deg = [0, 180]", aims='torque_ripple_nm = "least"')
+    problem = Problem(task, task.families[0])
+    values = [RESPONSES["peak_torque_nm"].value(problem.evaluated(np.array([x]))) for x in (0.0, 1.0)]
+    # in phase both peaks fall together; half a turn apart the lobes of 135 degrees do not overlap at the peak
+    assert values[0] == pytest.approx(2.0 * values[1], rel=0.05)
+    design = problem.evaluated(np.array([1.0]))
+    assert "phases_deg = [0.0, 180.0]" in pump_text(design)
+
+
+def test_pressure_over_angle_is_carried_by_the_lift(tmp_path):
+    curve = PAPER.parent / "paper_pressure.csv"
+    load = f'[[load]]\nspeed_rpm = [500, 900]\npressure_file = "{curve}"\n'
+    task = task_of(tmp_path, lift='[lift]\nlaw = "polynomial_4567"\n', free="rise_deg = [50, 70]", load=load, aims=AIMS)
+    assert [round(load.speed / RPM) for load in task.loads] == [500, 900]
+    problem = Problem(task, task.families[0])
+    # with the reference's own cam the torque is that of the paper
+    assert RESPONSES["peak_torque_nm"].value(problem.evaluated(problem.start())) == pytest.approx(53.6, rel=0.01)
+
+
+def test_shifted_follower_is_the_same_cam_met_elsewhere(tmp_path):
+    task = task_of(tmp_path, free="follower_offset_mm = [2, 4]", aims=AIMS)
+    problem = Problem(task, task.families[0])
+    design = problem.evaluated(np.array([0.5]))
+    shift, e = 1e-5, design.constants.offset
+    theta = np.linspace(0.01, 2.3, 3000)
+    law = design.lobe.law()
+    # exact: the roller centre at polar radius r passes x = e + shift at another angle
+    height = design.constants.base + law.evaluate(theta)
+    radius = np.hypot(height, e)
+    rest = np.hypot(design.constants.base, e)
+    moved = np.sqrt(radius**2 - (e + shift) ** 2) - np.sqrt(rest**2 - (e + shift) ** 2)
+    turned = theta + (np.arcsin(e / radius) - np.arcsin((e + shift) / radius)) - (
+        np.arcsin(e / rest) - np.arcsin((e + shift) / rest)
+    )  # fmt: skip
+    change = shifted_follower(design, shift)[0]
+    inside = (design.theta > 0.1) & (design.theta < 2.2)
+    exact = np.interp(design.theta[inside], turned, moved) - design.lift[0][inside]
+    assert np.max(np.abs(exact - change[inside])) < 0.02 * np.max(np.abs(change))
+
+
+def test_tolerances_are_drawn_by_their_seed(tmp_path):
+    more = FEW + "[tolerances]\nroller_radius_mm = 0.1\nsamples = 20\n"
+    task = task_of(tmp_path, free=FREE, aims=AIMS, limits=LIMITS, more=more)
+    problem = Problem(task, task.families[0])
+    start = problem.start()
+    one, same, other = (spreads(problem, start, seed) for seed in (1, 1, 2))
+    assert one == same
+    assert one["hertz_gpa"] != other["hertz_gpa"]
+    assert one["hertz_gpa"].low < one["hertz_gpa"].nominal < one["hertz_gpa"].high
+    # what does not depend on the roller does not spread
+    assert one["delivery_angle_deg"].low == pytest.approx(one["delivery_angle_deg"].high, rel=1e-9)
+
+
+@pytest.mark.parametrize(("aims", "count"), [(2, 50), (3, 50), (4, 20)])
+def test_references_are_a_lattice_of_sum_one(aims, count):
+    rows = references(aims, count)
+    assert len(rows) >= count
+    assert np.allclose(rows.sum(axis=1), 1.0)
+    assert len(np.unique(rows, axis=0)) == len(rows)
+    assert np.all(np.max(rows, axis=0) == 1.0)
+
+
+def test_table_closes_and_stays_above_the_base_circle(tmp_path):
+    problem = Problem(task := task_of(tmp_path, free=FREE, aims=AIMS), task.families[0])
+    rows = [line.split(",") for line in lift_table_text(problem.evaluated(problem.start())).splitlines()[2:]]
+    lift = np.array([float(row[1]) for row in rows])
+    assert lift.size == 720
+    assert lift.min() == 0.0
+    assert lift.max() == pytest.approx(8.0)
+
+
+def test_every_quantity_and_response_is_documented():
+    text = (PAPER.parents[1] / "docs" / "design.md").read_text(encoding="utf-8")
+    for name in (*QUANTITIES, *RESPONSES):
+        assert f"`{name}`" in text, name

@@ -1,0 +1,74 @@
+"""Every way a design task can be wrong is said in one line."""
+
+from __future__ import annotations
+
+import pytest
+from camtorque.cli import main
+from camtorque.design.front import find_front
+from camtorque.records import Refusal
+from design_cases import design_file, task_of
+
+AIM = 'peak_torque_nm = "least"'
+OFFSET = "follower_offset_mm = [-6, 9]"
+
+REFUSED = [
+    ({"free": "follower_offset_mm = 3"}, r"follower_offset_mm: found 3, expected two bounds .* without bounds cannot"),
+    ({"free": "follower_offset_mm = [5, -5]"}, r"found \[5, -5\], expected two bounds"),
+    ({"free": 'rise_deg = ["a", 3]'}, "expected two bounds"),
+    ({"free": "base_circle_radius_mm = [0.018, 0.025]"}, r"bounds 0\.018 to 0\.025, but the pump has 20 .* the unit"),
+    ({"free": "plunger_diameter_mm = [6000, 9000]"}, r"found bounds 6000 to 9000, but the pump has 8 "),
+    ({"free": "base_circle_radius_m = [0.018, 0.025]"}, "did you mean 'base_circle_radius_mm'"),
+    ({"free": "rise_deg = [-10, 60]"}, "found a lower bound of -10, expected at least 1"),
+    ({"free": "phase_2_deg = [0, 90]"}, "phase_2_deg: nothing of this name can be free"),
+    ({"free": ""}, r"\[free\]: nothing is free"),
+    ({"aims": ""}, r"\[aims\]: is empty, expected at least one of peak_torque_nm"),
+    ({"aims": 'peak_torque = "least"'}, "peak_torque: unknown, did you mean 'peak_torque_nm'"),
+    ({"aims": 'jump_speed_rpm = "least"'}, "jump_speed_rpm: found 'least', expected 'most'"),
+    ({"aims": 'friction_work_j = "least"'}, r"friction_work_j is asked for, but .* has no \[friction\]"),
+    ({"limits": "hertz_gpa = 2.0"}, r"hertz_gpa: found 2\.0, expected \{ most = number \}"),
+    ({"limits": "hertz_gpa = { least = 2.0 }"}, r"expected \{ most = number \}"),
+    ({"limits": 'delivery_mm3 = { equal = "much" }'}, "equal: found 'much', expected a number"),
+    ({"limits": "cam_size_mm = { most = 2.0 }"}, "cam_size_mm: unknown"),
+    ({"lift": '[lift]\nlaw = "sine"\n'}, "found 'sine', expected one or a list of bspline, simple_harmonic"),
+    ({"lift": "[lift]\ndegre = 3\n"}, "unknown key 'degre', did you mean 'degree'"),
+    ({"load": "[[load]]\nspeed_rpm = 500\n"}, "pressure_bar: this key is missing; give it, or a pressure_file"),
+    ({"load": "[[load]]\nspeed_rpm = 5\npressure_bar = 6\nspills_mm = 0.1\n"}, r"found 0\.1 mm, expected at least"),
+    ({"load": "[[load]]\npressure_bar = 6\nspills_mm = 3\n"}, "speed_rpm"),
+    ({"load": ""}, r"expected at least one \[\[load\]\] table"),
+    ({"more": '[answer]\nchoose = "best"\n'}, "choose: found 'best', expected 'knee' or one of the aims"),
+    ({"more": "[tolerances]\nlift_um = -1\n"}, "lift_um: found -1, expected a number from 0"),
+    ({"more": "[limit]\n"}, "unknown key 'limit', did you mean 'limits'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("parts", "message"), REFUSED)
+def test_wrong_design_file_is_refused(tmp_path, parts, message):
+    with pytest.raises(Refusal, match=message):
+        task_of(tmp_path, **{"free": OFFSET, "aims": AIM, **parts})
+
+
+def test_limits_that_collide_are_named_with_what_is_missing(tmp_path):
+    limits = "pressure_angle_deg = { most = 20 }\ncam_radius_mm = { most = 26 }"
+    free = "base_circle_radius_mm = [15, 30]\nfollower_offset_mm = [-6, 9]"
+    task = task_of(tmp_path, free=free, aims=AIM, limits=limits)
+    with pytest.raises(Refusal, match="no design keeps all limits") as caught:
+        find_front(task, lambda text: None)
+    text = str(caught.value)
+    assert "pressure angle deg most 20 (reached" in text
+    assert "cam radius mm most 26 (reached" in text
+    assert "collide" in text
+    assert "\n" not in text
+
+
+def test_limit_that_no_design_can_meet_names_the_bound_it_meets(tmp_path):
+    task = task_of(tmp_path, free="base_circle_radius_mm = [18, 22]", aims=AIM, limits="cam_radius_mm = { most = 25 }")
+    with pytest.raises(Refusal, match=r"cam radius mm most 25 \(reached 26, missed by 1 mm\) cannot be met within the "
+                                      "lower bound of base_circle_radius_mm"):  # fmt: skip
+        find_front(task, lambda text: None)
+
+
+def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, capsys):
+    path = design_file(tmp_path, free="follower_offset_mm = 3", aims=AIM)
+    assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
