@@ -26,7 +26,7 @@ LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
 FACES = ["arrays", "frames", "api", "export", "trend", "watch", "commands", "cli", "__init__"]
 ORDER = ["left", *ROOMS, "run", "campaign", "studies", *FACES]
-HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "asammdf", "apread", "tkinter"}
+HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf", "apread", "tkinter"}
 LAZY = {"dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
 """Heavy optional packages that may be imported inside a function."""
 

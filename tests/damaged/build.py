@@ -19,7 +19,7 @@ from damaged.logs import SUFFIXES, Dialect, Log, Plan, clean_log, csv_text, writ
 
 Builder = Callable[[Path], Path]
 MAT = Plan("mat", channel_lines='time_channel = "t"\n')
-PLANS = {name: Plan(name) for name in ("csv", "tdms", "mf4", "hdf5", "catman")} | {"mat": MAT}
+PLANS = {name: Plan(name) for name in SUFFIXES if name != "mat"} | {"mat": MAT}
 UNCOMPRESSED = {
     "mf4": replace(PLANS["mf4"], writer_options={"compression": 0}),
     "hdf5": replace(PLANS["hdf5"], writer_options={"checksum": False}),
@@ -319,6 +319,15 @@ BUILDERS: dict[str, Builder] = {
     "dialect_crlf": dialect("crlf"),
     "dialect_blanks": dialect("blanks"),
     "dialect_latin1": dialect("latin1"),
+    "dialect_day_first": dialect("day_first"),
+    "dialect_utf16": dialect("utf16"),
+    "dialect_utf16_plain": dialect("utf16_plain"),
+    "dialect_surplus": dialect("surplus"),
+    "flipped_parquet": flipped("parquet", 0.5),
+    "flipped_xlsx": flipped("xlsx", 0.5),
+    "segments_lvm": lambda folder: write_folder(
+        folder, [clean_log()], replace(PLANS["lvm"], writer_options={"segments": 2})
+    ),
     "dialect_hint_wrong": dialect("semicolon", "comma, decimal point"),
     "unit_in_file_differs": lambda folder: write_folder(
         folder, [clean_log()], replace(PLANS["tdms"], writer_options={"unit": "mV"})

@@ -38,6 +38,9 @@ HEADER_CUTS = {
     "hdf5": "cannot be read as HDF5",
     "mat": "are not a MATLAB v5 header",
     "catman": "cannot be read as catman",
+    "xlsx": "cannot be read as Excel workbook",
+    "parquet": "cannot be read as Parquet",
+    "lvm": "holds 0 segments of data",
 }
 
 VERDICTS: dict[str, Verdict] = {
@@ -89,8 +92,21 @@ VERDICTS: dict[str, Verdict] = {
             "crlf",
             "blanks",
             "latin1",
+            "day_first",
+            "utf16",
+            "utf16_plain",
         )
     },
+    "dialect_surplus": used("csv_header_longer", lost=0),
+    "cut_half_xlsx": refused("cannot be read as Excel workbook"),
+    "cut_half_parquet": refused("cannot be read as Parquet"),
+    "cut_half_lvm": used("csv_cut_row"),
+    "cut_last_byte_xlsx": refused("cannot be read as Excel workbook"),
+    "cut_last_byte_parquet": refused("cannot be read as Parquet"),
+    "cut_last_byte_lvm": used("csv_cut_row"),
+    "flipped_xlsx": refused("cannot be read as Excel workbook"),
+    "flipped_parquet": refused("cannot be read as Parquet"),
+    "segments_lvm": refused("holds 2 segments of data, expected one"),
     "dialect_hint_wrong": used("csv_dialect_differs", lost=0),
     "unit_in_file_differs": refused("the file's unit is 'mV', recording.toml says 'V'"),
     "unit_unknown": refused("unknown unit 'Vlt', did you mean 'V'"),

@@ -83,6 +83,8 @@ class Dialect:
     line_end: str = "\n"
     iso: bool = False
     no_time: bool = False
+    day_first: bool = False
+    surplus: str = ""
 
 
 DIALECTS: dict[str, Dialect] = {
@@ -95,6 +97,10 @@ DIALECTS: dict[str, Dialect] = {
     "no_time": Dialect(no_time=True),
     "crlf": Dialect(line_end="\r\n"),
     "blanks": Dialect(separator=" "),
+    "day_first": Dialect(";", ",", iso=True, day_first=True, unit_row=False, comments=(), time_name="Zeitstempel"),
+    "utf16": Dialect("\t", encoding="utf-16"),
+    "utf16_plain": Dialect("\t", encoding="utf-16-le"),
+    "surplus": Dialect(surplus=";Bemerkung", separator=";", unit_row=False),
     "latin1": Dialect(";", ".", "latin-1", ("# Temperatur 23 °C, Weg in µm",)),
 }
 
@@ -112,20 +118,28 @@ def csv_text(log: Log, dialect: Dialect) -> str:
         columns.append(["" if np.isnan(v) else f"{v:.4f}" for v in volts])
     if dialect.units_in_brackets:
         names = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
-    rows = [dialect.separator.join(row) for row in zip(*columns, strict=True)]
     if dialect.decimal == ",":
-        rows = [row.replace(".", ",") for row in rows]
+        plain = [column if dialect.day_first and n == 0 else _with_commas(column) for n, column in enumerate(columns)]
+        columns = plain
+    rows = [dialect.separator.join(row) for row in zip(*columns, strict=True)]
     head = [line.format(rate=log.rate) for line in dialect.comments]
-    head.append(dialect.separator.join(names))
+    head.append(dialect.separator.join(names) + dialect.surplus)
     if dialect.unit_row:
         head.append(dialect.separator.join(units))
     return dialect.line_end.join([*head, *rows, ""])
 
 
+def _with_commas(column: list[str]) -> list[str]:
+    return [text.replace(".", ",") for text in column]
+
+
 def _time_texts(log: Log, dialect: Dialect) -> list[str]:
     if dialect.iso:
         base = np.datetime64(START, "us")
-        return [str(base + np.timedelta64(round(1e6 * t), "us")) for t in log.times]
+        texts = [str(base + np.timedelta64(round(1e6 * t), "us")) for t in log.times]
+        if dialect.day_first:
+            return [f"{t[8:10]}.{t[5:7]}.{t[:4]} {t[11:]}" for t in texts]
+        return texts
     if dialect.time_unit == "ms":
         return [f"{1e3 * t:.4f}" for t in log.times]
     return ["" if np.isnan(t) else f"{t:.6f}" for t in log.times]
@@ -232,7 +246,61 @@ def write_catman(path: Path, log: Log, *, width: int = 8, with_time: bool = True
     path.write_bytes(struct.pack("<hi", 5012, 6 + len(head) + len(headers)) + head + headers + data)
 
 
-SUFFIXES = {"csv": "csv", "tdms": "tdms", "mf4": "mf4", "hdf5": "h5", "mat": "mat", "catman": "bin"}
+def _table(log: Log) -> tuple[list[str], list[str], list[np.ndarray]]:
+    """Return names, units and columns, the time first."""
+    names = ["Time", *(NAMES[quantity] for quantity in log.volts)]
+    return names, ["s", *("V" for _ in log.volts)], [log.times, *log.volts.values()]
+
+
+def write_xlsx(path: Path, log: Log) -> None:
+    from openpyxl import Workbook
+
+    names, units, columns = _table(log)
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet("Log")
+    for row in (["measured on the bench"], names, units, *zip(*(column.tolist() for column in columns), strict=True)):
+        sheet.append(row)
+    book.save(path)
+
+
+def write_parquet(path: Path, log: Log, *, feather: bool = False, checksum: bool = True) -> None:
+    import pyarrow as pa
+    from pyarrow import feather as arrow
+    from pyarrow import parquet
+
+    names, units, columns = _table(log)
+    fields = [pa.field(n, pa.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
+    table = pa.table([pa.array(column) for column in columns], schema=pa.schema(fields))
+    arrow.write_feather(table, path) if feather else parquet.write_table(table, path, write_page_checksum=checksum)
+
+
+def write_lvm(path: Path, log: Log, *, x_columns: str = "One", segments: int = 1) -> None:
+    head = ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab", "Decimal_Separator\t."]
+    head += ["Multi_Headings\tNo", f"X_Columns\t{x_columns}", "Time_Pref\tRelative", "***End_of_Header***\t", "\t"]
+    n = len(log.volts)
+    part = [f"Channels\t{n}\t", "Samples\t" + "\t".join([str(log.times.size)] * n) + "\t"]
+    part += ["Y_Unit_Label\t" + "\t".join(["Volts"] * n), "X_Dimension\t" + "\t".join(["Time"] * n)]
+    part += ["X0\t" + "\t".join([f"{log.start:.7f}"] * n), "Delta_X\t" + "\t".join([f"{1.0 / log.rate:.9f}"] * n)]
+    part += ["***End_of_Header***\t", "\t".join(["X_Value", *(NAMES[q] for q in log.volts), "Comment"])]
+    times = [f"{t:.6f}" if x_columns == "One" else "" for t in log.times]
+    rows = [
+        "\t".join([t, *(f"{v:.6f}" for v in row)])
+        for t, row in zip(times, zip(*log.volts.values(), strict=True), strict=True)
+    ]
+    path.write_text("\r\n".join([*head, *(segments * [*part, *rows, ""])]), encoding="utf-8", newline="")
+
+
+SUFFIXES = {
+    "csv": "csv",
+    "tdms": "tdms",
+    "mf4": "mf4",
+    "hdf5": "h5",
+    "mat": "mat",
+    "catman": "bin",
+    "xlsx": "xlsx",
+    "parquet": "parquet",
+    "lvm": "lvm",
+}
 WRITERS: dict[str, Callable[..., None]] = {
     "csv": write_csv,
     "tdms": write_tdms,
@@ -240,8 +308,11 @@ WRITERS: dict[str, Callable[..., None]] = {
     "hdf5": write_hdf5,
     "mat": write_mat5,
     "catman": write_catman,
+    "xlsx": write_xlsx,
+    "parquet": write_parquet,
+    "lvm": write_lvm,
 }
-GROUPS = {"csv": "", "tdms": "Grp_{quantity}", "mf4": "Rec", "hdf5": "Main", "mat": "", "catman": ""}
+GROUPS = dict.fromkeys(SUFFIXES, "") | {"tdms": "Grp_{quantity}", "mf4": "Rec", "hdf5": "Main"}
 
 TOML = """schema = "fip-bench-recording/1"
 

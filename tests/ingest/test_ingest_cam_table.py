@@ -51,7 +51,7 @@ def test_a_repeated_end_is_dropped_and_resolution_comes_from_the_decimals(tmp_pa
         (rows(ANGLES, 0.0 * LIFT), "lift_mm", "is the column right"),
         (rows(np.append(ANGLES, 360.0), np.append(LIFT, 1.0)), "lift_mm", "does not close"),
         (rows(ANGLES, LIFT), "lif_mm", "did you mean 'lift_mm'"),
-        (rows(ANGLES, LIFT, "cam_angle_deg,lift_xy"), "lift_xy", "does not end in a known unit"),
+        (rows(ANGLES, LIFT, "cam_angle_deg,lift_xy"), "lift_xy", "has no known unit"),
         (rows(ANGLES[:3], LIFT[:3]), "lift_mm", "3 rows, expected at least"),
         (rows(ANGLES, LIFT).replace("4,", "4,4,", 1), "lift_mm", "one per column"),
         ("cam_angle_deg,lift_mm\n", "lift_mm", "a lift table with 0 rows"),
@@ -67,3 +67,35 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, lift: str, message: s
 def test_a_missing_table_is_refused(tmp_path: Path):
     with pytest.raises(Refusal, match="no such file; expected a lift table"):
         read_cam_table(pump(tmp_path / "none.csv"))
+
+
+def test_a_workbook_with_a_unit_row_is_a_lift_table(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (
+        ["cam 12, resolution 2 um"],
+        ["Winkel", "Hub"],
+        ["deg", "mm"],
+        *zip(ANGLES, LIFT.round(3), strict=True),
+    ):
+        book.active.append(list(row))
+    book.save(tmp_path / "cam.xlsx")
+    from dataclasses import replace
+
+    named = replace(pump(tmp_path / "cam.xlsx", "Hub"), cam_table_angle_column="Winkel")
+    table, _ = read_cam_table(named)
+    assert table.theta.size == ANGLES.size
+    assert table.lift.max() == pytest.approx(8e-3)
+    assert table.resolution == 2e-6
+    with pytest.raises(Refusal, match="no column 'Hubb', did you mean 'Hub'"):
+        read_cam_table(replace(named, cam_table_lift_column="Hubb"))
+
+
+def test_a_unit_row_serves_a_text_too_and_a_column_without_a_unit_is_refused(tmp_path: Path):
+    text = rows(ANGLES, LIFT, "cam_angle_deg;hub\ndeg;mm").replace(",", ";")
+    file = tmp_path / "cam.csv"
+    file.write_text(text)
+    assert read_cam_table(pump(file, "hub"))[0].lift.max() == pytest.approx(8e-3)
+    file.write_text(text.replace("deg;mm\n", ""))
+    with pytest.raises(Refusal, match="has no known unit; write it at the end of the name"):
+        read_cam_table(pump(file, "hub"))

@@ -10,6 +10,7 @@ import pytest
 from camtorque.ingest import csv_log, mf4, read_recording
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.csv_log import Damage, parse_block
+from camtorque.ingest.formats import FORMATS
 from camtorque.records import Recording, Refusal
 from damaged.build import MAT, PLANS, log_file
 from damaged.logs import (
@@ -27,7 +28,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 LOG = clean_log(revolutions=6.0, start=0.0321)
-TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0}
+TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0, "xlsx": 1e-15}
+TOLERANCE |= {"parquet": 0.0, "lvm": 5.1e-7}
 """CSV logs are written with four decimals, the MF4 log in single precision; the others hold the numbers themselves."""
 
 
@@ -53,7 +55,7 @@ def test_round_trip(tmp_path: Path, name: str):
 def test_csv_dialects(tmp_path: Path, name: str):
     read = recording(tmp_path / "r", Plan("csv", writer_options={"dialect": name}))
     # a date counts from itself, and a file without times from zero
-    start = 0.0 if name in ("iso", "no_time") else LOG.start
+    start = 0.0 if name in ("iso", "no_time", "day_first") else LOG.start
     for channel in read.channels:
         assert channel.sample_rate == pytest.approx(LOG.rate, rel=1e-6)  # stamps of a date are rounded to 0.24 us
     assert read.channels[0].start_time == pytest.approx(start, abs=1e-9)
@@ -158,7 +160,7 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     pytest.importorskip("asammdf")
     folder = write_folder(tmp_path / "r", [LOG], PLANS["mf4"])
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(Refusal, match=r"pip install 'camtorque\[mf4\]'"):
+    with pytest.raises(Refusal, match=r"pip install asammdf"):
         read_recording(folder)
 
 
@@ -243,3 +245,66 @@ def test_noise_in_place_of_a_log_is_refused(tmp_path_factory, name: str, noise: 
 
 
 NOISE: dict[str, Path] = {}
+
+
+def test_feather_is_read_like_parquet(tmp_path: Path):
+    assert_is_the_log(recording(tmp_path / "r", Plan("parquet", writer_options={"feather": True})))
+
+
+def test_lvm_without_a_time_column_takes_start_and_step_of_its_header(tmp_path: Path):
+    assert_is_the_log(recording(tmp_path / "r", Plan("lvm", writer_options={"x_columns": "No"})), 5.1e-7)
+
+
+def test_a_column_t_is_a_channel_where_a_time_stands_beside_it(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["csv"])
+    toml, log = folder / "recording.toml", log_file(folder)
+    toml.write_text(toml.read_text().replace('channel = "Torque"', 'channel = "T"'))
+    log.write_text(log.read_text().replace("Torque", "T").replace("Time", "time"))
+    read = read_recording(folder).of("torque")[0]
+    assert np.max(np.abs(read.read_volts() - LOG.volts["torque"])) <= TOLERANCE["csv"]
+    log.write_text(log.read_text().replace("time,T", "sample,T"))
+    text = toml.read_text().replace('channel = "T"\n', 'channel = "T"\n')
+    toml.write_text(text)
+    assert read_recording(folder).of("torque")[0].name == "T"  # no time beside it, and still a channel
+
+
+def test_dates_and_times_of_a_workbook(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+    from datetime import datetime, timedelta
+
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["xlsx"])
+    book = openpyxl.Workbook()
+    book.active.append(["Zeitstempel", "Torque [V]", "Line_Pressure [V]", "Prox_Trigger [V]"])
+    start = datetime(2025, 3, 1, 12)
+    columns = [values[:3000].tolist() for values in LOG.volts.values()]
+    for number, values in enumerate(zip(*columns, strict=True)):
+        book.active.append([start + timedelta(seconds=number / 500.0), *values])
+    book.save(log_file(folder))
+    toml = folder / "recording.toml"
+    toml.write_text(toml.read_text().replace("sample_rate_hz = 10000.0", "sample_rate_hz = 500.0"))
+    read = read_recording(folder)
+    assert read.of("torque")[0].sample_rate == pytest.approx(500.0, rel=1e-4)
+    assert "certificate_age" not in {finding.code for finding in read.findings}
+
+
+def test_a_workbook_with_two_sheets_asks_which(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["xlsx"])
+    book = openpyxl.load_workbook(log_file(folder))
+    book.create_sheet("Notes")
+    book.save(log_file(folder))
+    with pytest.raises(Refusal, match=r"2 sheets; name one as group .*there are Log, Notes"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize("name", sorted(PLANS))
+def test_every_format_lists_its_channels_with_rate_and_unit(tmp_path: Path, name: str):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS[name])
+    found = {item.name: item for item in FORMATS[name].channels(log_file(folder))}
+    assert set(NAMES.values()) <= set(found)
+    for quantity, channel in NAMES.items():
+        item = found[channel]
+        assert item.sample_rate == pytest.approx(LOG.rate, rel=1e-4)
+        assert item.unit in ("V", "") if name == "mat" else item.unit == "V"
+        assert np.max(np.abs(item.source.read(0, item.n_samples) - LOG.volts[quantity])) <= TOLERANCE[name]
+    assert not {"Time", "t"} & set(found)

@@ -13,6 +13,8 @@ from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
+FINEST = 1.0e-9
+"""A spreadsheet writes sixteen digits whatever was measured [m]."""
 
 
 def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
@@ -55,9 +57,12 @@ def _column(table: SmallTable, name: str, dimension: str) -> Array:
 
 
 def _unit(table: SmallTable, name: str) -> str:
-    unit = tidy_unit(name.rpartition("_")[2])
+    unit = tidy_unit(table.units.get(name, "") or name.rpartition("_")[2])
     if unit not in BORDER_UNITS:
-        raise Refusal(f"{table.path}: column {name!r} does not end in a known unit, such as _deg, _rad, _mm, _m")
+        raise Refusal(
+            f"{table.path}: column {name!r} has no known unit; write it at the end of the name (_deg, _rad, _mm, _m) "
+            "or in a row below the names"
+        )
     return unit
 
 
@@ -65,7 +70,7 @@ def _resolution(table: SmallTable, column: str, scale: float) -> float:
     match = RESOLUTION.search(table.comment)
     if match:
         return float(match[1]) * unit_factor(match[2], "length", f"{table.path} comment")
-    return 10.0 ** -table.decimals[column] * scale
+    return max(10.0 ** -table.decimals[column] * scale, FINEST)
 
 
 def _check_angles(table: SmallTable, theta: Array) -> None:

@@ -16,7 +16,8 @@ from typing import BinaryIO
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.raw import FileSource, Piece, RawChannel, RawFile, refusing
+from camtorque.ingest.columns import usual_rate
+from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, is_known_unit, unit_factor
@@ -61,6 +62,20 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         channels.append(raw)
         findings += base.findings
     return RawFile(tuple(channels), tuple(findings))
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the channels, rates as their headers or the time channel of their length say."""
+    with refusing(path, "catman binary"):
+        headers, sources = _layout(path)
+    found = []
+    for header, source in zip(headers, sources, strict=True):
+        if header.length and not TIME_NAME.search(header.name):
+            mates = [n for n, h in enumerate(headers) if TIME_NAME.search(h.name) and h.length == header.length]
+            rate = 1.0 / header.time_step if header.time_step > 0.0 else None
+            rate = usual_rate(sources[mates[0]]) if len(mates) == 1 and rate is None else rate
+            found.append(FileChannel("", header.name, header.unit, header.length, rate, "", source))
+    return tuple(found)
 
 
 def _layout(path: Path) -> tuple[list[CatmanChannel], list[FileSource]]:

@@ -110,7 +110,10 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     separator, decimal, n_columns, first = _table(path, lines)
     offset = sum(len(line) + 1 for line in raw_lines[:first])
     header = lines[:first]
-    names, units, surplus = _names(path, header, separator, n_columns, wanted)
+    rows = [
+        split_row(line.lstrip("\ufeff").lstrip(COMMENT) if line[:1] in COMMENT else line, separator) for line in header
+    ]
+    names, units, surplus = names_of(path, rows, n_columns, wanted)
     row = split_row(lines[first], separator)
     return CsvLayout(
         encoding=encoding,
@@ -200,27 +203,33 @@ def _best_table(lines: list[str]) -> tuple[str, str, int, int] | None:
     return separator, decimal, usual, first
 
 
-def _names(
-    path: Path, header: list[str], separator: str, n_columns: int, wanted: tuple[str, ...]
+def names_of(
+    path: Path, rows: list[list[str]], n_columns: int, wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return names, units, and names beyond the columns; the line of names is the one that holds the wanted names."""
-    rows = [
-        split_row(line.lstrip("\ufeff").lstrip(COMMENT) if line[:1] in COMMENT else line, separator) for line in header
-    ]
+    """Return names, units, and names beyond the columns from the rows above the data.
+
+    The row of names is the one that holds the wanted names; where none are wanted, the one with the most text.
+
+    Raises
+    ------
+    Refusal : no row has a name for each column, or none holds a wanted name
+    """
     candidates = []
     for number, row in enumerate(rows):
         row, beyond = row[:n_columns], tuple(field for field in row[n_columns:] if field)
         if len(row) != n_columns or set(beyond) & set(wanted):
             continue
-        plain = [_name_and_unit(field) for field in row]
+        plain = [name_and_unit(field) for field in row]
         hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
+        if not wanted:
+            hits = sum(bool(field) and not is_known_unit(field) and not _is_value(field, ",") for field in row)
         candidates.append((hits - len(beyond), number, row, plain, beyond))
     if not candidates:
         raise Refusal(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
             "by name, add a line with the names"
         )
-    hits, number, row, plain, beyond = max(candidates, key=lambda item: (item[0], -item[1]))
+    hits, number, row, plain, beyond = max(candidates, key=lambda item: (item[0], -item[1] if wanted else item[1]))
     if hits + len(beyond) <= 0:
         shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
         raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
@@ -233,7 +242,8 @@ def _names(
     return names, units, beyond
 
 
-def _name_and_unit(field: str) -> tuple[str, str]:
+def name_and_unit(field: str) -> tuple[str, str]:
+    """Return name and unit of a header field; the unit stands in brackets."""
     match = BRACKETS.match(field)
     return (match["name"], match["unit"]) if match else (field, "")
 

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
 from camtorque.ingest.csv_layout import (
     NUMBER,
     CsvLayout,
@@ -27,10 +28,8 @@ from camtorque.ingest.csv_layout import (
     surplus_findings,
     text_pieces,
 )
-from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, RawChannel, RawFile, read_into, refusing
-from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
+from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.records import Array, Finding, Refusal, SampleSource
-from camtorque.units import did_you_mean, unit_factor
 
 BLOCK_BYTES = 8 * 2**20
 LONGEST_LINE = 2**20
@@ -86,72 +85,27 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a text whose layout is known."""
-    columns = [_column(path, layout, spec.channel) for spec in specs]
-    time_column = layout.time_column(specs[0].time_channel, tuple(spec.channel for spec in specs))
-    if specs[0].time_channel and time_column is None:
-        shown = ", ".join(layout.names)
-        raise Refusal(f"{path}: no time column {specs[0].time_channel!r}; the columns are {shown}")
+    columns = [column_of(path, layout, spec.channel) for spec in specs]
+    time_column = time_column_of(path, layout, specs)
     wanted = sorted({*columns, *([time_column] if time_column is not None else [])})
     damage = Damage()
     with refusing(path, "CSV"):
         sources, tail = _columns(path, layout, wanted, time_column, damage)
+    result = raw_file(path, layout, sources, specs)
     notes = (*hint_findings(layout, hint, path.name), *surplus_findings(layout, path.name))
-    findings = [*notes, *_damage_findings(damage, path.name), *tail]
-    channels = []
-    for number, (spec, column) in enumerate(zip(specs, columns, strict=True)):
-        base, stamp = _times(path, layout, sources, time_column, spec)
-        source = sources[column]
-        raw = RawChannel(
-            spec.channel, layout.units[column], source, base.start, base.rate, stamp, base.breaks, base.break_steps
-        )
-        channels.append(raw)
-        findings += base.findings if number == 0 else ()
-    return RawFile(tuple(channels), tuple(findings))
+    return RawFile(result.channels, (*notes, *_damage_findings(damage, path.name), *tail, *result.findings))
 
 
-def _column(path: Path, layout: CsvLayout, name: str) -> int:
-    count = layout.names.count(name)
-    if count == 1:
-        return layout.names.index(name)
-    shown = ", ".join(layout.names)
-    if count:
-        raise Refusal(f"{path}: {count} columns are named {name!r}; rename them, the columns are {shown}")
-    raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, layout.names)}; the columns are {shown}")
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the columns of a CSV or ASCII file."""
+    return channels_of(path, sniff(path, ()))
 
 
-def _times(
-    path: Path, layout: CsvLayout, sources: dict[int, SampleSource], column: int | None, spec: ChannelSpec
-) -> tuple[TimeBase, float | None]:
-    """Return the time base of a channel, and its date where the file has stamps."""
-    where = path.name
-    findings: tuple[Finding, ...] = ()
-    if layout.header_rate is not None:
-        rate, findings = agreed_rate(layout.header_rate, spec.sample_rate, where, 1e-9, "the header says")
-    if column is None:
-        rate = layout.header_rate or spec.sample_rate
-        return TimeBase(spec.start_time or layout.start or 0.0, rate, findings=findings), None
-    times, kind = sources[column], layout.stamp_kind(column)
-    factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
-    base = time_base(times, spec.sample_rate, where, to_seconds=factor)
-    base = TimeBase(base.start, base.rate, base.breaks, base.break_steps, (*base.findings, *findings))
-    if kind in ("", "clock"):
-        return base, None
-    return TimeBase(0.0, base.rate, base.breaks, base.break_steps, base.findings), base.start
-
-
-def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) -> float:
-    if unit:
-        return unit_factor(unit, "time", f"{where} time column")
-    steps = np.diff(times.read(0, min(times.n_samples, 10_000)))
-    steps = steps[np.isfinite(steps)]
-    step = float(np.median(steps)) if steps.size else 0.0
-    for factor in (1.0, 1e-3, 1e-6):
-        if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
-            return factor
-    raise Refusal(
-        f"{where}: the time column has no unit and its step of {step:.6g} fits neither s, ms nor us at "
-        f"{spec.sample_rate:g} Hz; write the unit into the header"
-    )
+def channels_of(path: Path, layout: CsvLayout) -> tuple[FileChannel, ...]:
+    """List the columns of a text whose layout is known."""
+    with refusing(path, "CSV"):
+        sources, _ = _columns(path, layout, list(range(layout.n_columns)), layout.time_column(""), Damage())
+    return listed(path, layout, sources)
 
 
 def _columns(

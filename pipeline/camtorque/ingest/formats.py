@@ -12,7 +12,7 @@ from pathlib import Path
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.csv_layout import utf16
-from camtorque.ingest.raw import RawFile
+from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
 
@@ -29,7 +29,8 @@ class Format:
     ----------
     shown : its name for people
     aliases : other words of the bench for it
-    module : below `camtorque.ingest`; it has ``read(path, specs, hint)`` -> `RawFile`
+    module : below `camtorque.ingest`; it has ``read(path, specs, hint)`` -> `RawFile` and
+        ``channels(path)`` -> what the file holds
     begins : tells it by the first bytes of a file
     """
 
@@ -41,6 +42,10 @@ class Format:
     def read(self, path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         """Read channels of a file."""
         return importlib.import_module(f"camtorque.ingest.{self.module}").read(path, specs, hint)
+
+    def channels(self, path: Path) -> tuple[FileChannel, ...]:
+        """List the channels of a file."""
+        return importlib.import_module(f"camtorque.ingest.{self.module}").channels(path)
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -59,6 +64,10 @@ FORMATS: dict[str, Format] = {
     "mat": Format("MATLAB", (), "mat", lambda head: head.startswith(b"MATLAB")),
     "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
     "catman": Format("catman binary", (), "catman", _is_catman),
+    "xlsx": Format("Excel workbook", ("excel",), "xlsx", lambda head: head.startswith(b"PK\x03\x04")),
+    "parquet": Format("Parquet or Feather", ("feather", "arrow"), "parquet",
+                      lambda head: head.startswith((b"PAR1", b"ARROW1"))),
+    "lvm": Format("LabVIEW measurement", (), "lvm", lambda head: head.startswith(b"LabVIEW Measurement")),
     "csv": Format("CSV or ASCII text", ("ascii", "txt"), "csv_log",
                   lambda head: b"\x00" not in head or bool(utf16(head))),
 }  # fmt: skip

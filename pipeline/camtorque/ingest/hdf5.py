@@ -14,7 +14,8 @@ import h5py
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.raw import CallSource, RawChannel, RawFile, refusing
+from camtorque.ingest.columns import with_times
+from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import agreed_rate, time_base
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
@@ -24,6 +25,7 @@ RATE_NAMES = ("sample_rate_hz", "sampling_rate_hz", "sample_rate", "sampling_rat
 STEP_NAMES = ("wf_increment", "time_step_s", "dt_s", "dt")
 START_NAMES = ("t0_s", "start_time_s", "wf_start_offset", "t0")
 UNIT_NAMES = ("unit", "units", "unit_string")
+MOST_LISTED = 1000
 STAMP_NAMES = ("start_time", "wf_start_time", "date_time")
 
 
@@ -37,6 +39,26 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
             channels.append(channel)
             findings += more
     return RawFile(tuple(channels), tuple(findings))
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the data sets that hold one number per sample, rates as their attributes or times say."""
+    found: list[FileChannel] = []
+    with refusing(path, "HDF5"), h5py.File(path, "r") as file:
+        names: list[str] = []
+        file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
+        for name in names[:MOST_LISTED]:
+            data = file[name]
+            group, _, last = name.rpartition("/")
+            if data.dtype.kind not in "fiu" or sum(size != 1 for size in data.shape) != 1:
+                continue
+            attributes = _attributes(data)
+            rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
+            known = float(rate) if rate is not None else 1.0 / float(step) if step else None
+            unit = str(_first(attributes, UNIT_NAMES) or "")
+            source = _source(path, data)
+            found.append(FileChannel(group, last, unit, source.n_samples, known, "", source))
+    return with_times(found)
 
 
 def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:

@@ -15,8 +15,9 @@ from scipy.io import loadmat, whosmat
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
+from camtorque.ingest.columns import with_times
 from camtorque.ingest.formats import first_bytes, is_hdf5
-from camtorque.ingest.raw import ArraySource, RawChannel, RawFile, refusing
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import time_base
 from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Finding, Refusal
@@ -41,6 +42,27 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         channels.append(channel)
         findings += more
     return RawFile(tuple(channels), tuple(findings))
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the variables, and the fields of structs, that hold one number per sample."""
+    if is_hdf5(first_bytes(path)):
+        return hdf5.channels(path)
+    check_mat(path)
+    with refusing(path, "MATLAB v5"):
+        variables = loadmat(str(path), squeeze_me=False, struct_as_record=True)
+    found: list[FileChannel] = []
+    for name, value in variables.items():
+        fields = getattr(getattr(value, "dtype", None), "names", None) or ()
+        if name.startswith("__"):
+            continue
+        members = [(name, field, value[field].ravel()[0]) for field in fields if value.size] or [("", name, value)]
+        for group, member, array in members:
+            samples = np.asarray(array)
+            if samples.dtype.kind in "fiu" and 1 < samples.size == max(samples.shape):
+                source = ArraySource(samples.ravel())
+                found.append(FileChannel(group, member, "", source.n_samples, None, "", source))
+    return with_times(found)
 
 
 def check_mat(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""MDF 4 (Vector, ETAS, IPEmotion) with asammdf, an optional extra.
+"""MDF 4 (Vector, ETAS, IPEmotion) with asammdf.
 
 asammdf is asked only after the skeleton of the file was checked; it decodes into arrays up to a size, beyond it in
 pieces.
@@ -7,6 +7,7 @@ pieces.
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from datetime import UTC
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.columns import usual_rate
 from camtorque.ingest.mf4_structure import check_mf4
-from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, CallSource, RawChannel, RawFile, refusing
+from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, CallSource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import time_base
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean
@@ -36,11 +38,35 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     return RawFile(tuple(channels), tuple(findings))
 
 
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the channels that hold numbers, rates as the times of their group say."""
+    library = _library()
+    check_mf4(path)
+    found = []
+    with refusing(path, "MDF 4"), library.MDF(path) as mdf:
+        for number, group in enumerate(mdf.groups):
+            cycles = int(group.channel_group.cycles_nr)
+            master = mdf.masters_db.get(number)
+            for index, channel in enumerate(group.channels):
+                if index == master or not cycles:
+                    continue
+                with suppress(Refusal):
+                    times, source = _sources(path, mdf, number, index, cycles)
+                    name = _group_names(group.channel_group)[0]
+                    rate = usual_rate(times)
+                    found.append(FileChannel(name, channel.name, _unit(channel), source.n_samples, rate, "", source))
+    return tuple(found)
+
+
+def _unit(block: Any) -> str:
+    return str(block.unit or getattr(block.conversion, "unit", "") or "")
+
+
 def _library() -> Any:
     try:
         import asammdf
     except ImportError as error:
-        raise Refusal("reading MDF 4 needs asammdf, which is not installed: pip install 'camtorque[mf4]'") from error
+        raise Refusal("reading MDF 4 needs asammdf, which is not installed: pip install asammdf") from error
     asammdf.set_global_option("raise_on_multiple_occurrences", True)
     return asammdf
 
@@ -52,7 +78,7 @@ def _channel(mdf: Any, path: Path, spec: ChannelSpec, stamp: float) -> tuple[Raw
     if cycles == 0:
         raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
     block = mdf.groups[group].channels[index]
-    unit = str(block.unit or getattr(block.conversion, "unit", "") or "")
+    unit = _unit(block)
     times, source = _sources(path, mdf, group, index, cycles)
     findings = []
     if source.n_samples < cycles:

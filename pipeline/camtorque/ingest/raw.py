@@ -50,6 +50,27 @@ class RawFile:
     findings: tuple[Finding, ...] = ()
 
 
+@dataclass(frozen=True)
+class FileChannel:
+    """A channel that a file holds, as `camtorque new` lists it.
+
+    Attributes
+    ----------
+    group, name, unit : as the file says, "" where it says nothing
+    sample_rate : [Hz], None where the file does not tell
+    time_channel : the channel that holds its times, "" where the format or its name tells
+    source : raw samples
+    """
+
+    group: str
+    name: str
+    unit: str
+    n_samples: int
+    sample_rate: float | None
+    time_channel: str
+    source: SampleSource
+
+
 Reader = Callable[[Path, tuple[ChannelSpec, ...], str], RawFile]
 """A reader receives the file, the channels wanted from it and the bench's hint about the dialect."""
 

@@ -18,7 +18,8 @@ from nptdms.log import log_manager
 from nptdms.scaling import get_scaling
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.raw import CallSource, FileSource, Piece, RawChannel, RawFile, refusing
+from camtorque.ingest.columns import with_times
+from camtorque.ingest.raw import CallSource, FileChannel, FileSource, Piece, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import agreed_rate
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean
@@ -48,6 +49,28 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
             channels.append(channel)
             findings += more
     return RawFile(tuple(channels), tuple(findings))
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the channels that hold numbers."""
+    log_manager.set_level(logging.CRITICAL)
+    check_segments(path)
+    found = []
+    with refusing(path, "TDMS"), TdmsFile.open(path) as file:
+        for group in file.groups():
+            for channel in group.channels():
+                if not len(channel) or channel.dtype.kind not in "fiu":
+                    continue
+                step = channel.properties.get("wf_increment")
+                unit = _unit(channel)
+                source = _source(file, channel, path)
+                rate = 1.0 / float(step) if step else None
+                found.append(FileChannel(group.name, channel.name, unit, source.n_samples, rate, "", source))
+    return with_times(found)
+
+
+def _unit(channel: TdmsChannel) -> str:
+    return str(channel.properties.get("unit_string", channel.properties.get("NI_UnitDescription", "")))
 
 
 def check_segments(path: Path) -> tuple[Finding, ...]:
@@ -112,8 +135,7 @@ def _channel(file: TdmsFile, path: Path, spec: ChannelSpec) -> tuple[RawChannel,
         findings += more
     start = properties.get("wf_start_offset", spec.start_time or 0.0)
     stamp = properties.get("wf_start_time")
-    unit = str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))
-    raw = RawChannel(spec.channel, unit, source, float(start), rate, _epoch(stamp))
+    raw = RawChannel(spec.channel, _unit(channel), source, float(start), rate, _epoch(stamp))
     return raw, findings
 
 

@@ -1,0 +1,84 @@
+"""LabVIEW measurement files (.lvm): a header that states separator, decimal sign, units and step, then columns.
+
+NI, "Specification for the LabVIEW Measurement File": two blocks that end in ``***End_of_Header***``, the second one per
+segment of data. A file of several segments is refused: its rows do not share one time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff, text_pieces
+from camtorque.ingest.csv_log import channels_of, read_table
+from camtorque.ingest.raw import FileChannel, RawFile
+from camtorque.records import Refusal
+
+END = "***End_of_Header***"
+UNITS = {"volts": "V", "volt": "V", "seconds": "s", "newton-meters": "N m", "pascals": "Pa", "degrees celsius": "degC"}
+"""LabVIEW writes units out."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The header of one segment: key -> fields, one per channel."""
+
+    values: dict[str, list[str]]
+
+    def number(self, key: str, path: Path) -> float | None:
+        """Return a number that all channels share, None where the key is not there."""
+        found = {field.replace(",", ".") for field in self.values.get(key, []) if field}
+        if not found:
+            return None
+        if len(found) > 1:
+            raise Refusal(f"{path}: {key} differs between channels ({', '.join(sorted(found))}); export them apart")
+        try:
+            return float(found.pop())
+        except ValueError as error:
+            raise Refusal(f"{path}: {key} is {self.values[key][0]!r:.40}, expected a number") from error
+
+
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read columns of a LabVIEW measurement file."""
+    return read_table(path, _layout(path, tuple(spec.channel for spec in specs)), specs, hint)
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the columns of a LabVIEW measurement file."""
+    return channels_of(path, _layout(path, ()))
+
+
+def _layout(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
+    segment = _segment(path)
+    layout = sniff(path, wanted or ("X_Value",))
+    stated = segment.values.get("Y_Unit_Label", [])
+    units = [UNITS.get(unit.lower(), unit) for unit in stated]
+    # the column X_Value comes first, whether it is filled or not
+    first = 1 if layout.names[:1] == ("X_Value",) else 0
+    units = ["s"] * first + units + [""] * layout.n_columns
+    step = segment.number("Delta_X", path)
+    filled = bool(layout.first_row[0]) if first else False
+    names = layout.names if filled or not first else ("", *layout.names[1:])
+    rate = 1.0 / step if step and not filled else None
+    return replace(
+        layout, names=names, units=tuple(units[: layout.n_columns]), header_rate=rate, surplus=(),
+        start=segment.number("X0", path),
+    )  # fmt: skip
+
+
+def _segment(path: Path) -> Segment:
+    text, ends = "", 0
+    for number, piece in enumerate(text_pieces(path, SNIFF_BYTES)):
+        shown = piece.decode("latin-1")
+        ends += shown.count(END)
+        text += shown if number == 0 else ""
+    if ends != 2:
+        raise Refusal(
+            f"{path}: holds {max(ends - 1, 0)} segments of data, expected one; write one file per measurement, "
+            "or export the segment as CSV"
+        )
+    lines = text.partition(END)[2].partition(END)[0].splitlines()
+    separator = "," if "\tComma" in text or "Separator,Comma" in text else "\t"
+    rows = [[field.strip() for field in line.split(separator)] for line in lines]
+    return Segment({row[0]: [field for field in row[1:] if field] for row in rows if row and row[0]})

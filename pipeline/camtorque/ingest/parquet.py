@@ -1,0 +1,98 @@
+"""Parquet and Feather (Arrow) with pyarrow, an optional extra: columns by name, units from the field's metadata."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
+from camtorque.ingest.csv_layout import CsvLayout, name_and_unit
+from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refusing
+from camtorque.ingest.zlib_check import refuse_bomb
+from camtorque.records import Refusal, SampleSource
+
+UNIT_KEYS = (b"unit", b"units")
+TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read columns of a Parquet or Feather file."""
+    layout = _layout(path)
+    time = time_column_of(path, layout, specs)
+    wanted = {column_of(path, layout, spec.channel) for spec in specs} | ({time} if time is not None else set())
+    return raw_file(path, layout, _sources(path, layout, sorted(wanted)), specs)
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the columns of numbers."""
+    layout = _layout(path)
+    return listed(path, layout, _sources(path, layout, [n for n, name in enumerate(layout.names) if name]))
+
+
+def _library(path: Path) -> Any:
+    try:
+        import pyarrow
+        import pyarrow.feather
+        import pyarrow.parquet
+    except ImportError as error:
+        raise Refusal(
+            f"{path}: reading Parquet or Feather needs pyarrow, which is not installed: pip install pyarrow"
+        ) from error
+    return pyarrow
+
+
+def _is_parquet(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(4) == b"PAR1"
+
+
+def _layout(path: Path) -> CsvLayout:
+    library = _library(path)
+    with refusing(path, "Parquet or Feather"):
+        if _is_parquet(path):
+            with library.parquet.ParquetFile(path) as file:
+                schema, rows = file.schema_arrow, file.metadata.num_rows
+            refuse_bomb(8 * rows * max(len(schema), 1), path.stat().st_size, f"{path}: {rows} rows")
+        else:
+            with library.memory_map(str(path)) as memory:
+                schema = library.ipc.open_file(memory).schema
+    names, units, first = [], [], []
+    for item in schema:
+        number = library.types.is_floating(item.type) or library.types.is_integer(item.type)
+        stamp = library.types.is_timestamp(item.type)
+        name, unit = name_and_unit(item.name)
+        stated = next((item.metadata[key].decode() for key in UNIT_KEYS if key in (item.metadata or {})), unit)
+        names.append(name if number or stamp else "")
+        units.append("" if stamp else stated)
+        first.append("2000-01-01T00:00:00" if stamp else "0")
+    return CsvLayout("", "", ".", 0, 0, tuple(names), tuple(units), tuple(first), None)
+
+
+def _sources(path: Path, layout: CsvLayout, wanted: list[int]) -> dict[int, SampleSource]:
+    library = _library(path)
+    with refusing(path, "Parquet or Feather"):
+        names = [_schema_name(path, library, number) for number in wanted]
+        if _is_parquet(path):
+            table = library.parquet.read_table(path, columns=names, page_checksum_verification=True)
+        else:
+            table = library.feather.read_table(path, columns=names)
+        arrays = {number: _numbers(library, table.column(place)) for place, number in enumerate(wanted)}
+    return {number: ArraySource(values) for number, values in arrays.items()}
+
+
+def _schema_name(path: Path, library: Any, number: int) -> str:
+    if _is_parquet(path):
+        return library.parquet.read_schema(path).names[number]
+    with library.memory_map(str(path)) as memory:
+        return library.ipc.open_file(memory).schema.names[number]
+
+
+def _numbers(library: Any, column: Any) -> np.ndarray:
+    """Return a column as numbers: a date as seconds since 1970, what is missing as nan."""
+    if library.types.is_timestamp(column.type):
+        factor = TICKS[column.type.unit]
+        return column.cast(library.int64()).to_numpy().astype(np.float64) * factor
+    return column.to_numpy().astype(np.float64)

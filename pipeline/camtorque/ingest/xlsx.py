@@ -1,0 +1,153 @@
+"""Excel workbooks (.xlsx) with openpyxl, an optional extra: a log as columns of a sheet, or a small table.
+
+``group`` names the sheet; a workbook of one sheet needs none. The names stand in a row above the numbers, units in
+brackets or in a row of their own.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from datetime import UTC, date, datetime, time
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
+from camtorque.ingest.csv_layout import CsvLayout, names_of
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
+from camtorque.ingest.zlib_check import refuse_bomb
+from camtorque.records import Finding, Refusal, SampleSource
+
+HEADER_ROWS = 200
+MOST_COLUMNS = 256
+"""A sheet may claim 16 384 columns whatever it holds."""
+Row = tuple[Any, ...]
+
+
+def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
+    """Read columns of a sheet."""
+    groups = {spec.group for spec in specs}
+    channels: list[tuple[ChannelSpec, RawChannel]] = []
+    findings: list[Finding] = []
+    for group in sorted(groups):
+        mine = tuple(spec for spec in specs if spec.group == group)
+        rows = _sheet(path, group)
+        layout = _layout(path, rows, tuple(spec.channel for spec in mine))
+        wanted = [column_of(path, layout, spec.channel) for spec in mine]
+        time_column = time_column_of(path, layout, mine)
+        sources = _sources(rows, layout, [*wanted, *([time_column] if time_column is not None else [])])
+        result = raw_file(path, layout, sources, mine)
+        channels += list(zip(mine, result.channels, strict=True))
+        findings += result.findings
+    found = dict(channels)
+    return RawFile(tuple(found[spec] for spec in specs), tuple(findings))
+
+
+def channels(path: Path) -> tuple[FileChannel, ...]:
+    """List the columns of the sheets."""
+    found: list[FileChannel] = []
+    for name in sheet_names(path):
+        rows = _sheet(path, name)
+        if len(rows) > 2:
+            layout = _layout(path, rows, ())
+            sources = _sources(rows, layout, [n for n, item in enumerate(layout.names) if item])
+            found += [
+                FileChannel(name, c.name, c.unit, c.n_samples, c.sample_rate, c.time_channel, c.source)
+                for c in listed(path, layout, sources)
+            ]
+    return tuple(found)
+
+
+def table_rows(path: Path) -> list[list[str]]:
+    """Return the rows of the only sheet as text, for a small table such as a lift table."""
+    return [[_text(cell) for cell in row] for row in _sheet(path, "") if any(cell is not None for cell in row)]
+
+
+def _library(path: Path) -> Any:
+    try:
+        import openpyxl
+    except ImportError as error:
+        raise Refusal(
+            f"{path}: reading Excel workbooks needs openpyxl, which is not installed: pip install openpyxl"
+        ) from error
+    return openpyxl
+
+
+def _open(path: Path) -> Any:
+    library = _library(path)
+    with refusing(path, "Excel workbook"):
+        with zipfile.ZipFile(path) as parts:
+            unpacked = sum(part.file_size for part in parts.infolist())
+        refuse_bomb(unpacked, path.stat().st_size, f"{path}")
+        return library.load_workbook(path, read_only=True, data_only=True, keep_links=False)
+
+
+def sheet_names(path: Path) -> list[str]:
+    """Return the names of the sheets."""
+    book = _open(path)
+    try:
+        return list(book.sheetnames)
+    finally:
+        book.close()
+
+
+def _sheet(path: Path, name: str) -> list[Row]:
+    """Return the rows of a sheet, cut behind its last column that holds anything in the first rows."""
+    book = _open(path)
+    try:
+        names = [sheet for sheet in book.sheetnames if not name or sheet == name]
+        if len(names) != 1:
+            what = "no sheet" if not names else f"{len(names)} sheets; name one as group"
+            raise Refusal(f"{path}: {what} {name!r}; there are {', '.join(book.sheetnames)}")
+        with refusing(path, "Excel workbook", name):
+            sheet = book[names[0]]
+            head = list(islice(sheet.iter_rows(max_col=MOST_COLUMNS, values_only=True), HEADER_ROWS))
+            filled = [n for row in head for n, cell in enumerate(row) if cell is not None]
+            width = max(filled, default=-1) + 1
+            return list(sheet.iter_rows(max_col=max(width, 1), values_only=True))
+    finally:
+        book.close()
+
+
+def _is_number(cell: Any) -> bool:
+    return isinstance(cell, (int, float, datetime, time)) and not isinstance(cell, bool)
+
+
+def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
+    first = next((n for n, row in enumerate(rows) if sum(map(_is_number, row)) * 2 > _filled(row) > 0), None)
+    if first is None:
+        raise Refusal(f"{path}: the sheet holds no row of numbers; expected a row of names and rows of numbers")
+    header = [[_text(cell) for cell in row] for row in rows[:first]]
+    names, units, _ = names_of(path, header, len(rows[first]), wanted)
+    return CsvLayout("", "", ".", first, first, names, units, tuple(_text(cell) for cell in rows[first]), None)
+
+
+def _filled(row: Row) -> int:
+    return sum(cell is not None for cell in row)
+
+
+def _text(cell: Any) -> str:
+    if isinstance(cell, datetime):
+        return cell.isoformat()
+    return "" if cell is None else str(cell).strip()
+
+
+def _sources(rows: list[Row], layout: CsvLayout, wanted: list[int]) -> dict[int, SampleSource]:
+    body = rows[layout.data_offset :]
+    while body and not _filled(body[-1]):
+        body.pop()
+    return {number: ArraySource(np.array([_number(row[number]) for row in body])) for number in wanted}
+
+
+def _number(cell: Any) -> float:
+    """Return a cell as a number: a date in seconds since 1970, a time in seconds since midnight, text as nan."""
+    if isinstance(cell, datetime):
+        return cell.replace(tzinfo=UTC).timestamp()
+    if isinstance(cell, time):
+        return 3600.0 * cell.hour + 60.0 * cell.minute + cell.second + 1e-6 * cell.microsecond
+    if isinstance(cell, (bool, date)) or not isinstance(cell, (int, float)):
+        return float("nan")
+    return float(cell)
