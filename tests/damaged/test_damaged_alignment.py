@@ -33,6 +33,7 @@ PAUSE = used(clock_jump=2)
 
 ALIGNED: dict[str, Aligned] = {
     "cut_half_csv": used(found=10),
+    "cut_half_lvm": used(found=10),
     "companion_cut_csv": used(found=14),
     "unclosed_tdms": used(found=20),
     "three_cycles_only": used(found=3),
