@@ -1,0 +1,62 @@
+"""The documents: commands that they show exist, the picture is that of the code, the menu leads somewhere."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import shlex
+from pathlib import Path
+
+import pytest
+from camtorque.cli import build_parser
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCE = re.compile(r"```sh\n(.*?)```", re.DOTALL)
+COMMAND = re.compile(r"(?:^|&& )(?:\S*/)?camtorque (.+?)(?: *#.*| [>|] .*)?$")
+
+
+def shown_commands() -> list[tuple[str, str]]:
+    found = []
+    for page in PAGES:
+        for block in FENCE.findall(page.read_text(encoding="utf-8")):
+            found += [(page.name, match[1]) for line in block.splitlines() if (match := COMMAND.search(line))]
+    return found
+
+
+def test_commands_are_found_in_the_documents() -> None:
+    assert {"run", "limits", "export", "watch", "check", "align", "campaign"} <= {
+        line.split()[0] for _, line in shown_commands()
+    }
+
+
+@pytest.mark.parametrize(("page", "line"), shown_commands())
+def test_every_command_that_a_document_shows_is_understood(page: str, line: str) -> None:
+    build_parser().parse_args(shlex.split(line))
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_code() -> None:
+    drawn = runpy.run_path(str(ROOT / "docs" / "examples" / "architecture.py"))["drawing"]()
+    kept = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
+    assert drawn == kept, "python docs/examples/architecture.py"
+
+
+def test_the_menu_names_pages_that_exist() -> None:
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = re.findall(r"[\w/]+\.(?:md|ipynb)\b", text)
+    assert len(pages) > 15
+    assert not [name for name in pages if not (ROOT / "docs" / name).is_file()]
+
+
+def test_places_that_the_architecture_names_exist() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = text[text.index("| change |") :]
+    named = set(re.findall(r"`((?:laws|ingest|studies|report|fit|commands)/[\w.]*|\w+\.py)`", table))
+    assert len(named) > 12
+    assert not [name for name in named if not (ROOT / "pipeline" / "camtorque" / name).exists()]
+
+
+def test_the_tutorial_is_kept_without_outputs() -> None:
+    book = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text(encoding="utf-8"))
+    assert not [cell for cell in book["cells"] if cell.get("outputs")]
