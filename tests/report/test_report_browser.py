@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from camtorque.report import ComparePage, write_compare, write_run
 from report_cases import run_result
+from test_report_campaign import page_of_many
 from test_report_compare import document, pair
 
 webdriver = pytest.importorskip("selenium.webdriver")
@@ -20,6 +21,7 @@ from selenium.webdriver.chrome.service import Service  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
+from selenium.webdriver.support.ui import Select  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CHROMEDRIVER = shutil.which("chromedriver")
@@ -54,12 +56,17 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
-    for name in ("run", "unexplained", "compare"):
+    for name in ("run", "unexplained", "compare", "campaign"):
         (folder / name).mkdir()
     write_run(run_result(), folder / "run")
     write_run(run_result(explained=False), folder / "unexplained")
     write_compare(ComparePage(document(), (pair(),), "../run/report.html"), folder / "compare")
+    (folder / "campaign" / "campaign.html").write_text(page_of_many(7), encoding="utf-8")
+    for name in ("0" * 15 + str(k) for k in range(7)):
+        (folder / "campaign" / "runs" / name).mkdir(parents=True)
+        (folder / "campaign" / "runs" / name / "report.html").write_text("<title>opened</title>", encoding="utf-8")
     return {
+        "campaign": folder / "campaign" / "campaign.html",
         "run": folder / "run" / "report.html", "unexplained": folder / "unexplained" / "report.html",
         "compare": folder / "compare" / "compare.html",
     }  # fmt: skip
@@ -77,7 +84,7 @@ def opened(browser: Any, path: Path, width: int = 1280, dark: bool = False) -> A
     return browser
 
 
-@pytest.mark.parametrize("name", ["run", "unexplained", "compare"])
+@pytest.mark.parametrize("name", ["run", "unexplained", "compare", "campaign"])
 def test_nothing_is_requested_and_nothing_is_forbidden(browser: Any, pages: dict[str, Path], name: str) -> None:
     opened(browser, pages[name])
     assert browser.get_log("browser") == []
@@ -157,13 +164,14 @@ def test_the_cursor_is_linked_and_read_out(browser: Any, pages: dict[str, Path])
     moved = browser.execute_script("return camtorque.groups.get('theta').plots.map(({u}) => u.cursor.idx)")
     assert len(set(moved)) == 1
     assert moved[0] > places[0]
-    said = browser.execute_async_script("setTimeout(() => arguments[0](announcer.textContent), 400)")
+    said = browser.execute_async_script("""const wait = () => announcer.textContent
+      ? arguments[0](announcer.textContent) : setTimeout(wait, 20); wait();""")
     assert re.search(r"cam angle [\d.]+ deg: line pressure, measured [\d.]+ bar, chamber", said), said
 
 
 @pytest.mark.parametrize("width", [375, 1280])
 @pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("name", ["run", "unexplained", "compare"])
+@pytest.mark.parametrize("name", ["run", "unexplained", "compare", "campaign"])
 def test_no_barrier_and_no_overflow(browser: Any, pages: dict[str, Path], name: str, dark: bool, width: int) -> None:
     opened(browser, pages[name], width, dark)
     browser.execute_script("document.querySelectorAll('details').forEach((item) => { item.open = true; })")
@@ -190,3 +198,38 @@ def test_on_paper_the_drawings_stand_on_few_pages(browser: Any, pages: dict[str,
     opened(browser, pages["run"])
     data = browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})["data"]
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(data))) <= 6
+
+
+def test_trends_and_maps_of_a_campaign_open_their_recordings(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["campaign"])
+    assert browser.execute_script("return explore.rows().length") == 7
+    drawn = "const u = explore.plot(); return [u.axes[0].label, u.axes[1].label]"
+    assert browser.execute_script(drawn) == ["speed [rpm]", "parameter: p0 [bar]"]
+    Select(browser.find_element(By.ID, "explore-quantity")).select_by_visible_text("number 3 [N m]")
+    Select(browser.find_element(By.ID, "explore-by")).select_by_visible_text("peak line pressure [bar] (map)")
+    assert browser.execute_script(drawn) == ["speed [rpm]", "peak line pressure [bar]"]
+    field = browser.find_element(By.ID, "explore-field")
+    field.send_keys(Keys.ARROW_RIGHT)
+    told = browser.find_element(By.ID, "explore-readout").text
+    assert re.search(r"2026-11-\d{4} pump A.*: number 3 [\d.]+ N m ± 0.1.*, speed [\d.]+ rpm, peak line pressure", told)
+    place = browser.execute_script("""const u = explore.plot(), k = 3;
+      return [u.valToPos(u.data[0][k], "x") - u.over.clientWidth / 2,
+              u.valToPos(u.data[1][k], "y") - u.over.clientHeight / 2]""")
+    over = browser.find_element(By.CSS_SELECTOR, "#explore-field .u-over")
+    ActionChains(browser).move_to_element_with_offset(over, round(place[0]) + 3, round(place[1]) - 2).perform()
+    assert browser.execute_script("return explore.at() === explore.rows()[3]")
+    ActionChains(browser).click().perform()
+    assert browser.title == "opened"
+
+
+def test_the_nearest_curve_of_a_campaign_is_named(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["campaign"])
+    place = browser.execute_script("""const {u} = camtorque.groups.get("theta").plots[0], k = 30;
+      const s = u.data.slice(1).reduce((best, all, at) => (all[k] > u.data[best][k] ? at + 1 : best), 1);
+      return [u.valToPos(u.data[0][k], "x") - u.over.clientWidth / 2,
+              u.valToPos(u.data[s][k], "y") - u.over.clientHeight / 2, u.series[s].label]""")
+    over = browser.find_element(By.CSS_SELECTOR, "#fig-overlay .u-over")
+    ActionChains(browser).move_to_element_with_offset(over, round(place[0]), round(place[1])).perform()
+    assert place[2] in browser.find_element(By.CSS_SELECTOR, ".tools .readout").text
+    ActionChains(browser).click().perform()
+    assert browser.title == "opened"

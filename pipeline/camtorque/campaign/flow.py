@@ -158,7 +158,7 @@ def _write_index(
     scratch = out / ".index.partial"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
-    doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch)
+    doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch, out)
     move_files(scratch, out)
     shutil.rmtree(scratch)
     return doc

@@ -1,16 +1,58 @@
-"""Figures of a campaign: shared parameters over speed, predictions of recordings that were left out."""
+"""Figures of a campaign: all recordings over each other, trends over speed, predictions, sources of uncertainty."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from camtorque.fit import CampaignFit, Drift
+from camtorque.report.campaign_view import MANY, CampaignView, Column
 from camtorque.report.chart import WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.numbers import unit_text, words
+from camtorque.report.tones import CYCLE, RAMP
+from camtorque.report.torque_figures import CAM_ANGLE
+from camtorque.units import DEGREE
 
 DRIFT_SIGMA = 2.5
 """A slope beyond so many standard errors is drawn in the colour of a warning, as the fit's finding says it."""
 THIRD = 380.0
+MOST_ROWS = 40
+"""Recordings beyond which predictions are drawn over speed, not as one row each."""
+MODEL_SPREAD = "model spread"
+SMALLEST_SHARE = 0.5
+
+
+def overlay(view: CampaignView) -> Curves | None:
+    """Show measured torque of every recording, from slow (first tone) to fast (last tone); of few the residual too."""
+    good = np.flatnonzero(np.isfinite(view.torque).all(axis=1))
+    if not good.size:
+        return None
+    order = good[np.argsort(_speeds(view)[good], kind="stable")]
+    rank = np.arange(order.size) / max(order.size - 1, 1)
+    tones = [RAMP[round(share * (len(RAMP) - 1))] for share in rank]
+    shown = [("measured torque [N m]", view.torque, 260.0), ("measured − fitted [N m]", view.residual, 130.0)]
+    panels = tuple(
+        Panel(name, tuple(Line(view.names[k], values[k], tone, 1.0) for k, tone in zip(order, tones, strict=True)),
+              height=height, keys=False)
+        for name, values, height in shown[: 1 if order.size > MANY else 2]
+    )  # fmt: skip
+    links = tuple(view.links[k] for k in order)
+    return Curves(view.theta / DEGREE, CAM_ANGLE, panels, links=links)
+
+
+def _speeds(view: CampaignView) -> np.ndarray:
+    found = next((column.values for column in view.conditions if column.label == "speed"), None)
+    return np.zeros(len(view.names)) if found is None else np.nan_to_num(found)
+
+
+def trend(column: Column, over: Column) -> Curves:
+    """Show one number over a condition; each recording is a point."""
+    good = np.flatnonzero(np.isfinite(column.values) & np.isfinite(over.values))
+    order = good[np.argsort(over.values[good], kind="stable")]
+    error = np.nan_to_num(column.stderr[order])
+    bars = error if error.any() and order.size <= MANY else None
+    line = Line(column.label, column.values[order], "fitted", points=True, error=bars)
+    panel = Panel(f"[{column.unit}]" if column.unit else "", (line,), height=110.0, zero=False, keys=False)
+    return Curves(over.values[order], over.title, (panel,), full_turn=False, width=THIRD, live=False)
 
 
 def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
@@ -31,21 +73,52 @@ def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
     return Curves(speeds, "speed [rpm]", (panel,), full_turn=False, width=THIRD, live=False)
 
 
-def drift_title(drift: Drift) -> str:
-    """Return the heading of a drift chart."""
-    return words(drift.name)
+def predictions(joint: CampaignFit, speeds: dict[str, float]) -> Rows | Curves:
+    """Show the RMS of every recording predicted by the others, beside the joint fit and the rigid model.
 
-
-def predictions(joint: CampaignFit) -> Rows:
-    """Show the RMS of every recording predicted by the others, beside the joint fit and the rigid model."""
-    marks = [
-        Marks(name, tuple(fitted.metrics[key].rms_percent_of_peak for fitted in joint.fitted), (tone,), "point")
+    Parameters
+    ----------
+    speeds : recording -> speed [rpm], over which many recordings are drawn
+    """
+    columns = [
+        (name, tone, [fitted.metrics[key].rms_percent_of_peak for fitted in joint.fitted])
         for key, name, tone in (("rigid", "rigid model", "rigid"),
                                 ("fitted_held_out_cycles", "joint fit, held-out cycles", "fitted"))
     ]  # fmt: skip
     for mode, tone in (("own_zero_and_end", "c2"), ("blind", "c3")):
         found = {row.name: row.metrics.rms_percent_of_peak for row in joint.held_out if row.mode == mode}
-        values = tuple(found.get(name, float("nan")) for name in joint.names)
-        marks.append(Marks("left out, " + words(mode), values, (tone,), "ring"))
-    panel = RowPanel("RMS residual [% of peak torque]", tuple(marks), log=True)
-    return Rows(tuple(joint.names), (panel,), WIDE)
+        columns.append(("left out, " + words(mode), tone, [found.get(name, float("nan")) for name in joint.names]))
+    if len(joint.names) > MOST_ROWS:
+        return _over_speed(columns, np.array([speeds.get(name, np.nan) for name in joint.names]))
+    marks = tuple(
+        Marks(name, tuple(values), (tone,), "ring" if name.startswith("left out") else "point")
+        for name, tone, values in columns
+    )
+    return Rows(tuple(joint.names), (RowPanel("RMS residual [% of peak torque]", marks, log=True),), WIDE)
+
+
+def _over_speed(columns: list[tuple[str, str, list[float]]], speeds: np.ndarray) -> Curves:
+    order = np.argsort(speeds, kind="stable")
+    lines = tuple(Line(name, np.array(values)[order], tone, points=True) for name, tone, values in columns)
+    panel = Panel("RMS residual [% of peak]", lines, height=240.0)
+    return Curves(speeds[order], "speed [rpm]", (panel,), full_turn=False)
+
+
+def sources(view: CampaignView) -> Rows | None:
+    """Show for every outcome which source its uncertainty comes from, as the mean over the recordings."""
+    if not view.budget:
+        return None
+    names = tuple(view.budget)
+    left, marks = np.zeros(len(names)), []
+    total = {
+        source: sum(parts.get(source, 0.0) for parts in view.budget.values())
+        for parts in view.budget.values() for source in parts
+    }  # fmt: skip
+    for k, source in enumerate(sorted(total, key=lambda name: -total[name])):
+        share = np.array([view.budget[name].get(source, 0.0) for name in names])
+        if np.any(share > SMALLEST_SHARE):
+            tone = "band" if source == MODEL_SPREAD else CYCLE[k % len(CYCLE)]
+            marks.append(Marks(source, tuple(left + share), (tone,), "stack", tuple(left), tuple(left + share)))
+            left = left + share
+    panel = RowPanel("share of the variance, mean over the recordings [%]", tuple(marks), limits=(0.0, 100.0))
+    return Rows(tuple(words(name) for name in names), (panel,), WIDE)

@@ -1,4 +1,4 @@
-"""The page of a campaign: recordings, predictions of left-out ones, shared parameters over speed."""
+"""The page of a campaign: all recordings over each other, trends and maps, what is predicted, what is uncertain."""
 
 from __future__ import annotations
 
@@ -8,49 +8,79 @@ from typing import Any
 from markupsafe import Markup
 
 from camtorque.report.bundle import CampaignResult
-from camtorque.report.campaign_figures import drift_chart, predictions
+from camtorque.report.campaign_figures import drift_chart, overlay, predictions, sources, trend
+from camtorque.report.campaign_view import CampaignView
+from camtorque.report.chart import Chart
 from camtorque.report.figures import svg_of
-from camtorque.report.numbers import words
+from camtorque.report.numbers import num, words
 from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.payload import explorer_data
+
+MOST_IN_SIGHT = 30
+"""Recordings beyond which the table is folded."""
 
 
-def campaign_drawings(result: CampaignResult) -> list[Drawing]:
-    """Return the figures of a campaign; few recordings have no drifts and nothing left out."""
+def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawing]:
+    """Return the figures of a campaign; what the recordings do not tell has none."""
+    found: list[Drawing] = []
+
+    def add(name: str, title: str, text: str, section: str, chart: Chart | None, wide: bool = True) -> None:
+        if chart is not None:
+            svg = Markup(svg_of(chart, f"{title}. {text}"))
+            found.append(Drawing(name, title, text, section, wide, chart, svg))
+
+    add("overlay", "All recordings", "From slow (dark) to fast (bright). The nearest curve is named; a click opens its "
+        "report.", "overlay", overlay(view))  # fmt: skip
+    for column in view.quantities if view.conditions else ():
+        if not column.label.startswith("parameter"):
+            add(f"trend_{len(found)}", column.label, "", "trends", trend(column, view.conditions[0]), wide=False)
+    add("sources", "Which source of uncertainty matters for what", "A certificate, a sheet or a recording to improve "
+        "first.", "sources", sources(view))  # fmt: skip
     joint = result.joint
-    if joint is None:
-        return []
-    found = []
-    if joint.held_out:
-        title, text = "How well a recording is predicted", "Left out: predicted with parameters fitted to the others."
-        chart = predictions(joint)
-        found.append(Drawing("predictions", title, text, "held_out", True, chart, Markup(svg_of(chart, title))))
-    for drift in joint.drifts:
-        small = drift_chart(joint, drift)
-        title = words(drift.name)
-        svg = Markup(svg_of(small, f"{title} over speed"))
-        found.append(Drawing(f"drift_{drift.name}", title, "", "shared", False, small, svg))
+    if joint is not None and joint.held_out:
+        speeds = {entry.id: float(str(entry.summary["speed_rpm"])) for entry in result.entries if entry.status == "ok"}
+        add("predictions", "How well a recording is predicted", "Left out: predicted with parameters fitted to the "
+            "others.", "held_out", predictions(joint, speeds))  # fmt: skip
+    for drift in joint.drifts if joint is not None else ():
+        add(f"drift_{drift.name}", words(drift.name), "", "shared", drift_chart(joint, drift), wide=False)  # type: ignore[arg-type]
     return found
 
 
-def campaign_page(doc: Mapping[str, Any], thumbnails: Mapping[str, str], drawings: Sequence[Drawing] = ()) -> str:
+def verdict_text(doc: Mapping[str, Any]) -> str:
+    """Return how many recordings were used and how well they predict each other."""
+    used = len(doc["recordings"]) - doc["n_refused"]
+    text = f"{used} of {len(doc['recordings'])} recordings used."
+    left_out = [r["metrics"]["rms_percent_of_peak"] for r in doc["held_out"] if r["mode"] == "own_zero_and_end"]
+    left_out = [value for value in left_out if value is not None]
+    if left_out:
+        text += (
+            f" Predicted from the others, with its own zero and end of delivery, a recording is met within "
+            f"{num(min(left_out), 2)} to {num(max(left_out), 2)} % of its peak torque (RMS)."
+        )
+    serious = sum(row["severity"] != "info" for row in doc["findings"])
+    return text + (f" {serious} warning{'s' if serious > 1 else ''} below." if serious else "")
+
+
+def campaign_page(
+    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing] = ()
+) -> str:
     """Return campaign.html.
 
     Parameters
     ----------
     doc : content of campaign.json
+    view : the used recordings side by side
     thumbnails : recording -> small drawing of its torque
-    drawings : figures of the joint fit
+    drawings : figures
     """
-    used = len(doc["recordings"]) - doc["n_refused"]
-    text = f"{used} of {len(doc['recordings'])} recordings used."
-    left_out = [r["metrics"]["rms_percent_of_peak"] for r in doc["held_out"] if r["mode"] == "own_zero_and_end"]
-    if left_out:
-        text += (
-            f" Predicted from the others, with its own zero and end of delivery, a recording is met within "
-            f"{min(left_out):.2f} to {max(left_out):.2f} % of its peak torque (RMS)."
-        )
+    serious = any(row["severity"] != "info" for row in doc["findings"])
+    thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
-        "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=text, drawings=drawings,
-        thumbnails={name: Markup(svg) for name, svg in thumbnails.items()},
+        "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
+        good=not doc["n_refused"] and not serious, drawings=drawings,
+        links=dict(zip(view.names, view.links, strict=True)),
+        thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT,
         drifts={row["name"]: row for row in doc["drifts"]},
+        refused=[row for row in doc["recordings"] if row["status"] != "ok"],
+        explorer=explorer_data(view) if view.conditions and view.quantities else "",
     )  # fmt: skip

@@ -10,23 +10,30 @@ from typing import Any
 from camtorque.plain import plain
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
+from camtorque.report.campaign_view import campaign_view
 from camtorque.report.document import findings_document, parameters_document, write_json
-from camtorque.report.figures import png_of
 from camtorque.report.page import ESCAPED
 from camtorque.version import __version__
 
 
-def write_campaign(result: CampaignResult, folder: Path) -> dict[str, Any]:
-    """Write campaign.html, its figures and campaign.json; return the content of the last."""
+def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = None) -> dict[str, Any]:
+    """Write campaign.html, its figures and campaign.json; return the content of the last.
+
+    Parameters
+    ----------
+    folder : an existing folder
+    reports : where the reports of the recordings stand, if not in that folder
+    """
     doc = campaign_document(result)
-    drawings = campaign_drawings(result)
+    view = campaign_view(result.entries, reports or folder)
+    drawings = campaign_drawings(result, view)
     thumbnails = {entry.name: entry.thumbnail for entry in result.entries if entry.status == "ok"}
     figures = folder / "figures"
     for item in drawings:
         figures.mkdir(exist_ok=True)
         (figures / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
-        (figures / f"{item.name}.png").write_bytes(png_of(item.svg))
-    (folder / "campaign.html").write_text(campaign_page(doc, thumbnails, drawings), encoding="utf-8", errors=ESCAPED)
+    page = campaign_page(doc, view, thumbnails, drawings)
+    (folder / "campaign.html").write_text(page, encoding="utf-8", errors=ESCAPED)
     write_json(folder / "campaign.json", doc)
     return doc
 
@@ -51,10 +58,10 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
 
 def _entry(result: CampaignResult, number: int) -> Mapping[str, Any]:
     entry, joint = result.entries[number], result.joint
-    row: dict[str, Any] = {"name": entry.name, "id": entry.id or None, "status": entry.status,
-                           "error": entry.error or None, "folder": entry.folder or None, "speed_rpm": None,
-                           "metrics": None, "metrics_joint": None,
-                           **entry.summary}  # fmt: skip
+    row: dict[str, Any] = {
+        "name": entry.name, "id": entry.id or None, "status": entry.status, "error": entry.error or None,
+        "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None, **entry.summary,
+    }  # fmt: skip
     if joint is not None and entry.status == "ok" and entry.id in joint.names:
         fitted = joint.fitted[joint.names.index(entry.id)]
         row["metrics_joint"] = {name: asdict(value) for name, value in fitted.metrics.items()}

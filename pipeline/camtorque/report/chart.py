@@ -49,7 +49,7 @@ class Panel:
     """Curves over one ordinate.
 
     ordinate : name and unit; height : of the axes [px]; zero : a line at zero; limits : of the ordinate, None for
-    those of what is shown
+    those of what is shown; keys : False for no legend: one curve that the title names, or too many to list
     """
 
     ordinate: str
@@ -58,6 +58,7 @@ class Panel:
     height: float = 220.0
     zero: bool = True
     limits: tuple[float, float] | None = None
+    keys: bool = True
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Curves:
     x_range : what is shown, None for all
     spans : stretches named above the first panel and shaded in all
     live : False for a drawing that only stands in for zooming: print, and pages without a script
-    links, names : (n,) page that each point opens, and what it is called; empty for none
+    links : page that each curve of a panel opens; empty for none
     """
 
     x: Array
@@ -94,7 +95,6 @@ class Curves:
     width: float = WIDE
     live: bool = True
     links: tuple[str, ...] = ()
-    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze_arrays(self)

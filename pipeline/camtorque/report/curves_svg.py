@@ -20,10 +20,12 @@ from camtorque.report.svg import (
     tick_text,
     ticks,
 )
-from camtorque.report.tones import fill
+from camtorque.report.tones import fill, stroke
 
 Mask = NDArray[np.bool_]
 LEFT, RIGHT, TOP, BOTTOM, LEGEND_LINE, GAP = 64.0, 12.0, 8.0, 38.0, 18.0, 14.0
+POINT = 5.2
+"""Width of a point [px]."""
 TURN_TICKS = tuple(range(0, 361, 45))
 
 
@@ -113,16 +115,23 @@ def _drawn(item: Line, place: Array, inside: Mask, up: Scale, y: float, panel: P
     values = item.values[inside]
     if not item.points:
         return polyline(place, _clipped(up.places(values), y, panel), item.tone, item.width, item.dash)
-    parts, good = [], np.flatnonzero(np.isfinite(values))
+    good = np.isfinite(values)
+    across, along = place[good], up.places(values[good])
+    parts = []
     if item.error is not None:
-        error = np.nan_to_num(item.error[inside])
-        parts = [line(place[k], up(values[k] - error[k]), place[k], up(values[k] + error[k]), item.tone) for k in good]
-    parts += [f'<circle cx="{place[k]:.1f}" cy="{up(values[k]):.1f}" r="2.6" {fill(item.tone)}/>' for k in good]
-    return "".join(parts)
+        error = np.nan_to_num(item.error[inside])[good]
+        ends = zip(across, up.places(values[good] - error), up.places(values[good] + error), strict=True)
+        data = "".join(f"M{x:.1f} {low:.1f}V{high:.1f}" for x, low, high in ends)
+        parts.append(f'<path d="{data}" fill="none" {stroke(item.tone)}/>')
+    data = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in zip(across, along, strict=True))
+    look = f'stroke-width="{POINT:g}" stroke-linecap="round"'
+    return "".join(parts) + f'<path d="{data}" fill="none" {stroke(item.tone)} {look}/>'
 
 
 def _legend(panel: Panel, width: float) -> list[list[Line | Band]]:
     """Return the entries of a legend by lines; one curve that has the name of its ordinate needs none."""
+    if not panel.keys:
+        return []
     entries: list[Line | Band] = [*(item for item in panel.lines if item.shown), *panel.bands]
     if len(entries) == 1 and entries[0].label in panel.ordinate:
         return []

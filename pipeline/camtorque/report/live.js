@@ -65,7 +65,7 @@
       const x = this.x(index);
       const phase = book.phases.find((span) => x >= span.a && x <= span.b);
       const loud = this.plots[0].chart.spans.find((span) => span.loud && x >= span.a && x <= span.b);
-      this.readout.textContent = digits(x, 360) + " deg" + (phase ? ", " + phase.l : "") + (loud ? ", " + loud.l : "");
+      this.readout.textContent = digits(x, 360) + " deg" + (phase ? ", " + phase.l : "") + (loud ? ", " + loud.l : "") + (this.name_of ? ", " + this.name_of : "");
     }
   }
 
@@ -158,7 +158,8 @@
       width: Math.max(host.clientWidth, 200), height: panel.h + (last ? 48 : 14), legend: { show: false },
       scales: { x: { time: false, range: (u, lo, hi) => (lo === null ? full : [lo <= x[0] ? full[0] : lo, hi >= x[x.length - 1] ? full[1] : hi]) }, y: panel.lim ? { range: (u, lo, hi) => (u.whole ? panel.lim : uPlot.rangeNum(lo, hi, 0.1, false)) } : { range: (u, lo, hi) => (lo === null ? [0, 1] : lo === hi ? [lo - 1, hi + 1] : [lo - 0.06 * (hi - lo), hi + 0.06 * (hi - lo)]) } },
       series, bands: panel.bands.map((item, k) => ({ series: [2 * k + 2, 2 * k + 1], fill: () => color(item.t) + "bb" })),
-      cursor: { sync: { key: group.name, scales: ["x", null], setSeries: false }, drag: { x: true, y: false, uni: 10 }, y: false, points: { size: 7 } },
+      focus: { alpha: chart.links.length ? 0.25 : 1 },
+      cursor: { focus: { prox: chart.links.length ? 24 : -1 }, sync: { key: group.name, scales: ["x", null], setSeries: false }, drag: { x: true, y: false, uni: 10 }, y: false, points: { size: 7 } },
       axes: [
         axis("x", { label: last ? chart.label : null, labelSize: last ? 18 : 0, labelFont: "12px system-ui, sans-serif", size: last ? 28 : 6, values: last ? (u, all) => all.map((v) => (v === null ? "" : minus(String(+v.toFixed(4))))) : () => [], splits: chart.turn ? turnSplits : undefined }),
         axis("y", { size: 58, values: (u, all) => all.map((v) => (v === null ? "" : minus(String(+v.toPrecision(6))))) }),
@@ -166,6 +167,7 @@
       hooks: {
         drawClear: [shade(chart)], draw: [zero(panel), bars(panel, errors, shift)],
         setScale: [(u, key) => { if (key === "x") { const s = u.scales.x; u.whole = s.min <= full[0] && s.max >= full[1]; group.zoom(s.min, s.max, u); } }],
+        setSeries: [(u, k, opts) => { if (chart.links.length && opts.focus !== undefined && u.over.matches(":hover")) { u.near = k; group.name_of = k ? panel.lines[k - 1 - shift].l : ""; if (u.cursor.idx !== null && u.cursor.idx !== undefined) group.tell(u.cursor.idx); } }],
         setCursor: [(u) => { const k = u.cursor.idx; rows.forEach((show) => show(k)); if (k !== null && k !== undefined) group.tell(k); }],
       },
     };
@@ -185,16 +187,18 @@
       legend.append(button);
       return value;
     };
-    panel.lines.forEach((item, k) => {
+    if (panel.keys) panel.lines.forEach((item, k) => {
       const value = key(item.l, item.t, [k + 1 + shift], item.on, item.s.length > 0);
       rows.push((index) => { value.textContent = index === null || index === undefined ? "" : digits(lines[k][index], range); });
     });
     panel.bands.forEach((item, k) => { key(item.l, item.t, [2 * k + 1, 2 * k + 2], true, false); });
-    const plot = { u, chart, panel, host, full, say: (index) => panel.lines.map((item, k) => (u.series[k + 1 + shift].show ? item.l + " " + digits(lines[k][index], range) + unit(panel.y) : "")).filter(Boolean).join(", ") };
+    const plot = { u, chart, panel, host, full, say: (index) => !panel.keys && panel.lines.length > 1 ? panel.y + ": " + panel.lines.length + " curves, " + digits(lines.reduce((m, all) => Math.min(m, all[index]), Infinity), range) + " to " + digits(lines.reduce((m, all) => Math.max(m, all[index]), -Infinity), range) : panel.lines.map((item, k) => (u.series[k + 1 + shift].show ? item.l + " " + digits(lines[k][index], range) + unit(panel.y) : "")).filter(Boolean).join(", ") };
     u.over.addEventListener("dblclick", () => group.zoom(...full));
     if (chart.links.length) {
       u.over.classList.add("opens");
-      u.over.addEventListener("click", () => { const k = u.cursor.idx; if (k !== null && k !== undefined && chart.links[k]) location.assign(chart.links[k]); });
+      let x0 = 0;
+      u.over.addEventListener("mousedown", (event) => { x0 = event.clientX; });
+      u.over.addEventListener("click", (event) => { if (u.near && Math.abs(event.clientX - x0) < 4) location.assign(chart.links[u.near - 1 - shift]); });
     }
     return plot;
   }
@@ -254,8 +258,7 @@
     group.plots.push(...plots);
     host.setAttribute("role", "group");
     host.setAttribute("aria-label", figure.dataset.title + ": curves; arrow keys move the cursor, plus and minus zoom, 0 shows all");
-    const called = (index) => (chart.names.length ? chart.names[index] + ", " : "");
-    keyboard(host, group, (index) => called(index) + chart.label.replace(/ \[.*/, "") + " " + digits(x[index], 360) + unit(chart.label) + ": " + plots.map((plot) => plot.say(index)).join("; "));
+    keyboard(host, group, (index) => chart.label.replace(/ \[.*/, "") + " " + digits(x[index], 360) + unit(chart.label) + ": " + plots.map((plot) => plot.say(index)).filter(Boolean).join("; "));
     new ResizeObserver(() => plots.forEach(({ u }) => { if (host.clientWidth > 60 && Math.abs(u.width - host.clientWidth) > 1) u.setSize({ width: host.clientWidth, height: u.height }); })).observe(host);
   }
 

@@ -37,6 +37,9 @@ HERE = Path(__file__).parent
 ESCAPED = "backslashreplace"
 """A path may hold bytes that are no text; pages show them escaped."""
 SCRIPTS = ("vendor/uPlot.iife.min.js", "live.js")
+EXPLORER = "explore.js"
+STAND_IN = "strokes"
+"""Section of a page whose curves one sees by zooming where the script runs."""
 STYLES = ("vendor/uPlot.min.css", "page.css")
 
 
@@ -60,7 +63,7 @@ class Drawing:
     @property
     def stand_in(self) -> bool:
         """True for curves that only stand in for zooming where no script runs."""
-        return isinstance(self.chart, Curves) and not self.chart.live
+        return self.section == STAND_IN
 
 
 @cache
@@ -103,7 +106,9 @@ def _environment() -> Environment:
     return environment
 
 
-def render(template: str, charts: Mapping[str, Curves], phases: tuple[Span, ...] = (), **values: Any) -> str:
+def render(
+    template: str, charts: Mapping[str, Curves], phases: tuple[Span, ...] = (), explorer: str = "", **values: Any
+) -> str:
     """Return one page; what a template names and is not given is an error, not an empty text.
 
     Parameters
@@ -111,12 +116,14 @@ def render(template: str, charts: Mapping[str, Curves], phases: tuple[Span, ...]
     template : file beside this module
     charts : figure of the page -> curves that the script draws
     phases : stretches of the revolution that the cursor names
+    explorer : data of the script that draws trends and maps, empty for none
     """
     css = tone_css() + "".join(map(_text, STYLES))
-    scripts = [_text(name) for name in SCRIPTS] if charts else []
+    names = (*(SCRIPTS if charts or explorer else ()), *((EXPLORER,) if explorer else ()))
+    scripts = [_text(name) for name in names]
     return _environment().get_template(template).render(
         css=Markup(css), versions=versions(), scripts=[Markup(text) for text in scripts], policy=policy(css, scripts),
-        data=book(charts, phases) if charts else "", **values,
+        data=book(charts, phases) if scripts else "", explorer=explorer, **values,
     )  # fmt: skip
 
 

@@ -12,7 +12,9 @@ from markupsafe import Markup
 
 from camtorque.plain import clean
 from camtorque.records import Array
+from camtorque.report.campaign_view import CampaignView, Column
 from camtorque.report.chart import Band, Curves, Line, Panel, Span
+from camtorque.report.tones import RAMP
 
 STEPS = 65_000.0
 """Steps over the range of a curve: the screen shows a thousand pixels."""
@@ -30,7 +32,11 @@ def packed(values: Array) -> dict[str, Any]:
     numbers = np.full(values.shape, MISSING, dtype="<i2")
     good = np.isfinite(values)
     numbers[good] = np.rint((values[good] - middle) / step)
-    return {"o": middle, "k": step, "d": base64.b64encode(numbers.tobytes()).decode("ascii")}
+    return {
+        "o": float(f"{middle:.9g}"),
+        "k": float(f"{step:.9g}"),
+        "d": base64.b64encode(numbers.tobytes()).decode("ascii"),
+    }
 
 
 def unpacked(data: Mapping[str, Any]) -> Array:
@@ -46,13 +52,13 @@ def curves_payload(name: str, chart: Curves) -> dict[str, Any]:
     return {
         "id": name, "group": "theta" if chart.full_turn else name, "turn": chart.full_turn, "label": chart.abscissa,
         "x": base64.b64encode(x.tobytes()).decode("ascii"), "panels": [_panel(panel, keep) for panel in chart.panels],
-        "spans": [_span(span) for span in chart.spans], "links": list(chart.links), "names": list(chart.names),
+        "spans": [_span(span) for span in chart.spans], "links": list(chart.links),
     }  # fmt: skip
 
 
 def _panel(panel: Panel, keep: slice) -> dict[str, Any]:
     return {
-        "y": panel.ordinate, "h": panel.height, "zero": panel.zero, "lim": panel.limits,
+        "y": panel.ordinate, "h": panel.height, "zero": panel.zero, "lim": panel.limits, "keys": panel.keys,
         "lines": [_line(item, keep) for item in panel.lines], "bands": [_band(item, keep) for item in panel.bands],
     }  # fmt: skip
 
@@ -74,13 +80,31 @@ def _span(span: Span) -> dict[str, Any]:
 
 
 def book(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> Markup:
-    """Return the data of all charts of a page as the content of a script element that no browser runs.
-
-    ``<`` is written as an escape, so that no text can end the element.
-    """
+    """Return the data of all charts of a page for its script."""
     data = {
         "charts": [curves_payload(name, chart) for name, chart in charts.items()],
         "phases": [_span(span) for span in phases],
     }
+    return as_data(data)
+
+
+def explorer_data(view: CampaignView) -> Markup:
+    """Return the numbers of all recordings of a campaign for the script that draws trends and maps."""
+
+    def floats(values: Array) -> str:
+        return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
+
+    def column(item: Column) -> dict[str, str]:
+        return {"label": item.label, "unit": item.unit, "v": floats(item.values), "e": floats(item.stderr)}
+
+    return as_data({
+        "names": list(view.names), "links": list(view.links), "ramp": list(RAMP),
+        "conditions": [column(item) for item in view.conditions],
+        "quantities": [column(item) for item in view.quantities],
+    })  # fmt: skip
+
+
+def as_data(data: Mapping[str, Any]) -> Markup:
+    """Return JSON as the content of a script element that no browser runs: ``<`` as an escape cannot end it."""
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(clean(text).replace("<", "\\u003c"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+RAMP = tuple(f"r{k}" for k in range(8))
 CYCLE = tuple(f"c{k}" for k in range(10))
 TONES: dict[str, tuple[str, str]] = {
     "measured": ("#1b1b1b", "#f1f3f5"),
@@ -20,6 +21,14 @@ TONES: dict[str, tuple[str, str]] = {
     "warnsoft": ("#fdeedd", "#46331c"),
     "bad": ("#b3261e", "#ff8a80"),
     "good": ("#1a7f4b", "#5fc08c"),
+    "r0": ("#440154", "#8b5fbf"),
+    "r1": ("#46327e", "#7b7fd6"),
+    "r2": ("#365c8d", "#5f9fd8"),
+    "r3": ("#277f8e", "#4bb5c4"),
+    "r4": ("#1fa187", "#42c9a5"),
+    "r5": ("#4ac16d", "#7dd87f"),
+    "r6": ("#9bb61f", "#c3df4e"),
+    "r7": ("#c9a400", "#fde725"),
     "c0": ("#0072b2", "#4db2ec"),
     "c1": ("#d55e00", "#f28b3c"),
     "c2": ("#009e73", "#3cc79d"),

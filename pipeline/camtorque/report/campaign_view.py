@@ -1,0 +1,173 @@
+"""What the page of a campaign shows of its recordings: curves and numbers, read from the reports that are written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import h5py
+import numpy as np
+
+from camtorque.records import Array, freeze_arrays
+from camtorque.report.bundle import CampaignEntry
+from camtorque.report.numbers import unit_text, words
+
+POINTS = 360
+MANY = 200
+"""Recordings from which on curves have half the points: a thousand of them have to fit into a page."""
+FEWEST = 2
+"""Recordings that must tell a quantity before it is offered."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One number of every recording: ``values`` and ``stderr`` (n,), NaN where a recording does not tell."""
+
+    label: str
+    unit: str
+    values: Array
+    stderr: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def title(self) -> str:
+        """Name with unit."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+
+@dataclass(frozen=True)
+class CampaignView:
+    """The used recordings side by side.
+
+    Attributes
+    ----------
+    names, links : (n,) what they are called, where their pages are
+    conditions : speed, load, temperature, where the recordings tell them
+    quantities : what was found
+    theta : (m,) cam angle [rad]
+    torque, residual : (n, m) measured mean torque and measured - fitted [N m]; NaN where a file is missing
+    budget : outcome -> source -> mean share of the variance [%]
+    """
+
+    names: tuple[str, ...]
+    links: tuple[str, ...]
+    conditions: tuple[Column, ...]
+    quantities: tuple[Column, ...]
+    theta: Array
+    torque: Array
+    residual: Array
+    budget: Mapping[str, Mapping[str, float]]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+CONDITIONS = (
+    ("speed", "rpm", ("recording", "speed_rpm")),
+    ("peak line pressure", "bar", ("recording", "line_pressure_peak_bar")),
+    ("fuel temperature", "°C", ("recording", "fuel_temperature_c")),
+)
+NUMBERS = (
+    ("peak torque, measured", "N m", ("recording", "peak_torque_nm")),
+    ("forward gap, rigid model", "%", ("metrics", "rigid", "forward_gap_percent")),
+    ("return minimum, measured", "N m", ("metrics", "rigid", "return_min_measured_nm")),
+    ("residual, rigid model", "% of peak", ("metrics", "rigid", "rms_percent_of_peak")),
+    ("residual, fitted model", "% of peak", ("metrics", "fitted_held_out_cycles", "rms_percent_of_peak")),
+    ("chamber peak", "bar", ("chamber", "peak_bar")),
+    ("trigger angle", "deg", ("alignment", "trigger_angle_deg")),
+    ("Hertz pressure, largest", "GPa", ("forces", "hertz_max_gpa")),
+    ("work per revolution", "J", ("losses", "input")),
+)
+"""Label, unit, path in result.json; a path to an estimate brings its standard error."""
+NOT_LOSSES = ("unit", "input", "closure_percent")
+
+
+def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignView:
+    """Return the used recordings of a campaign.
+
+    Parameters
+    ----------
+    entries : recordings, refused ones are left out
+    reports : folder below which each recording's report stands
+    """
+    used = [entry for entry in entries if entry.status == "ok"]
+    places = [entry.folder or entry.name for entry in used]
+    found = [_document(reports / place / "result.json") for place in places]
+    points = POINTS if len(used) <= MANY else POINTS // 2
+    curves = np.array([_curves(reports / place / "cycles.h5", points) for place in places])
+    curves = curves.reshape(len(used), 2, points)
+    conditions = [_column(label, unit, path, found) for label, unit, path in CONDITIONS]
+    quantities = [_column(label, unit, path, found) for label, unit, path in NUMBERS]
+    return CampaignView(
+        tuple(entry.name for entry in used), tuple(f"{quote(place)}/report.html" for place in places),
+        _told(conditions), _told([*quantities, *_losses(found), *_parameters(found)]),
+        np.arange(points) * 2.0 * np.pi / points, curves[:, 0], curves[:, 1], _budget(found),
+    )  # fmt: skip
+
+
+def _document(path: Path) -> Mapping[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
+def _curves(path: Path, points: int) -> Array:
+    """Return measured torque and residual at evenly spread angles, (2, points) [N m]."""
+    if not path.is_file():
+        return np.full((2, points), np.nan)
+    with h5py.File(path) as file:
+        torque, fitted = file["mean/torque"][:], file["model/fitted"][:]
+    keep = np.arange(points) * torque.size // points
+    return np.array([torque[keep], (torque - fitted)[keep]])
+
+
+def _value(document: Mapping[str, Any], path: Sequence[str]) -> tuple[float, float]:
+    """Return a number with its standard error, NaN where there is none."""
+    value: Any = document
+    for key in path:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    pair = (value.get("value"), value.get("stderr")) if isinstance(value, Mapping) else (value, None)
+    number, error = (np.nan if item is None else float(item) for item in pair)
+    return number, error
+
+
+def _column(label: str, unit: str, path: Sequence[str], documents: Sequence[Mapping[str, Any]]) -> Column:
+    pairs = np.array([_value(document, path) for document in documents]).reshape(-1, 2)
+    return Column(label, unit, pairs[:, 0], pairs[:, 1])
+
+
+def _told(columns: Sequence[Column]) -> tuple[Column, ...]:
+    return tuple(column for column in columns if np.count_nonzero(np.isfinite(column.values)) >= FEWEST)
+
+
+def _losses(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
+    names = dict.fromkeys(name for doc in documents for name in doc.get("losses", {}) if name not in NOT_LOSSES)
+    return [_column(f"loss: {words(name)}", "J per revolution", ("losses", name), documents) for name in names]
+
+
+def _parameters(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
+    units = {name: row["unit"] for doc in documents for name, row in doc.get("parameters", {}).items()}
+    return [
+        _column(f"parameter: {words(name)}", unit_text(unit), ("parameters", name), documents)
+        for name, unit in units.items()
+    ]
+
+
+def _budget(documents: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """Return for each outcome the mean share of each source in its variance [%], the largest source first."""
+    shares: dict[str, list[dict[str, float]]] = {}
+    for doc in documents:
+        for name, parts in doc.get("uncertainty", {}).get("budget", {}).items():
+            total = sum(value**2 for value in parts.values())
+            if total > 0.0:
+                shares.setdefault(name, []).append({k: 100.0 * v**2 / total for k, v in parts.items()})
+    means: dict[str, dict[str, float]] = {}
+    for name, rows in shares.items():
+        sources = dict.fromkeys(source for row in rows for source in row)
+        mean = {source: sum(row.get(source, 0.0) for row in rows) / len(rows) for source in sources}
+        means[name] = dict(sorted(mean.items(), key=lambda item: -item[1]))
+    return means

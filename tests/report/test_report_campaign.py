@@ -1,0 +1,144 @@
+"""The page of a campaign, for a few recordings and for a thousand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
+from camtorque.report.campaign_figures import overlay, sources
+from camtorque.report.campaign_page import campaign_drawings, campaign_page
+from camtorque.report.campaign_view import CampaignView, Column, campaign_view
+from camtorque.report.campaign_write import campaign_document
+from camtorque.report.document import result_document
+from camtorque.report.payload import explorer_data
+from report_cases import NASTY, run_result
+
+SPEEDS = (500.0, 250.0, 1000.0)
+
+
+def entry(name: str, doc: dict[str, Any], folder: str = "") -> CampaignEntry:
+    summary = {
+        "speed_rpm": doc["recording"]["speed_rpm"],
+        "cycles_found": 9,
+        "cycles_used": 9,
+        "metrics": doc["metrics"],
+    }
+    return CampaignEntry(name, f"id {name}", "ok", "", summary, "<svg></svg>", folder)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CampaignResult]:
+    folder, entries = tmp_path_factory.mktemp("campaign"), []
+    for k, speed in enumerate(SPEEDS):
+        case = run_result(f"run {k} #1")
+        cycles = replace(case.cycles, speed=np.full(case.cycles.speed.size, speed * np.pi / 30.0))
+        place = folder / "runs" / f"key {k}#1"
+        place.mkdir(parents=True)
+        entries.append(entry(f"run {k} #1", write_run(replace(case, cycles=cycles), place), f"runs/{place.name}"))
+    entries.append(CampaignEntry(f"broken {NASTY}", "", "refused", f"no trigger {NASTY}", {}))
+    result = CampaignResult(tuple(entries), None, (), {"total": 1.0}, "2026-01-01T00:00:00+00:00")
+    write_campaign(result, folder)
+    return folder, result
+
+
+def test_what_is_shown_comes_from_the_reports(small: tuple[Path, CampaignResult]) -> None:
+    folder, result = small
+    view = campaign_view(result.entries, folder)
+    assert view.names == tuple(f"run {k} #1" for k in range(3))
+    assert view.links[0] == "runs/key%200%231/report.html"
+    assert (folder / "runs" / "key 0#1" / "report.html").is_file()
+    speed = next(column for column in view.conditions if column.label == "speed")
+    np.testing.assert_allclose(speed.values, SPEEDS)
+    by_label = {column.label: column for column in view.quantities}
+    assert by_label["chamber peak"].values[0] == pytest.approx(1100.0)
+    assert by_label["chamber peak"].stderr[0] == pytest.approx(10.0)
+    assert by_label["parameter: feed pressure"].unit == "bar"
+    assert view.torque.shape == (3, 360)
+    np.testing.assert_allclose(view.torque[0], np.mean(run_result().cycles.torque, axis=0)[::2])
+
+
+def test_curves_stand_from_slow_to_fast_and_open_their_report(small: tuple[Path, CampaignResult]) -> None:
+    folder, result = small
+    chart = overlay(campaign_view(result.entries, folder))
+    assert chart is not None
+    assert [item.label for item in chart.panels[0].lines] == ["run 1 #1", "run 0 #1", "run 2 #1"]
+    assert chart.links[0] == "runs/key%201%231/report.html"
+    assert chart.panels[0].lines[0].tone == "r0"
+    assert chart.panels[0].lines[-1].tone == "r7"
+
+
+def test_a_refused_recording_is_listed_with_its_reason(small: tuple[Path, CampaignResult]) -> None:
+    folder, _ = small
+    text = (folder / "campaign.html").read_text(encoding="utf-8")
+    assert f"no trigger {NASTY}" in unescape(text)
+    assert "<script>alert" not in text
+    doc = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
+    assert [row["status"] for row in doc["recordings"]] == ["ok", "ok", "ok", "refused"]
+    assert doc["recordings"][0]["folder"] == "runs/key 0#1"
+
+
+def test_a_recording_whose_report_is_gone_has_its_row_but_no_curve(tmp_path: Path) -> None:
+    doc = write_run(run_result(), tmp_path)
+    result = CampaignResult((entry("gone", doc),), None, (), {}, "2026-01-01T00:00:00+00:00")
+    assert overlay(campaign_view(result.entries, tmp_path)) is None
+    write_campaign(result, tmp_path)
+    assert 'href="gone/report.html"' in (tmp_path / "campaign.html").read_text(encoding="utf-8")
+
+
+def test_shares_of_a_variance_are_ranked_over_the_recordings() -> None:
+    view = replace(many(3), budget={"leakage": {"literature": 75.0, "the recording itself": 25.0},
+                                    "gain error": {"torque gain": 100.0}})  # fmt: skip
+    chart = sources(view)
+    assert chart is not None
+    marks = chart.panels[0].marks
+    assert [item.label for item in marks] == ["torque gain", "literature", "the recording itself"]
+    assert marks[-1].values == (100.0, 100.0)
+
+
+def many(count: int) -> CampaignView:
+    """Return a campaign of many recordings without files."""
+    random = np.random.default_rng(3)
+    theta = np.arange(180) * 2.0 * np.pi / 180.0
+    peak = random.uniform(20.0, 80.0, count)
+    curves = peak[:, None] * np.exp(-(((theta - 1.0) / 0.4) ** 2)) - 0.6 * peak[:, None] * np.exp(
+        -(((theta - 2.2) / 0.3) ** 2)
+    )
+    speed = Column("speed", "rpm", random.uniform(200.0, 2000.0, count), np.full(count, np.nan))
+    load = Column("peak line pressure", "bar", random.uniform(200.0, 1200.0, count), np.full(count, np.nan))
+    columns = [
+        Column(f"parameter: p{k}", "bar", random.normal(1.0, 0.1, count), np.full(count, 0.05)) for k in range(40)
+    ]
+    columns += [Column(f"number {k}", "N m", random.normal(5.0, 1.0, count), np.full(count, 0.1)) for k in range(15)]
+    names = tuple(f"2026-11-{k:04d} pump A, {speed.values[k]:.0f} rpm" for k in range(count))
+    residual = random.normal(0.0, 0.05, curves.shape)
+    links = tuple(f"runs/{k:016x}/report.html" for k in range(count))
+    return CampaignView(names, links, (speed, load), tuple(columns), theta, curves, residual,
+                        {"leakage": {"literature": 70.0, "the recording itself": 30.0}})  # fmt: skip
+
+
+def page_of_many(count: int) -> str:
+    view = many(count)
+    doc = result_document(run_result())
+    rows = tuple(replace(entry(name, doc), thumbnail="") for name in view.names)
+    result = CampaignResult(rows, None, (), {}, "2026-01-01T00:00:00+00:00")
+    drawings = campaign_drawings(result, view)
+    return campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), drawings)
+
+
+def test_a_thousand_recordings_fit_into_three_megabytes() -> None:
+    page = page_of_many(1000)
+    assert len(page.encode()) <= 3_000_000
+    assert page.count('/report.html"') >= 1000
+    assert "<summary>1000 recordings</summary>" in page
+
+
+def test_no_text_of_a_recording_ends_the_data() -> None:
+    view = replace(many(3), names=(NASTY, "b", "c"))
+    assert "<script" not in explorer_data(view)
+    assert json.loads(explorer_data(view))["names"][0] == NASTY
