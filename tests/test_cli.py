@@ -16,6 +16,7 @@ from camtorque.commands.arguments import SHELLS
 from camtorque.commands.outcome import Outcome
 from camtorque.records import Refusal
 
+SEALED = {"SHA256SUMS", "ro-crate-metadata.json"}
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 
 
@@ -246,7 +247,13 @@ def test_check_never_passes_what_align_refuses(copy: Path, capsys: pytest.Captur
 def test_align_needs_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["align", str(EXAMPLES / "A_1000rpm"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
     assert "cycles used" in capsys.readouterr().out
-    assert {p.name for p in (tmp_path / "o").iterdir()} == {"align.html", "align.json", "aligned.h5", "figures"}
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {
+        "align.html",
+        "align.json",
+        "aligned.h5",
+        "figures",
+        *SEALED,
+    }
 
 
 def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -255,7 +262,7 @@ def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest
     assert cli.main([*arguments, "--speed", "300", "500", "--out", str(tmp_path / "o")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines if line[:8].strip()[:1].isdigit()] == ["300.0", "500.0"]
-    assert {path.name for path in (tmp_path / "o").iterdir()} == {"predict.html", "predict.json"}
+    assert {path.name for path in (tmp_path / "o").iterdir()} == {"predict.html", "predict.json", "SHA256SUMS"}
 
 
 def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

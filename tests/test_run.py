@@ -32,7 +32,9 @@ def document(folder: Path, name: str = "result.json") -> dict:
 
 @pytest.mark.slow
 def test_main_job_leaves_a_whole_report(report: Path) -> None:
-    assert {path.name for path in report.iterdir()} == {"result.json", "cycles.h5", "report.html", "figures"}
+    assert {path.name for path in report.iterdir()} == {
+        "result.json", "cycles.h5", "report.html", "figures", "SHA256SUMS", "ro-crate-metadata.json",
+    }  # fmt: skip
     assert [path.name for path in report.parent.iterdir()] == ["A_1000rpm"]
     assert {path.stem for path in (report / "figures").iterdir()} <= set(FIGURES)
     assert (report / "figures" / "torque_full.png").stat().st_size > 10_000
@@ -87,7 +89,7 @@ def test_one_broken_recording_does_not_stop_a_campaign(tmp_path: Path, capsys: p
     assert "A_1250rpm_all.csv" in doc["recordings"][1]["error"]
     used, refused = (tmp_path / "out" / row["folder"] for row in doc["recordings"])
     assert (used / "report.html").is_file()
-    assert [path.name for path in refused.iterdir()] == ["entry.json"]
+    assert {path.name for path in refused.iterdir()} == {"entry.json", "SHA256SUMS"}
     assert [row["code"] for row in doc["findings"]] == ["no_joint_fit"]
     assert "refused" in capsys.readouterr().out
 

@@ -17,6 +17,7 @@ from campaign_cases import make
 from camtorque.align import AlignOptions
 from camtorque.campaign import CampaignOptions, flow, key, list_recordings, run_campaign, run_only, store, task
 from camtorque.records import Finding, Refusal
+from camtorque.report.checksums import verify
 from camtorque.run import RunOptions
 from camtorque.workers import Lost
 
@@ -60,7 +61,8 @@ def test_finished_and_refused_are_remembered(analysed: list[str], tmp_path: Path
     run_campaign(raw, out, OPTIONS, CampaignOptions(retry_failed=True))
     assert analysed == ["a", "b", "c", "b", "c"]
     refused = out / doc["recordings"][1]["folder"]
-    assert [path.name for path in refused.iterdir()] == ["entry.json"]
+    assert {path.name for path in refused.iterdir()} == {"entry.json", "SHA256SUMS"}
+    assert verify(out)[1] == ()
     assert (out / doc["recordings"][0]["folder"] / "result.json").is_file()
     assert f"{doc['recordings'][0]['folder']}/report.html" in (out / "campaign.html").read_text()
     assert not list(out.glob(".index*")) + list((out / "runs").glob(".*"))
@@ -141,8 +143,9 @@ def test_another_process_at_the_same_recording(analysed: list[str], tmp_path: Pa
     raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
     name = list_recordings(raw, out, OPTIONS)[0]["key"]
     runs = store.prepare_folder(out)
-    with task.output_folder(runs / name):
+    with pytest.raises(KeyboardInterrupt), task.output_folder(runs / name):  # noqa: PT012
         entry = run_only("a", raw, out, OPTIONS)
+        raise KeyboardInterrupt
     assert (entry.status, entry.error) == ("refused", "another process is computing it; run again after its end")
     assert run_only("a", raw, out, OPTIONS).status == "ok"
 

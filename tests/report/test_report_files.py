@@ -239,7 +239,7 @@ def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
         with output_folder(target) as folder:
             (folder / "result.json").write_text('{"schema": "camtorque.result/1"}', encoding="utf-8")
             (folder / text).touch()
-    assert {path.name for path in target.iterdir()} == {"result.json", "2"}
+    assert {path.name for path in target.iterdir()} == {"result.json", "2", "SHA256SUMS"}
     assert list(tmp_path.iterdir()) == [target]
     other = tmp_path / "mine"
     other.mkdir()

@@ -21,6 +21,7 @@ from camtorque.campaign.task import Task, refused, run_task
 from camtorque.fit import CampaignFit
 from camtorque.records import Finding, Refusal
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign
+from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
 from camtorque.run import Progress, RunOptions, now, silent
 from camtorque.workers import Lost, on_processes
@@ -161,6 +162,8 @@ def _write_index(
     doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch, out)
     move_files(scratch, out)
     shutil.rmtree(scratch)
+    own = [path for path in visible_files(out) if path.relative_to(out).parts[0] != "runs"]
+    write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in entries if entry.folder)])
     return doc
 
 

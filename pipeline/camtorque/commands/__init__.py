@@ -35,6 +35,9 @@ COMMANDS: dict[str, Command] = {
     "watch": Command("camtorque.commands.watch", "a look at each block of a test while it runs", takes.watch),
     "limits": Command("camtorque.commands.limits", "reports held against bands: pass or fail", takes.limits),
     "export": Command("camtorque.commands.export", "tables of a report for other programs; trends", takes.export),
+    "verify": Command(
+        "camtorque.commands.verify", "whether the files of an output are as they were written", takes.verify
+    ),
     "predict": Command("camtorque.commands.predict", "torque and forces of a pump from its sheet", takes.predict),
     "design": Command("camtorque.commands.design", "a better cam for a pump: Pareto front, lift table", takes.design),
     "study": Command(

@@ -159,6 +159,11 @@ def watch(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=number(0.0), default=forever, metavar="S", help="stop after that time")
 
 
+def verify(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `verify`."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="output of run, align, predict or campaign")
+
+
 def predict(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `predict`."""
     speeds = number(0.0, FASTEST_RPM, above=True)

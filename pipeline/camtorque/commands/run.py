@@ -10,6 +10,7 @@ from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import limit_lines, run_table
 from camtorque.limits import PASS
 from camtorque.report import write_pdf
+from camtorque.report.folder import seal
 from camtorque.run import run_recording
 
 OUTSIDE = 3
@@ -23,6 +24,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     if arguments.pdf:
         tell("printing the page")
         write_pdf(page)
+        seal(out, out.name)
     judged = doc.get("limits")
     told = "" if judged is None else "\n" + "\n".join(limit_lines(judged["rows"]))
     status = 0 if judged is None or judged["verdict"] == PASS else OUTSIDE

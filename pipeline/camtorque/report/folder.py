@@ -14,8 +14,11 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from camtorque.records import Refusal
+from camtorque.report.checksums import visible_files, write_checksums
+from camtorque.report.provenance import write_crate
 from camtorque.stopping import removed_when_stopped
 from camtorque.system import told
 
@@ -76,14 +79,20 @@ def check_writable(target: Path) -> None:
 
 
 def _is_own(folder: Path) -> bool:
-    for name in MARKERS:
-        try:
-            schema = json.loads((folder / name).read_text(encoding="utf-8"))["schema"]
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
-        if str(schema).startswith("camtorque."):
-            return True
-    return False
+    return any(str(_document(path).get("schema", "")).startswith("camtorque.") for path in _marker_paths(folder))
+
+
+def _marker_paths(folder: Path) -> list[Path]:
+    return [folder / name for name in MARKERS]
+
+
+def _document(path: Path) -> dict[str, Any]:
+    """Return the content of a JSON file, empty where there is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 @contextmanager
@@ -101,7 +110,16 @@ def output_folder(target: Path) -> Iterator[Path]:
     check_output(target)
     with _written_beside(target) as partial:
         yield partial
+        seal(partial, target.name)
         _replace(partial, target.resolve())
+
+
+def seal(folder: Path, name: str) -> None:
+    """Write where a finished folder came from, and the SHA-256 of all its files."""
+    doc = next((doc for doc in map(_document, _marker_paths(folder)) if "inputs" in doc and "created" in doc), None)
+    if doc is not None:
+        write_crate(folder, doc, name)
+    write_checksums(folder, visible_files(folder))
 
 
 @contextmanager

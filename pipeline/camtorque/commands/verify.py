@@ -1,0 +1,21 @@
+"""`camtorque verify`: whether the files of an output are as they were written."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.report.checksums import verify
+
+FAULTS = 1
+
+
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Compare every file with its checksum."""
+    tell(f"reading {arguments.folder}")
+    compared, faults = verify(arguments.folder)
+    lines = [f"{fault.kind:11} {fault.path}" for fault in faults]
+    lines.append(f"{arguments.folder}: {compared} files compared, {len(faults)} not as they were written")
+    document = {"folder": str(arguments.folder), "compared": compared, "faults": [asdict(fault) for fault in faults]}
+    return Outcome("\n".join(lines), document, FAULTS if faults else 0)

@@ -1,0 +1,92 @@
+"""SHA-256 of every file of an output, in the format of sha256sum, and what has become of them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from camtorque.records import Refusal
+
+SUMS = "SHA256SUMS"
+LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A file that is not as it was written: ``kind`` is ``changed``, ``missing``, ``not listed`` or ``damaged``."""
+
+    path: str
+    kind: str
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file in hex."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_checksums(folder: Path, files: Iterable[Path]) -> None:
+    """Write SHA256SUMS of a folder; ``sha256sum -c SHA256SUMS`` reads it too."""
+    lines = [f"{file_digest(file)}  {file.relative_to(folder).as_posix()}\n" for file in sorted(files)]
+    partial = folder / f".{SUMS}.partial"
+    partial.write_text("".join(lines), encoding="utf-8")
+    partial.replace(folder / SUMS)
+
+
+def visible_files(folder: Path) -> list[Path]:
+    """Return the files of a folder and below it but for hidden ones and its own SHA256SUMS."""
+    found = (path for path in folder.rglob("*") if path.is_file() and path != folder / SUMS)
+    return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+
+
+def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
+    """Return how many files were compared, and those that are not as they were written.
+
+    A SHA256SUMS that another one lists is followed, so the index of a campaign vouches for all its recordings.
+
+    Raises
+    ------
+    Refusal : the folder holds no SHA256SUMS
+    """
+    if not (folder / SUMS).is_file():
+        raise Refusal(f"{folder}: found no {SUMS}, expected the output of a command; check the path")
+    compared = dict(_compared(folder, Path()))
+    faults = [Fault(name, kind) for name, kind in compared.items() if kind]
+    listed = set(compared)
+    faults += [
+        Fault(name, "not listed")
+        for name in (path.relative_to(folder).as_posix() for path in visible_files(folder))
+        if name not in listed and not _in_a_folder_of_its_own(name, listed)
+    ]
+    return len(compared), tuple(faults)
+
+
+def _compared(folder: Path, below: Path) -> Iterator[tuple[str, str]]:
+    """Yield each listed file with its fault, "" where it is as it was."""
+    text = (folder / below / SUMS).read_text(encoding="utf-8", errors="replace")
+    for number, line in enumerate(text.splitlines(), 1):
+        found = LINE.fullmatch(line)
+        if found is None or found[2].startswith("/") or ".." in found[2].split("/"):
+            yield f"{(below / SUMS).as_posix()} line {number}", "damaged"
+            continue
+        place = below / found[2]
+        kind = _kind(folder / place, found[1])
+        yield place.as_posix(), kind
+        if place.name == SUMS and kind != "missing" and place.parent != below:
+            yield from _compared(folder, place.parent)
+
+
+def _kind(path: Path, digest: str) -> str:
+    try:
+        return "" if file_digest(path) == digest else "changed"
+    except FileNotFoundError:
+        return "missing"
+
+
+def _in_a_folder_of_its_own(name: str, listed: set[str]) -> bool:
+    """Tell whether a file lies in a ``runs/KEY`` that this index does not list: of other options, or unfinished."""
+    parts = name.split("/")
+    return parts[0] == "runs" and len(parts) > 2 and f"runs/{parts[1]}/{SUMS}" not in listed

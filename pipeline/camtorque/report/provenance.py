@@ -1,0 +1,101 @@
+"""Where a result came from, as a Process Run Crate (RO-Crate): what was read, what computed it, what was written."""
+
+from __future__ import annotations
+
+import base64
+import mimetypes
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePath
+from typing import Any
+
+from camtorque.report.document import write_json
+
+CRATE = "ro-crate-metadata.json"
+SPECIFICATION = "https://w3id.org/ro/crate/1.1"
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+TERMS = "https://w3id.org/ro/terms/workflow-run/context"
+LICENCE = "https://spdx.org/licenses/MIT"
+SOFTWARE = "https://pypi.org/project/camtorque/"
+MEDIA = {".h5": "application/x-hdf5", ".json": "application/json", ".svg": "image/svg+xml", ".bin": "application/zlib"}
+Entity = dict[str, Any]
+
+
+def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
+    """Write ro-crate-metadata.json of a finished folder.
+
+    Parameters
+    ----------
+    folder : holds the files that were computed
+    doc : result.json or align.json: ``version``, ``created``, ``inputs`` with their SHA-256, perhaps ``timing_s``
+    title : what the result is called
+    """
+    inputs = [_input(item) for item in doc["inputs"]]
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+    outputs = [_output(path, folder) for path in files]
+    software, action = _software(doc), _action(doc, title, inputs, outputs)
+    graph = [_descriptor(), _root(doc, title, [*inputs, *outputs], action), _profile(), _licence(), software, action]
+    write_json(folder / CRATE, {"@context": [f"{SPECIFICATION}/context", TERMS], "@graph": [*graph, *inputs, *outputs]})
+
+
+def _descriptor() -> Entity:
+    return {"@id": CRATE, "@type": "CreativeWork", "conformsTo": {"@id": SPECIFICATION}, "about": {"@id": "./"}}
+
+
+def _root(doc: Mapping[str, Any], title: str, parts: Sequence[Entity], action: Entity) -> Entity:
+    return {
+        "@id": "./", "@type": "Dataset", "name": title,
+        "description": f"Measured against modelled drive torque of {title}, computed by camtorque {doc['version']}",
+        "datePublished": doc["created"], "license": {"@id": LICENCE}, "conformsTo": {"@id": PROFILE},
+        "hasPart": references(parts), "mentions": {"@id": action["@id"]},
+    }  # fmt: skip
+
+
+def _profile() -> Entity:
+    return {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
+
+
+def _licence() -> Entity:
+    return {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT", "description": "licence of the software"}
+
+
+def _software(doc: Mapping[str, Any]) -> Entity:
+    return {
+        "@id": SOFTWARE, "@type": "SoftwareApplication", "name": "camtorque", "url": SOFTWARE,
+        "softwareVersion": doc["version"], "softwareRequirements": f"Python {platform.python_version()}",
+        "operatingSystem": platform.system(),
+    }  # fmt: skip
+
+
+def _action(doc: Mapping[str, Any], title: str, inputs: Sequence[Entity], outputs: Sequence[Entity]) -> Entity:
+    return {
+        "@id": "#computation", "@type": "CreateAction", "name": f"{doc['schema']} of {title}",
+        "description": f"seed {doc.get('seed', 0)}; the options stand in the report",
+        "instrument": {"@id": SOFTWARE}, "endTime": doc["created"], "actionStatus": "http://schema.org/CompletedActionStatus",
+        "object": references(inputs), "result": references(outputs),
+    }  # fmt: skip
+
+
+def _input(item: Mapping[str, str]) -> Entity:
+    """Return a file that was read, named by its content: where it lies now is nobody's business."""
+    digest = base64.urlsafe_b64encode(bytes.fromhex(item["sha256"])).decode().rstrip("=")
+    name = PurePath(item["path"]).name
+    return {"@id": f"ni:///sha-256;{digest}", "@type": "File", "name": name, "encodingFormat": media_type(name),
+            "sha256": item["sha256"]}  # fmt: skip
+
+
+def _output(path: Path, folder: Path) -> Entity:
+    name = path.relative_to(folder).as_posix()
+    return {"@id": name, "@type": "File", "name": name, "encodingFormat": media_type(name),
+            "contentSize": str(path.stat().st_size)}  # fmt: skip
+
+
+def references(entities: Sequence[Entity]) -> list[Entity]:
+    """Return references to entities."""
+    return [{"@id": entity["@id"]} for entity in entities]
+
+
+def media_type(name: str) -> str:
+    """Return the media type of a file by its name."""
+    suffix = PurePath(name).suffix.lower()
+    return MEDIA.get(suffix) or mimetypes.guess_type(name)[0] or "application/octet-stream"
