@@ -120,11 +120,16 @@ def alternatives_text(doc: Document) -> str:
     """Return the other structures that the data leave possible."""
     rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY]
     named = "; ".join(
-        f"{row['name']} ({num(100.0 * row['probability'], 2)} %), trigger then at "
+        f"{_structure(row, doc)} ({num(100.0 * row['probability'], 2)} %), trigger then at "
         f"{num(row['trigger_angle_deg'], 4)} deg, chamber peak {num(row['chamber_peak_bar'], 4)} bar"
         for row in rows
     )
     return f" Not ruled out: {named}." if named else ""
+
+
+def _structure(row: Document, doc: Document) -> str:
+    """Return the name of a structure; a second minimum of the chosen one is told as such."""
+    return "a second minimum of the same structure" if row["name"] == doc["alternatives"][0]["name"] else row["name"]
 
 
 def next_text(doc: Document) -> str:

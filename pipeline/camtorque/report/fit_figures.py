@@ -33,7 +33,7 @@ def evidence(result: RunResult) -> Rows | None:
     values = tuple(float(np.clip(row.two_ln_bayes_factor, -EVIDENCE_SHOWN, EVIDENCE_SHOWN)) for row in rows)
     notes = tuple(f"{num(row.two_ln_bayes_factor)}, {row.verdict}" for row in rows)
     factor = RowPanel("2 ln K for the loss", (Marks("", values, tones),), notes=notes,
-                      limits=(-1.2 * EVIDENCE_SHOWN, 1.9 * EVIDENCE_SHOWN))  # fmt: skip
+                      limits=(1.25 * min(min(values), -4.0), 1.9 * EVIDENCE_SHOWN))  # fmt: skip
     return Rows(tuple(words(row.name) for row in rows), (factor, _sizes(rows, tones)), WIDE)
 
 
@@ -54,6 +54,8 @@ def size_text(row: LossEvidence) -> str:
     if not math.isfinite(row.size):
         return UNKNOWN
     low, high = (num(end, 2) for end in row.size_ci95)
+    if low == high:
+        return f"{num(row.size, 2)} {unit_text(row.unit)}"
     return f"{num(row.size, 2)} ({low} … {high}) {unit_text(row.unit)}"
 
 

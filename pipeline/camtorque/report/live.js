@@ -251,7 +251,7 @@
     if (!host) return;
     if (!groups.has(chart.group)) groups.set(chart.group, new Group(chart.group));
     const group = groups.get(chart.group);
-    const x = Array.from(new Float32Array(bytes(chart.x)));
+    const x = chart.x.d ? Array.from(new Float32Array(bytes(chart.x.d))) : Array.from({ length: chart.x.n }, (_, k) => chart.x.a + chart.x.step * k);
     figure.classList.add("on");
     figure.querySelector(".plot").removeAttribute("tabindex");
     const plots = chart.panels.map((panel, number) => draw(chart, panel, x, number, group, host));

@@ -48,12 +48,19 @@ def unpacked(data: Mapping[str, Any]) -> Array:
 def curves_payload(name: str, chart: Curves) -> dict[str, Any]:
     """Return one chart as JSON-ready values; ``name`` is the id of its figure in the page."""
     keep = slice(None, None, max(1, -(-chart.x.size // LARGEST_LIVE)))
-    x = np.asarray(chart.x[keep], dtype="<f4")
     return {
         "id": name, "group": "theta" if chart.full_turn else name, "turn": chart.full_turn, "label": chart.abscissa,
-        "x": base64.b64encode(x.tobytes()).decode("ascii"), "panels": [_panel(panel, keep) for panel in chart.panels],
+        "x": _abscissa(chart.x[keep]), "panels": [_panel(panel, keep) for panel in chart.panels],
         "spans": [_span(span) for span in chart.spans], "links": list(chart.links),
     }  # fmt: skip
+
+
+def _abscissa(x: Array) -> dict[str, Any]:
+    """Return an abscissa: start, step and count where it is even, single precision otherwise."""
+    step = (x[-1] - x[0]) / (x.size - 1) if x.size > 1 else 0.0
+    if x.size > 2 and np.allclose(np.diff(x), step, rtol=1e-6, atol=0.0):
+        return {"a": float(x[0]), "step": float(step), "n": x.size}
+    return {"d": base64.b64encode(np.asarray(x, dtype="<f4").tobytes()).decode("ascii")}
 
 
 def _panel(panel: Panel, keep: slice) -> dict[str, Any]:

@@ -23,6 +23,8 @@ from camtorque.report.tones import fill, stroke
 
 ROW, TOP, RIGHT, GAP, LEGEND_LINE = 24.0, 8.0, 16.0, 26.0, 18.0
 SMALL = 11.0
+SMALLEST_BAR = 0.3
+"""A part of a stack below this width [px] is not drawn."""
 NOTE_ROOM = 0.22
 """Share of a panel's width that is kept free for the notes at the ends of its bars."""
 
@@ -104,6 +106,8 @@ def _marks(item: Marks, scale: Scale, top: float) -> list[str]:
         tone, middle = item.tones[k % len(item.tones)], top + ROW * (k + 0.5)
         if item.kind == "stack":
             assert item.low is not None
+            if scale(value) - scale(item.low[k]) < SMALLEST_BAR:
+                continue
             parts.append(box(scale(item.low[k]), middle - 8.0, scale(value) - scale(item.low[k]), 16.0, tone))
             continue
         place = scale(min(max(value, scale.low), scale.high))
