@@ -16,6 +16,7 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
 from camtorque.align.resample import align_block, choose_rule, empty_rows
 from camtorque.records import Array, Channel
+from camtorque.signal.damage import clips_below
 from camtorque.signal.logger_time import sample_positions
 
 MARGIN = 3
@@ -120,8 +121,7 @@ def _law(channel: Channel) -> tuple[float, float, tuple[float, float]]:
     if calibration is None:
         return channel.scale, 0.0, (-np.inf, np.inf)
     low, high = calibration.output_min_volts / channel.scale, calibration.output_max_volts / channel.scale
-    # A sensor with an output from zero upward rests at zero: its lower end is no clipping.
-    low = low if low < 0.0 else -np.inf
+    low = low if clips_below(calibration) else -np.inf
     return channel.sign * channel.scale * calibration.gain, calibration.zero_volts / channel.scale, (low, high)
 
 

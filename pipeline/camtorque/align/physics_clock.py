@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from camtorque.align.angle import TWO_PI, CamAngle
 from camtorque.align.channels import align_channels, covered
@@ -110,10 +109,10 @@ def _coarse_offset(pair: Pair) -> float:
 
 
 def _correlation(own: Array, known: Array) -> Array:
-    """Return the full cross-correlation, lags from ``1 - known.size`` on (scipy.signal takes long to import)."""
+    """Return the full cross-correlation, lags from ``1 - known.size`` on (scipy takes long to import)."""
     n = own.size + known.size - 1
-    length = next_fast_len(n, real=True)
-    return irfft(rfft(own, length) * rfft(known[::-1], length), length)[:n]
+    length = 1 << (n - 1).bit_length()
+    return np.fft.irfft(np.fft.rfft(own, length) * np.fft.rfft(known[::-1], length), length)[:n]
 
 
 def _velocity_at(pair: Pair, time: Array) -> Array:

@@ -19,6 +19,7 @@ from camtorque.config import TriggerSpec
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges
 from camtorque.signal.inductive import find_crossings
+from camtorque.signal.pickup import find_pulses
 
 TURNED = {"rising": "falling", "falling": "rising"}
 CLEARLY = 0.5
@@ -75,8 +76,7 @@ def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> Tri
     if spec.sensor == "inductive" and spec.missing_teeth:
         edges, train = _coil_with_gap(channel, spec, index, options)
     else:
-        find = find_crossings if spec.sensor == "inductive" else find_edges
-        edges = find(channel, spec.edge, options.block_samples)
+        edges = find_pulses(channel, spec.sensor, spec.edge, options.block_samples)
         train = number_teeth(edges.time, edges.width, spec, where, index)
     return TriggerTrain(channel, edges, shifted(train, spec.switching_delay), spec.pulses_per_cycle)
 

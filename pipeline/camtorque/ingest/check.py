@@ -9,8 +9,10 @@ import numpy as np
 
 from camtorque.config import RecordingConfig
 from camtorque.ingest.recording import read_recording
-from camtorque.ingest.scan import Scan, pulse_times, scan_channel
-from camtorque.records import Array, Channel, Finding, Recording
+from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.signal.logger_time import pause_intervals
+from camtorque.signal.pickup import find_pulses
+from camtorque.signal.scan import Scan, scan_channel
 from camtorque.units import BAR, RPM
 
 VACUUM = -1.5 * BAR
@@ -77,13 +79,22 @@ def summarise(recording: Recording) -> RecordingSummary:
         findings += _sample_findings(channel, scan)
         times = np.empty(0)
         if channel.quantity == "trigger" and not scan.is_constant:
-            times = pulse_times(channel, config.trigger.edge, scan.low, scan.high)
-            findings += _pulse_findings(channel, times, config)
+            times, more = _pulses(channel, config)
+            findings += more
             speeds.append(_speed(times, config))
         summaries.append(_summary(channel, scan, times.size))
     findings += _swapped(recording, summaries)
     speed = float(np.nanmedian(speeds)) / RPM if np.isfinite(speeds).any() else float("nan")
     return RecordingSummary(config.id, config.file_format, tuple(summaries), speed, tuple(findings))
+
+
+def _pulses(channel: Channel, config: RecordingConfig) -> tuple[Array, list[Finding]]:
+    """Return the pulse times of a trigger [s], and what is to be said of them."""
+    try:
+        edges = find_pulses(channel, config.trigger.sensor, config.trigger.edge)
+    except Refusal as refusal:
+        return np.empty(0), [Finding("few_pulses", "error", str(refusal))]
+    return edges.time, _pulse_findings(channel, edges.time, config)
 
 
 def _summary(channel: Channel, scan: Scan, pulses: int) -> ChannelSummary:
@@ -168,7 +179,10 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
         found.append(Finding("speed_off_nominal", "warning", text, where))
     if config.trigger.pulses_per_rev == 1:
         period = np.diff(times)
-        odd = int((np.abs(period / np.median(period) - 1.0) > PERIOD_TOLERANCE).sum())
+        whole = np.ones(period.size, dtype=bool)
+        paused = np.searchsorted(times, pause_intervals(channel)[:, 0]) - 1
+        whole[paused[(paused >= 0) & (paused < whole.size)]] = False
+        odd = int((np.abs(period / np.median(period) - 1.0) > PERIOD_TOLERANCE)[whole].sum())
         if odd:
             text = f"{odd} of {period.size} pulse periods differ by more than 30 % from the usual one"
             found.append(Finding("pulses_irregular", "warning", text, where))

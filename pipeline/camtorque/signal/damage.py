@@ -1,10 +1,14 @@
-"""Damage of the raw samples of a cycle, counted in compiled loops."""
+"""What is wrong with raw samples: missing, clipped, standing still; one rule each, for `check` and for `align`.
+
+A clipped top is a run of equal samples at the end of the range from which the signal falls steeply on both sides.
+"""
 
 from __future__ import annotations
 
 import numba
+import numpy as np
 
-from camtorque.records import Array
+from camtorque.records import Array, SensorCalibration
 
 FLAT_RUN = 6
 """Equal samples in a row at the end of a cycle's range that may be a clipped top: noise leaves two or three."""
@@ -68,3 +72,53 @@ def _is_clipped(volts: Array, run: int, end: int, step: float) -> bool:
         return False
     fall = min(abs(volts[end] - volts[before]), abs(volts[end] - volts[after]))
     return fall > STEPS_BESIDE_FLAT * step
+
+
+def clips_below(calibration: SensorCalibration | None) -> bool:
+    """Tell whether the lower end of a sensor's output clips: one with an output from zero upward rests there."""
+    return calibration is not None and calibration.output_min_volts < 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def clipped_samples(volts: Array, extreme: float) -> int:
+    """Count the samples in clipped runs at one extreme of a channel."""
+    step = 1e300
+    for i in range(1, volts.size):
+        change = abs(volts[i] - volts[i - 1])
+        if 0.0 < change < step:
+            step = change
+    count, run = 0, 0
+    for i in range(volts.size + 1):
+        if i < volts.size and volts[i] == extreme:
+            run += 1
+            continue
+        if run and _is_clipped(volts, run, i - 1, step):
+            count += run
+        run = 0
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def missing_samples(volts: Array, carried: int) -> tuple[int, int, int]:
+    """Count the samples that are no voltages.
+
+    Returns
+    -------
+    How many; the longest run of them, one of ``carried`` samples before the first included; the run that goes on.
+    """
+    count, longest, run = 0, carried, carried
+    for value in volts:
+        if -NO_VOLTAGE < value < NO_VOLTAGE:
+            run = 0
+        else:
+            count += 1
+            run += 1
+            longest = max(longest, run)
+    return count, longest, run
+
+
+def converter_step(volts: Array) -> float:
+    """Return the step of the converter as far as neighbouring samples show it: a low percentile of their changes."""
+    change = np.abs(np.diff(volts))
+    change = change[(change > 0.0) & (change < NO_VOLTAGE)]
+    return float(np.percentile(change, 5.0)) if change.size else 0.0

@@ -1,0 +1,34 @@
+"""The pulses of a pick-up, whatever it is: the one finder of edges for `check` and for `align`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from camtorque.records import Channel
+from camtorque.signal.edges import Edges, find_edges
+from camtorque.signal.inductive import find_crossings
+
+FINDERS: dict[str, Callable[[Channel, str, int], Edges]] = {
+    "digital": find_edges,
+    "hall": find_edges,
+    "inductive": find_crossings,
+}
+"""``sensor`` of [trigger] -> finder."""
+
+
+def find_pulses(channel: Channel, sensor: str, edge: str, block_samples: int = 1 << 18) -> Edges:
+    """Return the declared edge of every pulse of a pick-up.
+
+    Parameters
+    ----------
+    channel : its voltage
+    sensor : key of `FINDERS`
+    edge : ``rising`` or ``falling``
+    block_samples : samples read at a time
+
+    Raises
+    ------
+    Refusal
+        No pulses in the channel.
+    """
+    return FINDERS[sensor](channel, edge, block_samples)
