@@ -8,7 +8,8 @@ angle, speed and acceleration, and the shaft pieces carry ``T_i = k_i (delta_(i-
 Everything is periodic in time, so the linear part (mean inertia of each lobe, springs, dampers) is solved harmonic by
 harmonic, a tridiagonal system swept once from the free end to the drive end: cost grows with the number of lobes. The
 rest of the torque is its load; it depends weakly on the twist and is found by fixed-point iteration, and where that
-does not settle (a soft shaft, or a resonance below the highest harmonic) by Newton's method on the same equation.
+does not settle (a soft shaft, or a resonance below the highest harmonic) by collocation in drive angle with Newton's
+method (`periodic`).
 A single lobe is solved by collocation in its cam angle (`collocation`), which is cheaper; where that fails, the
 harmonics follow.
 """
@@ -21,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import NoConvergence, newton_krylov
 
 from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.periodic import Shaft, solve_periodic
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Refusal, freeze_arrays
 
@@ -38,7 +39,6 @@ ELEMENTS, STAGES = 360, 6
 """Of the collocation for a single lobe: on the front of the driveline chart (reports/studies)."""
 GROWTH = 2.0
 """A step this much longer than the shortest so far does not lead to the solution."""
-NEWTON_TOLERANCE, NEWTON_STEPS = 1.0e-11, 60
 
 
 @dataclass(frozen=True)
@@ -174,26 +174,14 @@ def _fixed_point(shaft: _Shaft) -> tuple[Array | None, int]:
 
 
 def _newton(shaft: _Shaft) -> tuple[Array, int]:
-    """Return the twist by Newton's method with Krylov steps on the fixed-point equation (Knoll & Keyes 2004).
-
-    The linear answer has already taken the stiff part out of the equation, so few directions are left to be found.
-    """
-    start = shaft.answer(np.zeros(shaft.shape))
-    scale = max(float(np.max(np.abs(start))), 1e-300)
-    calls = [0]
-
-    def gap(twist: Array) -> Array:
-        calls[0] += 1
-        return twist - shaft.answer(scale * twist) / scale
-
-    try:
-        with np.errstate(all="ignore"):
-            found = newton_krylov(
-                gap, start / scale, f_tol=NEWTON_TOLERANCE, maxiter=NEWTON_STEPS, method="lgmres", inner_maxiter=40
-            )
-    except (NoConvergence, ValueError) as failure:
-        raise _unsettled(shaft) from failure
-    return scale * np.asarray(found), calls[0]
+    """Return the twist by collocation and Newton's method."""
+    with np.errstate(all="ignore"):
+        found = solve_periodic(
+            Shaft(shaft.units, shaft.curves, shaft.speed, shaft.stiffness, shaft.damping), shaft.shape[1]
+        )
+    if found is None:
+        raise _unsettled(shaft)
+    return found
 
 
 def _unsettled(shaft: _Shaft) -> Refusal:
