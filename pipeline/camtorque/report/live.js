@@ -78,12 +78,17 @@
         const a = u.valToPos(span.a, "x", true), b = u.valToPos(span.b, "x", true);
         u.ctx.fillStyle = color(span.loud ? "warnsoft" : "soft");
         u.ctx.fillRect(a, top, b - a, height);
-        if (u.first && (span.loud || b - a > 90 * devicePixelRatio)) {
-          u.ctx.fillStyle = color(span.loud ? "warn" : "muted");
-          u.ctx.font = 11 * devicePixelRatio + "px sans-serif";
-          u.ctx.textAlign = "center";
-          u.ctx.fillText(span.l, 0.5 * (Math.max(a, left) + Math.min(b, left + width)), span.loud ? top + height - 5 * devicePixelRatio : top + 12 * devicePixelRatio);
-        }
+      }
+      u.ctx.restore();
+      if (!u.first) return;
+      u.ctx.save();
+      u.ctx.font = 11 * devicePixelRatio + "px sans-serif";
+      u.ctx.textAlign = "center";
+      for (const span of chart.spans) {
+        const a = Math.max(u.valToPos(span.a, "x", true), left), b = Math.min(u.valToPos(span.b, "x", true), left + width);
+        if (b <= a || (!span.loud && b - a < u.ctx.measureText(span.l).width)) continue;
+        u.ctx.fillStyle = color(span.loud ? "warn" : "muted");
+        u.ctx.fillText(span.l, 0.5 * (a + b), span.loud ? top + height - 5 * devicePixelRatio : top - 5 * devicePixelRatio);
       }
       u.ctx.restore();
     };
@@ -155,14 +160,14 @@
     box.append(field);
     host.append(box);
     const options = {
-      width: Math.max(host.clientWidth, 200), height: panel.h + (last ? 48 : 14), legend: { show: false },
+      width: Math.max(host.clientWidth, 200), height: panel.h + (last ? 48 : 14) + (number ? 0 : 10), padding: [number || !chart.spans.length ? 8 : 18, 12, 0, 0], legend: { show: false },
       scales: { x: { time: false, range: (u, lo, hi) => (lo === null ? full : [lo <= x[0] ? full[0] : lo, hi >= x[x.length - 1] ? full[1] : hi]) }, y: panel.lim ? { range: (u, lo, hi) => (u.whole ? panel.lim : uPlot.rangeNum(lo, hi, 0.1, false)) } : { range: (u, lo, hi) => (lo === null ? [0, 1] : lo === hi ? [lo - 1, hi + 1] : [lo - 0.06 * (hi - lo), hi + 0.06 * (hi - lo)]) } },
       series, bands: panel.bands.map((item, k) => ({ series: [2 * k + 2, 2 * k + 1], fill: () => color(item.t) + "bb" })),
       focus: { alpha: chart.links.length ? 0.25 : 1 },
       cursor: { focus: { prox: chart.links.length ? 24 : -1 }, sync: { key: group.name, scales: ["x", null], setSeries: false }, drag: { x: true, y: false, uni: 10 }, y: false, points: { size: 7 } },
       axes: [
         axis("x", { label: last ? chart.label : null, labelSize: last ? 18 : 0, labelFont: "12px system-ui, sans-serif", size: last ? 28 : 6, values: last ? (u, all) => all.map((v) => (v === null ? "" : minus(String(+v.toFixed(4))))) : () => [], splits: chart.turn ? turnSplits : undefined }),
-        axis("y", { size: 58, values: (u, all) => all.map((v) => (v === null ? "" : minus(String(+v.toPrecision(6))))) }),
+        axis("y", { size: 58, space: panel.h < 130 ? 20 : 30, values: (u, all) => all.map((v) => (v === null ? "" : minus(String(+v.toPrecision(6))))) }),
       ],
       hooks: {
         drawClear: [shade(chart)], draw: [zero(panel), bars(panel, errors, shift)],
