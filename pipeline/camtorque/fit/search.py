@@ -36,10 +36,14 @@ SMOOTHINGS_DEG = (14.0, 7.0, 3.5, 1.5, 0.0)
 ITERATIONS = 8
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-POOR = 60.0
-"""Chi-square above which a swinging coupling is tried."""
-COUPLING_HZ = (40.0, 90.0, 180.0, 350.0)
-COUPLING_COMPLIANCES = (100.0e-6, 600.0e-6)
+DOUBTFUL, POOR, UNEXPLAINED = 35.0, 80.0, 1000.0
+"""Chi-square above which other shafts, a swinging hub, and a swinging hub from the beginning are tried."""
+COUPLINGS = tuple((hertz, soft) for hertz in np.geomspace(45.0, 380.0, 9) for soft in (200.0e-6, 800.0e-6))
+"""Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
+SHAFTS = ((60.0e-6, 8.0), (400.0e-6, 2.0), (400.0e-6, 15.0))
+"""Compliance of the shaft [rad/(N m)] and inertia between transducer and cam over that of the cam."""
+FAR = 30.0
+"""A structure whose chi-square exceeds the best one's by this factor gets no further starts."""
 KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
 """A start is followed while its chi-square is below the best one's times and plus these."""
 
@@ -133,8 +137,16 @@ def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core
                 start for start in (continued(item, smoothing, core_first and rung == 0) for item in group) if start
             ]
             result[name] = sorted(starts, key=lambda s: s.chi_square)
+        if not any(result.values()):
+            return {}
         best = min(group[0].chi_square for group in result.values() if group)
         limit = KEEP_FACTOR * best + KEEP_MARGIN
+        if smoothing < 5.0:
+            result = {
+                name: group
+                for name, group in result.items()
+                if group and (name == "line" or group[0].chi_square < 100.0 * limit)
+            }
         last = len(smoothings) - 1 - rung
         result = {name: [s for k, s in enumerate(group) if k == 0 or s.chi_square < limit][: max(1, last)]
                   for name, group in result.items()}  # fmt: skip
@@ -142,11 +154,20 @@ def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core
     return result
 
 
-def with_coupling(start: Start) -> list[FitData]:
+def with_coupling(item: FitData) -> list[FitData]:
     """Return a start with a hub that swings on a yielding coupling, at several frequencies and compliances."""
     return [
-        with_starts(start.data, {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft})
-        for hertz in COUPLING_HZ for soft in COUPLING_COMPLIANCES
+        with_starts(item, {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft})
+        for hertz, soft in COUPLINGS
+    ]  # fmt: skip
+
+
+def with_shaft(item: FitData) -> list[FitData]:
+    """Return a start with other shafts: stiff and soft, with little and much inertia on the cam's side."""
+    sheet = item.rows["cam_side_inertia"].lower
+    return [
+        with_starts(item, {"shaft_compliance": soft, "cam_side_inertia": factor * sheet, "shaft_damping": 0.2})
+        for soft, factor in SHAFTS
     ]  # fmt: skip
 
 
@@ -176,17 +197,41 @@ def as_expected(start: Start) -> FitData:
 
 
 def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> dict[str, list[Start]]:
-    """Return the best starts of each structure, least chi-square first."""
+    """Return the best starts of each structure, least chi-square first.
+
+    Further rounds are for recordings that the rounds before do not explain: a swinging hub from the beginning, from
+    the best start, and other shafts from the beginning.
+    """
     rough = coarse(data)
     result = descend({name: candidates(rough, name) for name in structures}, SMOOTHINGS_DEG, True)
-    result = merged(result, lambda best, name, group: rescanned(best, name), SMOOTHINGS_DEG[2:])
+    result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
+    if least(result).chi_square > UNEXPLAINED:
+        fresh = {name: with_coupling(candidates(rough, name)[1]) for name in structures if name != "line"}
+        result = joined(result, descend(fresh, SMOOTHINGS_DEG, True))
+        result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
     if least(result).chi_square > POOR:
-        result = merged(result, lambda best, name, group: with_coupling(group[0]), SMOOTHINGS_DEG[1:])
-        result = merged(
-            result, lambda best, name, group: [as_expected(start) for start in group[:2]], SMOOTHINGS_DEG[1:]
-        )
-        result = merged(result, lambda best, name, group: rescanned(best, name), SMOOTHINGS_DEG[2:])
+        result = merged(result, lambda best, name: with_coupling(best.data) if name == best.data.structure else [],
+                        SMOOTHINGS_DEG[1:])  # fmt: skip
+    if least(result).chi_square > DOUBTFUL:
+        near = [name for name in likely(result) if name != "line"]
+        fresh = {name: [item for one in candidates(rough, name) for item in with_shaft(one)] for name in near}
+        result = joined(result, descend(fresh, SMOOTHINGS_DEG, True))
+        result = merged(result, lambda best, name: [as_expected(best)] if name == best.data.structure else [],
+                        SMOOTHINGS_DEG[1:])  # fmt: skip
+        result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
     return result
+
+
+def likely(result: Mapping[str, list[Start]]) -> list[str]:
+    """Return the structures that are not far behind the best one."""
+    limit = FAR * least(result).chi_square
+    return [name for name, group in result.items() if group and group[0].chi_square < limit]
+
+
+def joined(one: Mapping[str, list[Start]], other: Mapping[str, list[Start]]) -> dict[str, list[Start]]:
+    """Return the starts of both by structure, best first."""
+    return {name: sorted([*group, *other.get(name, [])], key=lambda start: start.chi_square)
+            for name, group in one.items()}  # fmt: skip
 
 
 def least(result: Mapping[str, list[Start]]) -> Start:
@@ -195,14 +240,9 @@ def least(result: Mapping[str, list[Start]]) -> Start:
 
 
 def merged(
-    result: dict[str, list[Start]],
-    more: Callable[[Start, str, list[Start]], list[FitData]],
-    smoothings: tuple[float, ...],
+    result: dict[str, list[Start]], more: Callable[[Start, str], list[FitData]], smoothings: tuple[float, ...]
 ) -> dict[str, list[Start]]:
-    """Return the starts with those that further ones lead to, best first."""
+    """Return the starts with those that further ones (of the best start, for a structure) lead to, best first."""
     best = least(result)
-    found = descend(
-        {name: more(best, name, group) for name, group in result.items() if group and name != "line"}, smoothings, False
-    )
-    return {name: sorted([*group, *found.get(name, [])], key=lambda start: start.chi_square)
-            for name, group in result.items()}  # fmt: skip
+    items = {name: more(best, name) for name in result if name != "line"}
+    return joined(result, descend({name: group for name, group in items.items() if group}, smoothings, False))
