@@ -1,0 +1,166 @@
+"""Every derivative of every law against central differences: each parameter, each structure, each output."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from camtorque.laws import ROWS
+from camtorque.laws.chain import NONLINEAR_NAMES, SENSOR_NAMES, SHIFT_NAMES, cam_motion, chamber_of, evaluate
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, shaft_transfer, twist_basis
+from camtorque.laws.sensor import sensor_transfer
+from camtorque.laws.torque import LINEAR_NAMES, cam_torque
+from laws_cases import COEFFICIENTS, chain_input, refined, start_values, total_torque
+
+SPEED = 60.0
+OMEGA = np.arange(0.0, 200.0) * SPEED
+END_OF = {
+    "end_of_delivery": ("land",), "end_width": ("land",),
+    "spill_lift": ("spill",), "spill_width": ("spill",), "spill_span": ("spill",),
+}  # fmt: skip
+"""Parameters that act in one structure alone."""
+CASES = [(end, name) for name in NONLINEAR_NAMES for end in END_OF.get(name, ("land", "spill"))]
+
+
+@pytest.fixture(scope="module")
+def exact():
+    found = {}
+    for end in ("land", "spill"):
+        values = start_values(end)
+        data = refined(chain_input(), values)
+        found[end] = data, values, evaluate(data, values, COEFFICIENTS, tangents=True)
+    return found
+
+
+def central(function, value, step):
+    """Return the derivative by two central differences and Richardson's extrapolation: error of the fourth order."""
+    wide = (function(value + step) - function(value - step)) / (2.0 * step)
+    half = (function(value + 0.5 * step) - function(value - 0.5 * step)) / step
+    return (4.0 * half - wide) / 3.0
+
+
+@pytest.mark.parametrize(("end", "name"), CASES)
+def test_chain_has_the_derivative_that_it_states(exact, end, name):
+    data, values, output = exact[end]
+    stated = output.derivative[:, NONLINEAR_NAMES.index(name)]
+    found = central(lambda v: total_torque(data, {**values, name: v}), values[name], 2e-3 * ROWS[name].step)
+    # rounded corners of ports and stops, and Newton's tolerance of 1e-6 bar, over a step of 2e-3
+    assert np.max(np.abs(stated)) > 0.0
+    assert np.max(np.abs(stated - found)) < 2e-4 * np.max(np.abs(found))
+
+
+@pytest.mark.parametrize(("end", "name"), [case for case in CASES if case[1] in (*CHAMBER_NAMES, *SHIFT_NAMES)])
+def test_chamber_has_the_tangents_that_it_states(exact, end, name):
+    data, values, output = exact[end]
+    order = (*CHAMBER_NAMES, *SHIFT_NAMES)
+    stated = output.pressure_tangents[:, order.index(name)]
+
+    def pressure(value):
+        moved = {**values, name: value}
+        return chamber_of(data, moved, cam_motion(data, moved), False)[0]
+
+    found = central(pressure, values[name], 1e-3 * ROWS[name].step)
+    assert np.max(np.abs(stated - found)) < 2e-4 * np.max(np.abs(found))
+
+
+def test_tangents_do_not_change_the_values(exact):
+    for data, values, output in exact.values():
+        plain = evaluate(data, values)
+        assert plain.derivative is None
+        assert plain.pressure_tangents is None
+        # the compiler may order the sums of the two loops in another way
+        np.testing.assert_allclose(plain.torque, output.torque, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(plain.pressure, output.pressure, rtol=1e-9)
+
+
+def test_without_a_chamber_only_the_pressure_zero_moves_the_pressure():
+    data, values = chain_input(uses_chamber=False), start_values()
+    output = evaluate(data, values, COEFFICIENTS, tangents=True)
+    names = [name for k, name in enumerate(CHAMBER_NAMES) if np.any(output.pressure_tangents[:, k])]
+    assert names == ["pressure_zero"]
+    stated = output.derivative[:, NONLINEAR_NAMES.index("pressure_zero")]
+    found = central(lambda v: total_torque(data, {**values, "pressure_zero": v}), values["pressure_zero"], 1e3)
+    np.testing.assert_allclose(stated, found, rtol=0.0, atol=1e-8 * np.max(np.abs(found)))
+
+
+@pytest.mark.parametrize("name", COMPLIANCE_NAMES)
+def test_compliance_of_the_driveline(name):
+    values = start_values()
+    column = COMPLIANCE_NAMES.index(name)
+    stated = compliance(OMEGA, values)[1][:, column]
+    step = 1e-3 * ROWS[name].step
+    found = central(lambda v: compliance(OMEGA, {**values, name: v})[0], values[name], step)
+    assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
+    stated = shaft_transfer(OMEGA, 2e-4, values)[1][:, 1 + column]
+    found = central(lambda v: shaft_transfer(OMEGA, 2e-4, {**values, name: v})[0], values[name], step)
+    assert np.max(np.abs(stated - found)) < 1e-6 * np.max(np.abs(found))
+
+
+def test_shaft_transfer_by_inertia():
+    values = start_values()
+    stated = shaft_transfer(OMEGA, 2e-4, values)[1][:, 0]
+    found = central(lambda v: shaft_transfer(OMEGA, v, values)[0], 2e-4, 1e-8)
+    assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
+
+
+@pytest.mark.parametrize("name", COMPLIANCE_NAMES)
+def test_shift_of_the_cam_angle_and_its_rates(name):
+    data, values = chain_input(), start_values()
+    basis = twist_basis(data.shaft_torque, data.speed, data.trigger_angle)
+    column = 1 + COMPLIANCE_NAMES.index(name)
+    for part in range(3):
+        stated = angle_shifts(basis, values)[part][:, column]
+        found = central(
+            lambda v, part=part: angle_shifts(basis, {**values, name: v}, tangents=False)[part][:, 0],
+            values[name], 1e-3 * ROWS[name].step,
+        )  # fmt: skip
+        assert np.max(np.abs(stated - found)) < 1e-6 * np.max(np.abs(found))
+
+
+@pytest.mark.parametrize("place", range(3), ids=SENSOR_NAMES)
+def test_transfer_of_the_sensor(place):
+    at = [900.0, 0.72, 4e-6]
+    step = [0.5, 1e-3, 1e-8][place]
+
+    def moved(value):
+        return sensor_transfer(OMEGA, *[value if k == place else v for k, v in enumerate(at)])[0]
+
+    stated, found = sensor_transfer(OMEGA, *at)[1][:, place], central(moved, at[place], step)
+    assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
+
+
+CAM_TORQUE_BY = ("angle", "rate", "second", "pressure", "guide_friction")
+
+
+@pytest.mark.parametrize("row", range(5), ids=CAM_TORQUE_BY)
+def test_torque_on_the_cam(row):
+    data = chain_input()
+    law, theta = data.law, data.theta + 1e-3
+    rate, second, pressure, mu = np.full(theta.size, 61.0), np.full(theta.size, 300.0), data.line_pressure, 0.06
+
+    def torque(amount):
+        moved = [0.0] * 5
+        moved[row] = amount
+        lift = law.derivatives(theta + moved[0], 3)
+        whole, columns, *_ = cam_torque(
+            data.pump_numbers, mu + moved[4], lift, rate + moved[1], second + moved[2], pressure + moved[3],
+            COEFFICIENTS[:-1],
+        )  # fmt: skip
+        return whole + columns @ COEFFICIENTS[:-1]
+
+    stated = cam_torque(data.pump_numbers, mu, law.derivatives(theta, 3), rate, second, pressure, COEFFICIENTS[:-1])[2]
+    found = central(torque, 0.0, [2e-5, 1e-2, 1.0, 1e3, 1e-4][row])
+    # the sign of the sliding velocity turns within 2e-5 m/rad at both dwells: away from there
+    clear = np.abs(law.evaluate(theta, 1)) > 2e-4
+    assert np.max(np.abs(stated[row] - found)[clear]) < 1e-6 * np.max(np.abs(found))
+
+
+def test_torque_is_linear_in_the_coefficients_of_its_columns():
+    data = chain_input()
+    lift, one = data.law.derivatives(data.theta, 3), np.ones(data.theta.size)
+    arguments = (data.pump_numbers, 0.05, lift, 60.0 * one, 0.0 * one, data.line_pressure)
+    plain, columns, _, load, _ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
+    other, same, _, also, _ = cam_torque(*arguments, COEFFICIENTS[:-1])
+    np.testing.assert_array_equal(plain, other)
+    np.testing.assert_array_equal(columns, same)
+    np.testing.assert_array_equal(load, also)

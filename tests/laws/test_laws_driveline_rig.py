@@ -1,0 +1,98 @@
+"""Driveline and transducer against the time-stepping rig: cam angle and reading, both from the torque."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from camtorque.laws import ROWS
+from camtorque.laws.chain import angle_grid, filtered
+from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, twist_basis
+from camtorque.laws.sensor import sensor_transfer
+from rigs.cycles import as_cycles, nominal_times
+from rigs.families import bare
+from rigs.rig import simulate
+from rigs.sense import trigger_edges
+from rigs.truth import RigTruth, TorqueSensor, change
+
+N = 3600
+RPM = 900.0
+
+
+def nominal(run, name):
+    """Return a true history at the times that the trigger assigns to the angle grid, mean over cycles, (N,)."""
+    times = nominal_times(run, N, trigger_edges(run, None))[1:-1]
+    return np.interp(times, run.time, run.history[name]).mean(axis=0)
+
+
+def driveline_values(truth):
+    """Return the parameters of C(s) of a rig."""
+    line = truth.driveline
+    natural = 2.0 * np.pi * line.control_bandwidth_hz
+    values = {name: ROWS[name].start for name in COMPLIANCE_NAMES}
+    values.update(
+        shaft_compliance=1.0 / line.shaft_stiffness, shaft_damping=line.shaft_damping,
+        drive_admittance=1.0 / line.drive_inertia, drive_bandwidth=np.log(1.4 * natural),
+        drive_reset=np.log(natural / 1.4), drive_lag=-11.0, coupling_compliance=0.0,
+    )  # fmt: skip
+    return values
+
+
+@pytest.mark.parametrize("case", ["shaft", "drive", "soft", "fast loop"])
+def test_cam_angle_is_the_rigs(case):
+    changes = {
+        "shaft": {"drive_inertia": np.inf},
+        "drive": {"shaft_stiffness": np.inf, "drive_inertia": 0.4, "camshaft_inertia": 1e-6},
+        "soft": {"shaft_stiffness": 2500.0, "drive_inertia": 0.15},
+        "fast loop": {"control_bandwidth_hz": 12.0, "drive_inertia": 0.2},
+    }[case]
+    truth = change(bare(np.random.default_rng(2)), driveline=RigTruth().driveline)
+    truth = change(truth, **{f"driveline__{name}": value for name, value in changes.items()})
+    run = simulate(truth, RPM, n_cycles=12, step=1e-5, run_in=30)
+    cycles = as_cycles(run, N, noise=False)
+    found = (cycles["true_angle"] - cycles["theta"]).mean(axis=0)
+    speed = float(cycles["speed"].mean())
+    basis = twist_basis(nominal(run, "torque"), speed, truth.trigger.nominal_angle)
+    values = driveline_values(truth)
+    shift, rate, _ = angle_shifts(basis, values, tangents=False)
+    assert np.ptp(found) > 2e-3  # a tenth of a degree
+    # a linear drive seen at nominal instead of true angles: the square of the shift is left out
+    assert np.max(np.abs(shift[:, 0] - found)) < 0.01 * np.ptp(found)
+    assert np.max(np.abs(rate[:, 0] - np.gradient(shift[:, 0], 2 * np.pi / N))) < 1e-3 * np.max(np.abs(rate)) + 1e-5
+
+
+@pytest.mark.parametrize("damping", [np.sqrt(0.5), 0.55])
+def test_reading_is_the_rigs_torque_behind_the_low_pass(damping):
+    truth = change(bare(np.random.default_rng(2)), torque_sensor=TorqueSensor(damping=damping, ripple=0.0, noise=0.0))
+    run = simulate(truth, RPM, n_cycles=8, step=1e-5)
+    cycles = as_cycles(run, N, noise=False)
+    omega = np.arange(N // 2 + 1) * float(cycles["speed"].mean())
+    # the rig's cut-off is -3 dB for Butterworth alone; its total delay is the declared one
+    natural = truth.torque_sensor.cutoff_hz
+    a = 1.0 - 2.0 * damping**2
+    cutoff = natural * np.sqrt(a + np.sqrt(a * a + 1.0))
+    true = nominal(run, "torque")
+    stated = filtered(true, sensor_transfer(omega, cutoff, damping, 0.0)[0])
+    reading = cycles["torque"].mean(axis=0)
+    error = np.sqrt(np.mean((stated - reading) ** 2))
+    assert error < 2e-3 * true.max()
+    assert error < 0.2 * np.sqrt(np.mean((true - reading) ** 2))
+
+
+def test_low_pass_has_its_cut_off_and_no_delay_at_low_frequency():
+    for damping in (0.6, np.sqrt(0.5), 0.9):
+        at_cutoff = sensor_transfer(np.array([2.0 * np.pi * 1000.0]), 1000.0, damping, 0.0)[0]
+        assert abs(at_cutoff[0]) == pytest.approx(np.sqrt(0.5), rel=1e-12)
+        slow = sensor_transfer(np.array([2.0 * np.pi * 5.0]), 1000.0, damping, 0.0)[0]
+        assert abs(np.angle(slow[0])) < 1e-6
+        late = sensor_transfer(np.array([2.0 * np.pi * 5.0]), 1000.0, damping, 1e-3)[0]
+        assert np.angle(late[0]) == pytest.approx(-2.0 * np.pi * 5.0 * 1e-3, rel=1e-4)
+
+
+def test_shift_is_zero_at_the_trigger_edge():
+    run = simulate(bare(np.random.default_rng(2)), RPM, n_cycles=2, step=1e-5)
+    edge = np.radians(20.0)
+    basis = twist_basis(run.true_cycles("torque", N)[0], 94.0, edge)
+    shift = angle_shifts(basis, driveline_values(RigTruth()))[0]
+    place = round(N * 20 / 360)
+    assert angle_grid(N)[place] == pytest.approx(edge)
+    np.testing.assert_allclose(shift[place], 0.0, atol=1e-12 * np.abs(shift).max())

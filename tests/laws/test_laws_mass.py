@@ -1,0 +1,176 @@
+"""Identities of the chamber: mass is kept whatever the step, through vapour too; closed forms of its parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from camtorque.laws.chain import evaluate, with_substeps
+from camtorque.laws.chamber import FLOW, KERNEL_UNITS, LOWEST
+from camtorque.laws.fluid import ATMOSPHERE, specific_volume
+from camtorque.laws.leakage import leak_flow
+from camtorque.laws.ports import LAMINAR, flow_root, opening
+from camtorque.laws.valve import STROKE, lifted, stop_force
+from laws_cases import N, chain_input, refined, start_values
+
+CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0}
+"""Neither port nor leak nor outlet."""
+
+
+def specific(pressure, values):
+    """Return the specific volume at gauge pressures [Pa]."""
+    numbers = values["bulk_modulus"] * 1e-5, values["bulk_modulus_slope"], values["free_air"]
+    return np.array([specific_volume(p * 1e-5, *numbers)[0] for p in pressure])
+
+
+def volume(data, output, values):
+    return values["dead_volume"] + data.pump.plunger_area * (data.top_lift - output.motion.lift[0])
+
+
+@pytest.mark.parametrize("air", [0.0, 3e-3])
+@pytest.mark.parametrize("n", [600, 3600])
+def test_closed_chamber_keeps_its_mass_whatever_the_step(n, air):
+    data, values = chain_input(n=n), {**start_values(), **CLOSED, "free_air": air, "dead_volume": 4e-6}
+    output = evaluate(data, values)
+    mass = volume(data, output, values) / specific(output.pressure, values)
+    assert output.pressure.max() > 400e5
+    np.testing.assert_allclose(mass, mass[0], rtol=1e-9)
+
+
+def test_mass_is_kept_through_vapour():
+    # the port closes at the top instead of the foot: the plunger draws the closed volume down to vapour, and back
+    data, values = chain_input(), {**start_values(), **CLOSED, "free_air": 0.0, "dead_volume": 4e-6}
+    values["trigger_offset"] += 1.4  # the revolution starts at full lift, as the chamber is filled
+    output = evaluate(data, values)
+    mass = volume(data, output, values) / specific(output.pressure, values)
+    assert output.pressure.min() < -0.9e5
+    assert output.pressure.min() > LOWEST * 1e5
+    np.testing.assert_allclose(mass, mass[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("end", "until"), [("land", 900), ("spill", 7200), ("open", 7200)])
+def test_what_leaves_chamber_and_gallery_is_what_flows(end, until):
+    # a land that has closed leaves gallery and valve alone: up to there; the others over the whole revolution
+    values = start_values(end)
+    data = refined(chain_input(n=7200), values)
+    output = evaluate(data, values)
+    gallery = values["gallery_volume"] + output.states[:, 1] * 1e-9
+    mass = volume(data, output, values) / specific(output.pressure, values)
+    mass = (mass + gallery / specific(output.states[:, 0] * 1e5, values))[:until]
+    flow = output.flows.sum(axis=1)[:until]
+    out = np.r_[0.0, np.cumsum(0.5 * (flow[1:] + flow[:-1]))] * 2.0 * np.pi / 7200 / data.speed
+    assert output.flows[:until, 2].max() > 1e-5
+    # trapezium between grid points, where the steps are finer
+    assert np.max(np.abs(mass - mass[0] + out)) < 4e-3 * np.ptp(mass)
+
+
+def test_mass_behind_a_closed_land_leaves_by_the_leak_alone():
+    values = start_values("land")
+    data = refined(chain_input(n=7200), values)
+    output = evaluate(data, values)
+    part = slice(1000, 3000)  # 50 to 150 degrees
+    mass = (volume(data, output, values) / specific(output.pressure, values))[part]
+    leak = output.flows[part, 3]
+    assert not output.flows[part, :3].any()
+    lost = np.sum(0.5 * (leak[1:] + leak[:-1])) * 2.0 * np.pi / 7200 / data.speed
+    assert mass[0] - mass[-1] == pytest.approx(lost, rel=1e-3)
+
+
+def test_a_valve_of_little_mass_is_a_check_valve():
+    values = {**start_values(), "retraction_volume": 2e-9, "valve_mass": 3e5, "valve_damping": 4e4}
+    data = refined(chain_input(), values)
+    output = evaluate(data, values)
+    drop = output.states[:, 0] * 1e5 - (data.line_pressure - values["pressure_zero"])
+    flow = output.flows[:, 2]
+    flowing = flow > 0.3 * flow.max()
+    assert flowing.sum() > N // 60
+    assert drop[flowing].min() > 0.7 * values["valve_opening"]
+    assert np.abs(flow[drop < 0.0]).max() < 0.02 * flow.max()
+
+
+def test_fine_steps_are_where_the_valve_moves():
+    data, values = chain_input(), start_values()
+    output = evaluate(data, values)
+    steps = with_substeps(data, output, values)
+    moving = output.states[:, 1] > 0.05
+    assert moving.any()
+    assert steps[moving & (output.pressure > 10e5)].min() > 1
+    assert steps.min() == 1
+    assert np.mean(steps == 1) > 0.3
+
+
+def test_fluid_has_the_modulus_that_it_states():
+    modulus, slope = 14000.0, 9.0
+    for pressure in (5.0, 100.0, 1500.0):
+        value, by_pressure, *_ = specific_volume(pressure, modulus, slope, 0.0)
+        assert -value / by_pressure == pytest.approx(modulus + slope * pressure, rel=1e-5)
+    # air of a share alpha at atmospheric pressure takes alpha of the liquid's room there
+    assert specific_volume(0.0, modulus, slope, 0.01)[0] - specific_volume(0.0, modulus, slope, 0.0)[0] == (
+        pytest.approx(0.01, rel=0.01)
+    )
+    # half of it (to the power 1/1.2) at twice the absolute pressure
+    twice = specific_volume(ATMOSPHERE, modulus, slope, 0.01)[0] - specific_volume(ATMOSPHERE, modulus, slope, 0.0)[0]
+    assert twice == pytest.approx(0.01 * 0.5 ** (1.0 / 1.2), rel=0.01)
+
+
+@pytest.mark.parametrize("function", ["volume", "root", "opening", "lifted", "leak", "stop"])
+def test_functions_of_the_kernel_have_the_derivatives_that_they_state(function):
+    # complex steps do not pass max and abs: central differences of the second order, away from zero
+    def compare(call, at, stated, step):
+        found = (call(at + step) - call(at - step)) / (2.0 * step)
+        assert stated == pytest.approx(found, rel=2e-6, abs=1e-12)
+
+    if function == "volume":
+        for p in (-0.95, 0.3, 50.0, 900.0):
+            numbers = [p, 14000.0, 9.0, 0.003]
+            result = specific_volume(*numbers)
+            for k, step in enumerate((1e-5, 1.0, 1e-4, 1e-6)):
+
+                def moved(v, k=k, numbers=numbers):
+                    return specific_volume(*[v if j == k else x for j, x in enumerate(numbers)])[0]
+
+                compare(moved, numbers[k], result[1 + k], step)
+    if function == "root":
+        for p in (-40.0, -0.5, 0.0, 1.0, 300.0):
+            compare(lambda v: flow_root(v)[0], p, flow_root(p)[1], 1e-4)
+        assert flow_root(900.0)[0] == pytest.approx(30.0, rel=1e-5)
+        assert flow_root(1e-3 * LAMINAR)[0] == pytest.approx(1e-3 * np.sqrt(LAMINAR), rel=1e-5)
+    if function == "opening":
+        for x in (-0.03, 0.05, 0.4, 0.95, 1.05):
+            compare(lambda v: opening(v, 0.3)[0], x, opening(x, 0.3)[1], 1e-6)
+            compare(lambda v, x=x: opening(x, v)[0], 0.3, opening(x, 0.3)[2], 1e-6)
+        assert [opening(x, 0.7)[0] for x in (-1.0, 2.0)] == [0.0, 1.0]
+        assert opening(0.4, 0.0)[0] == 0.4
+        assert opening(0.4, 1.0)[0] == pytest.approx(3 * 0.16 - 2 * 0.064)
+    if function == "lifted":
+        compare(lambda v: lifted(v, 12.0)[0], 11.8, lifted(11.8, 12.0)[1], 1e-6)
+        assert lifted(32.0, 12.0)[0] == pytest.approx(20.0, rel=2e-3)
+    if function == "leak":
+        numbers = [700.0, 4.0, 0.3, 3e-4]
+        result = leak_flow(*numbers)
+        for k, step in enumerate((1e-2, 1e-3, 1e-4, 1e-7)):
+
+            def moved(v, k=k):
+                return leak_flow(*[v if j == k else x for j, x in enumerate(numbers)])[0]
+
+            compare(moved, numbers[k], result[1 + k], step)
+        assert leak_flow(504.0, 4.0, 0.3, 0.0)[0] == pytest.approx(150.0)
+        # a gap widened by a tenth leaks with its third power
+        wide = leak_flow(1000.0, 0.0, 1.0, 0.001)[0] / leak_flow(500.0, 0.0, 1.0, 0.001)[0]
+        assert wide == pytest.approx(2.0 * (2.0 / 1.5) ** 3)
+    if function == "stop":
+        dt = 0.01
+        for u, velocity in ((-0.02, -0.4), (12.0 + STROKE + 0.03, 0.6)):
+            force, by_u, by_old, by_top = stop_force(u, velocity, dt, 12.0)
+            assert force * u > 0.0  # on the side of inertia: it pushes back
+            old = u - dt * velocity
+            compare(lambda v, o=old: stop_force(v, (v - o) / dt, dt, 12.0)[0], u, by_u, 1e-7)
+            compare(lambda v, u=u: stop_force(u, (u - v) / dt, dt, 12.0)[0], old, by_old, 1e-7)
+            compare(lambda v, u=u, w=velocity: stop_force(u, w, dt, v)[0], 12.0, by_top, 1e-7)
+
+
+def test_units_of_the_kernel_are_those_of_the_rows():
+    # bar, mm, mm^3, ms: 1 mm^2 at a root of 1 bar flows FLOW mm^3/ms
+    assert KERNEL_UNITS["valve_area"] * 1e-6 == 1.0
+    flow = FLOW * 1e-6  # m^3/s
+    assert flow == pytest.approx(0.7 * np.sqrt(2.0 / 830.0) * np.sqrt(1e5) * 1e-6)
+    assert KERNEL_UNITS["leakage"] * 1e-14 * 1e5 == pytest.approx(1e-14 * 1e5 * 1e11)

@@ -1,0 +1,151 @@
+"""Rows, names and causes of the laws are complete and come from one place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from camtorque.fit.evidence import LOSSES
+from camtorque.fit.problem import END_NAMES, NEUTRAL, SPILL_NAMES
+from camtorque.laws import LAW_OF, LAWS, ROWS
+from camtorque.laws.causes import CAUSES, LOSS_GROUPS, cam_torques, cause_of, measured_torques, work_per_revolution
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
+from camtorque.laws.chamber import KERNEL_UNITS
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.driveline import COMPLIANCE_NAMES
+from camtorque.laws.rows import ParameterRow
+from camtorque.laws.torque import LINEAR_NAMES, cam_torque
+from camtorque.mechanism.friction import Friction
+from camtorque.mechanism.mounting import Mounting, assumed_roller
+from camtorque.mechanism.torque import OUTPUTS, constants_of, solve_lift
+from laws_cases import COEFFICIENTS, THETA, chain_input, start_values, total_torque
+
+UNITS = {
+    "%", "-", "1/(kg m^2)", "1/kbar", "1/mm", "1/ms", "10^6 kg/m^4", "GPa", "Hz", "N", "N m", "N m s/rad", "N s/m",
+    "bar", "deg", "kg mm^2", "ln(1/s)", "ln(rad/s)", "ln(s)", "mm", "mm^2", "mm^3", "mm^3/s/bar", "um",
+    "urad/(N m)", "us",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_row_is_complete(name):
+    row = ROWS[name]
+    assert row.unit in UNITS
+    assert row.per_unit > 0.0
+    assert row.lower < row.upper
+    assert row.symbol
+    assert len(row.meaning) > 10
+    assert len(row.source) > 8
+    if row.prior is not None:
+        mean, std = row.prior
+        assert row.lower <= mean <= row.upper, "the prior's mean lies outside the bounds"
+        assert std <= row.upper - row.lower
+    # a solver scaled by the step crosses what is believed, or allowed, in a sensible number of them
+    width = row.prior[1] if row.prior is not None else row.upper - row.lower
+    assert 1.0 / 3.0 < width / row.step < 1500.0
+
+
+def test_every_parameter_is_in_the_chain_once():
+    chain = (*NONLINEAR_NAMES, *COLUMN_NAMES)
+    assert sorted(chain) == sorted(ROWS)
+    assert len(set(chain)) == len(chain)
+    assert {name for name, row in ROWS.items() if row.is_linear} == set(COLUMN_NAMES)
+    assert (*LINEAR_NAMES, "torque_zero") == COLUMN_NAMES
+    assert [LAW_OF[row.name] for rows in LAWS.values() for row in rows] == [k for k, v in LAWS.items() for _ in v]
+
+
+def test_kernel_and_driveline_take_their_own_rows():
+    assert set(CHAMBER_NAMES) == {row.name for row in LAWS["chamber"]}
+    for name, unit in KERNEL_UNITS.items():
+        assert unit > 0.0, name
+    rows = {row.name for row in (*LAWS["driveline"], *LAWS["coupling"])}
+    assert set(COMPLIANCE_NAMES) == rows - {"trigger_offset", "cam_side_inertia"}
+
+
+def test_losses_and_structures_name_parameters():
+    for members in LOSSES.values():
+        assert set(members) <= set(ROWS)
+        assert all(ROWS[name].lower == 0.0 for name in members), "a loss vanishes at its lower bound"
+    rubbing = {row.name for law in ("friction", "packing") for row in LAWS[law]}
+    assert set(LOSSES["friction"]) == rubbing
+    assert set(LOSSES["damping"]) == {row.name for row in LAWS["damping"]}
+    assert set(NEUTRAL) == {*END_NAMES, *SPILL_NAMES} <= set(ROWS)
+
+
+def test_causes_come_from_the_laws():
+    named = [name for names in LOSS_GROUPS.values() for name in names]
+    assert sorted(named) == sorted(set(named))
+    assert set(named) == set(CAUSES)
+    assert {cause_of(name) for name in LINEAR_NAMES} <= set(CAUSES)
+    for law in ("friction", "packing"):
+        for row in LAWS[law]:
+            assert cause_of(row.name) in LOSS_GROUPS["friction"]
+
+
+def test_causes_sum_to_the_chain_with_every_loss_on():
+    data, values = chain_input(), {**start_values(), "guide_friction": 0.08}
+    output = evaluate(data, values)
+    slope = 1e-5 * np.sin(9.0 * THETA)
+    parts = cam_torques(data, values, output, COEFFICIENTS, slope)
+    assert set(parts) == set(CAUSES)
+    behind = measured_torques(data, values, parts, COEFFICIENTS[-1])
+    total = np.sum(list(behind.values()), axis=0)
+    lift_part = behind["lift_table"]
+    # the chain filters bins of three points, the causes the points: compared on the bins where that is no difference
+    found = (total - lift_part).reshape(output.torque.size, -1).mean(axis=1)
+    expected = total_torque(data, values)
+    assert np.max(np.abs(found - expected)) < 2e-3 * np.max(np.abs(expected))
+    for name in CAUSES:
+        assert np.any(parts[name]), name
+
+
+def test_work_of_the_causes_is_the_work_of_the_shaft():
+    data, values = chain_input(), start_values()
+    output = evaluate(data, values)
+    parts = cam_torques(data, values, output, COEFFICIENTS, np.zeros(THETA.size))
+    work = work_per_revolution(data, output, parts)
+    assert set(work) == {*LOSS_GROUPS, "driveline"}
+    torque = np.sum(list(parts.values()), axis=0)
+    advance = output.motion.rate / data.speed * 2.0 * np.pi / THETA.size
+    without = sum(value for name, value in work.items() if name != "driveline")
+    assert without == pytest.approx(float(np.sum(torque * advance)), rel=1e-12)
+    assert work["friction"] > 0.0
+    assert work["damping"] > 0.0
+
+
+@pytest.mark.parametrize("offset", [0.0, 2e-3, -3e-3])
+def test_closed_form_is_the_one_of_the_mechanism(offset):
+    # the law compiles its own copy for the tangents' sake: here they are held together to rounding
+    data = chain_input(offset=offset)
+    mu, bearing, pin = 0.07, 2e-4, 3e-5
+    lift, n = data.law.derivatives(THETA, 3), THETA.size
+    speed, acceleration = 60.0 + 3.0 * np.sin(THETA), 900.0 * np.cos(2.0 * THETA)
+    vector = np.zeros(len(LINEAR_NAMES))
+    vector[:2] = bearing, pin
+    plain, columns, _, load, _ = cam_torque(
+        (*data.pump_numbers[:7], assumed_roller(data.pump).inertia), mu, lift, speed, acceleration,
+        data.line_pressure, vector,
+    )  # fmt: skip
+    pump = data.pump
+    constants = constants_of(pump, Mounting(), Friction(mu, bearing, pin))._replace(
+        cam_inertia=0.0, offset=offset,
+        base=float(np.sqrt((pump.base_circle_radius + pump.roller_radius) ** 2 - offset**2)),
+    )  # fmt: skip
+    expected = solve_lift(constants, lift[:3].copy(), np.array(data.line_pressure), speed, acceleration)
+    torque, along = expected[OUTPUTS.index("torque")], expected[OUTPUTS.index("contact_y")]
+    np.testing.assert_allclose(plain + columns @ vector, torque, rtol=0.0, atol=1e-12 * np.max(np.abs(torque)))
+    np.testing.assert_allclose(load, along, rtol=1e-13)
+    assert n == torque.size
+
+
+def test_rows_that_make_no_sense_are_refused():
+    good = {
+        "name": "x", "symbol": "x", "unit": "N", "per_unit": 1.0, "start": 0.5, "lower": 0.0, "upper": 1.0,
+        "step": 0.1, "prior": (0.5, 0.1), "meaning": "nothing at all", "source": "nowhere",
+    }  # fmt: skip
+    ParameterRow(**good)
+    for change, text in [
+        ({"start": 2.0}, "outside"), ({"step": 0.0}, "positive and finite"), ({"role": "both"}, "expected one of"),
+        ({"prior": (0.5, 0.0)}, "standard deviation"),
+    ]:  # fmt: skip
+        with pytest.raises(ValueError, match=text):
+            ParameterRow(**{**good, **change})
