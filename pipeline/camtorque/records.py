@@ -6,6 +6,7 @@ Everything is SI and radians; a unit suffix marks a border value. Arrays are mad
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -24,11 +25,23 @@ VERDICTS = ("needed", "not needed", "cannot tell")
 """Of a loss: what the data say of it."""
 
 
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+"""Characters that move a cursor, colour a terminal or turn the direction of a text."""
+
+
+def printable(text: str) -> str:
+    """Return a text that may come from a stranger's file with its control characters written out."""
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
 class Refusal(Exception):
     """The input cannot be used; the message says what was found, what was expected, where and what to do.
 
     The command line prints it as one line on standard error and exits with status 2.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message))
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,8 @@ class Finding:
     def __post_init__(self) -> None:
         if self.severity not in SEVERITIES:
             raise ValueError(f"severity is {self.severity!r}, expected one of {SEVERITIES}")
+        for name in ("text", "where"):
+            object.__setattr__(self, name, printable(getattr(self, name)))
 
 
 def freeze_arrays(record: Any) -> None:

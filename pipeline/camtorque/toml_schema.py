@@ -64,6 +64,9 @@ SLIPS: dict[str, dict[str, float]] = {
 LEAST_SLIP = 0.05
 """Who writes the number of another unit writes 8 or 0.8, never 0.0045."""
 
+UNKNOWN = "?"
+"""What `camtorque new` writes for a value that the logs cannot tell; refused until it is replaced."""
+
 REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 """The default of a key that has none."""
 

@@ -12,8 +12,8 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
-from camtorque.records import Refusal
-from camtorque.toml_schema import Key, TableSchema
+from camtorque.records import CONTROL, Refusal
+from camtorque.toml_schema import UNKNOWN, Key, TableSchema
 from camtorque.units import did_you_mean
 
 LARGEST_FILE = 512 * 1024
@@ -21,8 +21,6 @@ LARGEST_FILE = 512 * 1024
 LONGEST_KEY = 100
 """Parts of a dotted key: each costs the parser as much as all before it."""
 LONGEST_TEXT = 4096
-CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-"""Characters that move the cursor or turn the direction of a text."""
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
@@ -124,6 +122,8 @@ class Table:
                 return None if key.required else key.default
             hint = did_you_mean(key.name, tuple(self.values)).replace("did you mean", "is it")
             raise Refusal(f"{self.where(key.name)}: this key is missing{hint}; {key.meaning}")
+        if self.values[key.name] == UNKNOWN:
+            raise Refusal(f"{self.where(key.name)}: is still {UNKNOWN!r}; {key.meaning}")
         return PARSERS[key.kind](self, key, self.values[key.name])
 
     def table(self, name: str, optional: bool = False) -> Table:
@@ -213,7 +213,7 @@ def _text_value(table: Table, key: Key, value: Any) -> str:
         raise Refusal(f"{table.where(key.name)}: is blank, expected text; {key.meaning}")
     if len(value) > LONGEST_TEXT:
         raise Refusal(f"{table.where(key.name)}: has {len(value)} characters, expected at most {LONGEST_TEXT}")
-    if CONTROL.search(value):
+    if any(CONTROL.search(line) for line in value.splitlines()):
         raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, which holds control characters; remove them")
     return value
 

@@ -26,6 +26,7 @@ class Command:
 
 
 COMMANDS: dict[str, Command] = {
+    "new": Command("camtorque.commands.new", "look into logs and write a first recording.toml", takes.new),
     "check": Command("camtorque.commands.check", "what a recording holds and what is wrong with it", takes.check),
     "align": Command("camtorque.commands.align", "logs to cam angle without a model (torque not needed)", takes.align),
     "run": Command("camtorque.commands.run", "one recording: align, model, fit, report", takes.run),

@@ -74,6 +74,15 @@ def _fit(parser: argparse.ArgumentParser) -> None:
     _tolerance(parser)
 
 
+def new(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `new`."""
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="logs of one recording")
+    parser.add_argument(
+        "--like", type=Path, metavar="RECORDING", help="recording or pump file whose pump, trigger and sensors it takes"
+    )
+    _out(parser, required=False, otherwise="the folder of the first log")
+
+
 def check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     _recording(parser)

@@ -70,7 +70,7 @@ def cut_flow_lines(cycles: CamCycles, usable: list[str]) -> list[str]:
 
 def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:
     speed = summary.speed_rpm if cycles is None else float(np.mean(cycles.speed)) / RPM
-    lines = [f"{summary.id}  ({summary.file_format}), {speed:.1f} rpm by its pulses"]
+    lines = [f"{summary.id}  ({summary.file_format or 'format by content'}), {speed:.1f} rpm by its pulses"]
     for row in summary.channels:
         quantity = CHANNEL_QUANTITIES[row.quantity]
         low, high = quantity.shown_factor * row.low, quantity.shown_factor * row.high

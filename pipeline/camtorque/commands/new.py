@@ -1,0 +1,60 @@
+"""`camtorque new`: look into logs and write a first recording.toml."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.ingest.new_recording import new_recording
+from camtorque.ingest.proposal import Proposal, look_into
+from camtorque.plain import plain
+from camtorque.records import Refusal, printable
+
+SCHEMA = "camtorque.new/1"
+
+
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Write recording.toml beside the first log, or into another folder."""
+    folder: Path = arguments.out if arguments.out is not None else arguments.files[0].parent
+    file = folder / "recording.toml"
+    if file.exists():
+        raise Refusal(f"{file}: is there already and is not overwritten; move it away, or give another --out")
+    tell("looking into the logs")
+    proposals = look_into(list(dict.fromkeys(arguments.files)))
+    new = new_recording(folder, proposals, arguments.like)
+    folder.mkdir(parents=True, exist_ok=True)
+    with file.open("x", encoding="utf-8") as stream:
+        stream.write(new.text)
+    left = (
+        f'{len(new.unknown)} values are marked "?": {", ".join(new.unknown)}' if new.unknown else "nothing is unknown"
+    )
+    text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {folder}"])
+    document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}
+    return Outcome(text, plain(document))
+
+
+def _line(item: Proposal) -> str:
+    channel = item.channel
+    rate = f"{channel.sample_rate:.6g} Hz" if channel.sample_rate else "rate unknown"
+    name = f"{channel.group}/{channel.name}".strip("/")
+    return printable(
+        f"  {item.quantity or 'not used':20}{item.path.name:28} {name:24} {channel.n_samples:>9} samples at "
+        f"{rate:>12}, {item.low:.4g} to {item.high:.4g} {channel.unit}"
+    )
+
+
+def _entry(item: Proposal) -> dict[str, object]:
+    channel = item.channel
+    return {
+        "file": str(item.path),
+        "format": item.file_format,
+        "group": channel.group,
+        "channel": channel.name,
+        "unit": channel.unit,
+        "sample_rate_hz": channel.sample_rate,
+        "samples": channel.n_samples,
+        "low": item.low,
+        "high": item.high,
+        "quantity": item.quantity,
+    }

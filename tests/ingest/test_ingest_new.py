@@ -1,0 +1,145 @@
+"""From a fresh log to a recording that `check` passes: `new`, one edit, `check`. What is not known is asked for."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque import cli
+from camtorque.config_toml import load_recording_config
+from camtorque.ingest import read_recording
+from camtorque.ingest.new_recording import new_recording
+from camtorque.ingest.proposal import is_pulse_train, look_into, wheel_of
+from camtorque.ingest.raw import ArraySource, FileChannel
+from camtorque.records import Refusal
+from damaged.build import PLANS, log_file
+from damaged.logs import CALIBRATION, clean_log, write_folder
+
+EXAMPLES = CALIBRATION.parent / "raw_examples"
+ANSWERS = {
+    "pump_id": '"FIP-A"',
+    "base_circle_radius_m": "0.02",
+    "roller_radius_m": "0.008",
+    "roller_width_m": "0.005",
+    "cam_mass_kg": "0.25",
+    "cam_inertia_kg_m2": "5e-5",
+    "follower_mass_kg": "0.075",
+    "spring_stiffness_N_per_m": "20000",
+    "spring_preload_N": "110",
+    "plunger_diameter_m": "0.008",
+    "youngs_modulus_cam_Pa": "210e9",
+    "youngs_modulus_roller_Pa": "210e9",
+    "cam_table": f'"{(CALIBRATION / "cam_A.csv").as_posix()}"',
+    "nominal_angle_deg": "20",
+    "installation_tolerance_deg": "1.5",
+}
+"""What an engineer fills in."""
+
+
+def fresh_log(folder: Path, source: str = "A_1250rpm") -> Path:
+    """Write the values of an example as a logger does that has scaled already."""
+    recording = read_recording(EXAMPLES / source)
+    torque, pressure, trigger = (recording.of(name)[0] for name in ("torque", "pressure", "trigger"))
+    columns = [torque.read(), 1e-5 * pressure.read(), trigger.read_volts()]
+    times = np.arange(torque.n_samples) / torque.sample_rate
+    rows = zip(times, *columns, strict=True)
+    lines = ["time [s];Drehmoment [Nm];Leitungsdruck [bar];Geber [V]"]
+    lines += [f"{t:.6f};{a:.3f};{b:.2f};{c:.3f}" for t, a, b, c in rows]
+    folder.mkdir()
+    file = folder / "log.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+def test_from_a_fresh_log_to_check_in_two_commands_and_one_edit(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = fresh_log(tmp_path / "lab")
+    assert cli.main(["new", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert [name in printed for name in ("torque", "pressure", "trigger")] == [True] * 3
+    toml = file.parent / "recording.toml"
+    text = toml.read_text(encoding="utf-8")
+    asked = re.findall(r'^(\w+) = "\?"', text, re.MULTILINE)
+    assert set(asked) == set(ANSWERS)
+    assert cli.main(["check", str(file.parent)]) == 2
+    assert f"{len(ANSWERS)} things have to be put right" in capsys.readouterr().out
+    toml.write_text(re.sub(r'^(\w+) = "\?"', lambda m: f"{m[1]} = {ANSWERS[m[1]]}", text, flags=re.MULTILINE))
+    assert cli.main(["check", str(file.parent), "--json"]) == 0
+    doc = json.loads(capsys.readouterr().out)
+    assert doc["usable"] == ["align", "run"]
+    codes = {row["code"] for row in doc["findings"]}
+    # what nobody stated is assumed, and told
+    assert {"accuracy_assumed", "delay_assumed", "already_scaled"} <= codes
+
+
+def test_like_another_recording_nothing_is_left_to_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "lab").mkdir()
+    log = shutil.copy(EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv", tmp_path / "lab")
+    assert cli.main(["new", str(log), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == []
+    new, old = load_recording_config(tmp_path / "lab"), load_recording_config(EXAMPLES / "A_1250rpm")
+    assert new.pump.cam_table_path.samefile(old.pump.cam_table_path)
+    assert new.trigger == old.trigger
+    assert new.nominal_speed == pytest.approx(old.nominal_speed, rel=1e-3)
+    assert new.sensors["torque"].zero_before_volts is None  # a reading of the other run
+    assert np.array_equal(read_recording(tmp_path / "lab").of("torque")[0].read_volts(0, 100),
+                          read_recording(EXAMPLES / "A_1250rpm").of("torque")[0].read_volts(0, 100))  # fmt: skip
+
+
+def test_an_existing_recording_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    folder = write_folder(tmp_path / "r", [clean_log(revolutions=5.0)], PLANS["csv"])
+    before = (folder / "recording.toml").read_bytes()
+    assert cli.main(["new", str(log_file(folder))]) == 2
+    assert "is there already and is not overwritten" in capsys.readouterr().err
+    assert (folder / "recording.toml").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", sorted(set(PLANS) - {"mat"}))
+def test_every_format_is_looked_into(tmp_path: Path, name: str):
+    folder = write_folder(tmp_path / "r", [clean_log(revolutions=12.0)], PLANS[name])
+    found = {item.quantity: item.channel.name for item in look_into([log_file(folder)])}
+    assert found == {"torque": "Torque", "pressure": "Line_Pressure", "trigger": "Prox_Trigger"}
+
+
+def test_names_of_a_stranger_stay_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = tmp_path / "log.csv"
+    head = 'time [s],torque\x1b[31m [Nm],"=cmd|calc" [V],<b>p</b> [bar]'
+    rows = [f"{n / 1000:.3f},{n % 7}.5,{5 * (n % 50 < 5)},{n % 9}" for n in range(2000)]
+    file.write_text("\n".join([head, *rows]) + "\n")
+    assert cli.main(["new", str(file)]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+    assert "\x1b" not in (tmp_path / "recording.toml").read_text()
+    assert cli.main(["check", str(tmp_path)]) == 2
+    assert "\x1b" not in capsys.readouterr().out
+
+
+def pulses(teeth: int, missing: int, turns: int = 12, samples: int = 40) -> FileChannel:
+    turn = np.concatenate(
+        [np.repeat([5.0, 0.0], samples // 2) for _ in range(teeth - missing)] + [np.zeros(missing * samples)]
+    )
+    values = np.tile(turn, turns)
+    return FileChannel("", "x", "V", values.size, float(teeth * samples * 10), "", ArraySource(values))
+
+
+@pytest.mark.parametrize(("teeth", "missing"), [(60, 2), (36, 1), (1, 0)])
+def test_the_pulses_tell_the_wheel(teeth: int, missing: int):
+    wheel = wheel_of(pulses(teeth, missing))
+    assert wheel is not None
+    assert (wheel.pulses_per_rev, wheel.missing_teeth) == (teeth, missing)
+    assert wheel.revolutions_per_second == pytest.approx(10.0, rel=1e-6)
+
+
+def test_a_pressure_is_no_pulse_train():
+    log = clean_log(revolutions=12.0)
+    assert is_pulse_train(log.volts["trigger"])
+    assert not is_pulse_train(log.volts["torque"])
+    assert not is_pulse_train(np.random.default_rng(1).normal(size=5000))
+
+
+def test_a_file_without_anything_known_is_refused(tmp_path: Path):
+    file = tmp_path / "log.csv"
+    file.write_text("a,b\n" + "".join(f"{n},{n * n % 17}\n" for n in range(500)))
+    found = look_into([file])
+    with pytest.raises(Refusal, match="no channel looks like torque, pressure or trigger"):
+        new_recording(tmp_path, found, None)
