@@ -31,7 +31,7 @@ CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\
 
 def printable(text: str) -> str:
     """Return a text that may come from a stranger's file with its control characters written out."""
-    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return CONTROL.sub(lambda found: " " if found[0].isspace() else ascii(found[0])[1:-1], text)
 
 
 class Refusal(Exception):

@@ -17,8 +17,8 @@ STEPS_BESIDE_FLAT = 30.0
 that is flat only for want of resolution falls by eight."""
 
 
-NO_VOLTAGE = 1.0e6
-"""No logger delivers a larger number (in the unit of its file): nan, infinite and absurd samples are missing ones."""
+NO_VOLTAGE = 1.0e10
+"""No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd samples are missing."""
 
 
 @numba.njit(cache=True, nogil=True)
