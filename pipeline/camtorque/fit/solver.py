@@ -64,9 +64,10 @@ def lift_modes(item: FitData, output: ChainOutput, values: dict[str, float], inf
     columns = binned(output.load)[:, None] * basis.basis(binned(output.motion.theta), 1)
     shaft, measured, _ = transfer(item.chain, values, BINS)
     columns = filtered(columns, shaft * measured) * (item.weight * basis.prior_std * inflate)[:, None]
-    vectors, strength, right = np.linalg.svd(columns, full_matrices=False)
-    kept = strength > LIFT_CUT
-    return LiftModes(vectors[:, kept], strength[kept], right[kept].T * basis.prior_std * inflate)
+    squares, right = np.linalg.eigh(columns.T @ columns)
+    kept = squares > LIFT_CUT**2
+    strength, right = np.sqrt(squares[kept]), right[:, kept]
+    return LiftModes(columns @ right / strength, strength, right * basis.prior_std * inflate)
 
 
 @dataclass(frozen=True)
@@ -256,10 +257,10 @@ def solve(
         iterations += 1
         accepted, gained = False, 0.0
         goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
-        converged = _promise(matrix, vector, _free(trial.z, vector, lower, upper)) < goal
         while not converged and damping < LARGEST_DAMPING:
             step, promise = _step(matrix, vector, trial.z, damping, first, (lower, upper), steps)
             if promise < goal:
+                converged = damping < 1.0e-2 or _promise(matrix, vector, _free(trial.z, vector, lower, upper)) < goal
                 break
             new = try_at(problem, np.clip(trial.z + step, lower, upper), lifts, smooth)
             evaluations += 1

@@ -136,9 +136,19 @@ class ChainOutput:
     least_guide: float
 
 
-def cam_motion(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> Motion:
-    """Return the true cam angle after trigger offset, twist and drive, with its rates and the lift there."""
-    moved = driveline.angle_shifts(data.twist, values, tangents)
+def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
+    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 10) or (k, 1)."""
+    highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
+    total, derivatives = driveline.compliance(np.arange(highest) * data.speed, values, tangents)
+    return np.concatenate([total[:, None], derivatives], axis=1)
+
+
+def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[np.complex128]) -> Motion:
+    """Return the true cam angle after trigger offset, twist and drive, with its rates and the lift there.
+
+    ``response`` is that of `drive_response`.
+    """
+    moved = driveline.angle_shifts(data.twist, response)
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
     lift = np.asarray(data.law.derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]
@@ -158,12 +168,15 @@ def binned(values: Array) -> Array:
     return values.reshape(BINS, -1, *values.shape[1:]).mean(axis=1)
 
 
-def transfer(data: ChainInput, values: Mapping[str, float], n_points: int) -> tuple[Any, Any, Any]:
+def transfer(
+    data: ChainInput, values: Mapping[str, float], n_points: int, response: NDArray[np.complex128] | None = None
+) -> tuple[Any, Any, Any]:
     """Return shaft and sensor transfer (k,) and the derivative of their product (k, 13) on the harmonics of a grid."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
-    shaft, shaft_d = driveline.shaft_transfer(omega, values["cam_side_inertia"], values)
+    both = drive_response(data, values, False) if response is None else response
+    shaft, shaft_d = driveline.shaft_transfer(omega, values["cam_side_inertia"], both)
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
-    return shaft, measured, np.column_stack([shaft_d * measured[:, None], measured_d * shaft[:, None]])
+    return shaft, measured, np.concatenate([shaft_d * measured[:, None], measured_d * shaft[:, None]], axis=1)
 
 
 def filtered(values: Array, transfer_function: Any) -> Array:
@@ -207,21 +220,22 @@ def evaluate(
     coefficients : (10,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
     """
-    motion = cam_motion(data, values, tangents)
+    response = drive_response(data, values, tangents)
+    motion = cam_motion(data, values, response)
     pressure, by, states, flows = chamber_of(data, values, motion, tangents)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
     torque, columns, slopes, load, least = cam_torque(
         data.pump_numbers, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure, c[:-1]
     )
-    shaft, measured, by_filter = transfer(data, values, BINS)
+    shaft, measured, by_filter = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
-    stacked = binned(np.column_stack([torque, columns]))
-    behind = filtered(stacked, shaft * measured) * gain
-    linear = np.column_stack([behind[:, 1:], np.ones(BINS)])
+    stacked = binned(np.concatenate([torque[:, None], columns], axis=1))
+    behind = filtered(stacked, shaft * measured * gain)
+    linear = np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
     derivative = None
     if tangents:
         derivative = _derivative(data, motion, by, slopes)
-        derivative = filtered(derivative, shaft * measured) * gain
+        derivative = filtered(derivative, shaft * measured * gain)
         spectrum = np.fft.rfft(stacked[:, 0] + stacked[:, 1:] @ c[:-1])[:, None] * by_filter * gain
         index = [NONLINEAR_NAMES.index(name) for name in (*SHAFT_NAMES, *SENSOR_NAMES)]
         derivative[:, index] += np.fft.irfft(spectrum, BINS, axis=0)

@@ -100,8 +100,8 @@ COMPLIANCE_NAMES = (
 """Parameters of C(s), in the order of its derivatives."""
 
 
-def compliance(omega: Array, values: Mapping[str, float]) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 9).
+def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 9) where asked for.
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
@@ -115,6 +115,8 @@ def compliance(omega: Array, values: Mapping[str, float]) -> tuple[Any, Any]:
     response = _response(s**2 + band * (s + reset) * late, s)
     swing = _response(s**2 + 2.0 * ratio * resonance * s + resonance**2, s)
     total = shaft / slowed + admittance * response + soft * resonance**2 * swing
+    if not tangents:
+        return total, np.zeros((omega.size, 0))
     square = -admittance * response**2
     by_resonance = -2.0 * (ratio * s + resonance) * swing**2
     derivatives = (
@@ -123,37 +125,47 @@ def compliance(omega: Array, values: Mapping[str, float]) -> tuple[Any, Any]:
         soft * (2.0 * resonance * swing + resonance**2 * by_resonance),
         -soft * resonance**2 * 2.0 * resonance * s * swing**2,
     )  # fmt: skip
-    return total, np.column_stack(derivatives)
+    return total, np.stack(derivatives, axis=1)
 
 
 def _response(denominator: Any, s: Any) -> Any:
-    """Return the inverse, zero at s = 0."""
-    return np.where(s != 0.0, 1.0 / np.where(s != 0.0, denominator, 1.0), 0.0)
+    """Return the inverse, zero at s = 0, the first harmonic."""
+    denominator[0] = 1.0
+    result = 1.0 / denominator
+    result[0] = 0.0
+    return result
 
 
-def angle_shifts(basis: TwistBasis, values: Mapping[str, float], tangents: bool = True) -> tuple[Array, Array, Array]:
-    """Return psi - psi(edge) and its derivatives by `COMPLIANCE_NAMES`, with their first two angle derivatives.
+def angle_shifts(basis: TwistBasis, both: Any) -> tuple[Array, Array, Array]:
+    """Return psi - psi(edge), with its first two angle derivatives.
+
+    Parameters
+    ----------
+    both : (at least k, m) C(s) in column 0, then its derivatives; on the harmonics from 0
 
     Returns
     -------
-    shift, rate, second : (n, 10) each, or (n, 1) without tangents; column 0 the shift itself, then its derivatives by
-        the parameters
+    shift, rate, second : (n, m) each; column 0 the shift itself, then its derivatives by the parameters
     """
-    total, derivatives = compliance(basis.omega, values)
-    both = np.column_stack([total, derivatives]) if tangents else total[:, None]
-    spectrum = -basis.spectrum[:, None] * both
     harmonic = np.arange(basis.omega.size)[:, None]
-    shift, rate, second = (np.fft.irfft(spectrum * (1j * harmonic) ** k, basis.n_theta, axis=0) for k in range(3))
+    spectrum = -basis.spectrum[:, None] * both[: basis.omega.size]
+    turned = 1j * harmonic * spectrum
+    shift, rate, second = (
+        np.fft.irfft(part, basis.n_theta, axis=0) for part in (spectrum, turned, 1j * harmonic * turned)
+    )
     phase = np.exp(1j * harmonic * basis.edge)
     phase[1:] *= 2.0
     at_edge = np.real(np.sum(spectrum * phase, axis=0)) / basis.n_theta
     return shift - at_edge, rate, second
 
 
-def shaft_transfer(omega: Array, inertia: float, values: Mapping[str, float]) -> tuple[Any, Any]:
-    """Return load torque -> shaft torque (k,), and its derivatives by inertia, then `COMPLIANCE_NAMES` (k, 9)."""
-    total, derivatives = compliance(omega, values)
+def shaft_transfer(omega: Array, inertia: float, both: Any) -> tuple[Any, Any]:
+    """Return load torque -> shaft torque (k,), and its derivatives by inertia, then `COMPLIANCE_NAMES` (k, m).
+
+    ``both`` (at least k, m) holds C(s) in column 0, then its derivatives.
+    """
+    total, derivatives = both[: omega.size, 0], both[: omega.size, 1:]
     square = -(omega**2)
     transfer = 1.0 / (1.0 + inertia * square * total)
     factor = -(transfer**2) * square
-    return transfer, np.column_stack([factor * total, (factor * inertia)[:, None] * derivatives])
+    return transfer, np.concatenate([(factor * total)[:, None], (factor * inertia)[:, None] * derivatives], axis=1)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from camtorque.laws.chain import filtered
-from camtorque.laws.driveline import shaft_transfer
+from camtorque.laws.driveline import compliance, shaft_transfer
 from camtorque.mechanism import PumpUnit
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
 from camtorque.records import Array
@@ -50,7 +50,8 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
         "drive_frequency": 0.0, "drive_damping": 0.7,
         "coupling_compliance": 0.0, "coupling_resonance": 750.0, "coupling_damping": 0.1,
     }  # fmt: skip
-    transfer, _ = shaft_transfer(omega, inertia, values)
+    total, _ = compliance(omega, values, False)
+    transfer, _ = shaft_transfer(omega, inertia, total[:, None])
     return uniform(size), filtered(rows[0] + rows[1] * shaft.speed**2, transfer)
 
 
