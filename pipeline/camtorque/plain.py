@@ -1,10 +1,11 @@
-"""What a program reads: JSON-ready values of any record."""
+"""What a program reads: JSON-ready values of any record, and the time."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -30,3 +31,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return clean(str(value)) if isinstance(value, Path | str) else value
+
+
+def now() -> str:
+    """Return the time as ISO-8601 with zone."""
+    return datetime.now(UTC).astimezone().isoformat(timespec="seconds")

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,9 @@ from camtorque.fit.result import fitted_torque
 from camtorque.ingest import read_recording
 from camtorque.limits import Limit
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from camtorque.plain import now
 from camtorque.records import CamCycles, Recording, Refusal, RigidTorque
-from camtorque.report import RunResult, output_folder, write_alignment, write_run
+from camtorque.report import RunResult, output_folder, write_run
 from camtorque.threads import on_one_thread
 
 try:
@@ -57,11 +57,6 @@ class Stopwatch:
 
 def silent(text: str) -> None:
     """Say nothing."""
-
-
-def now() -> str:
-    """Return the time as ISO-8601 with zone."""
-    return datetime.now(UTC).astimezone().isoformat(timespec="seconds")
 
 
 def peak_memory_mb() -> float:
@@ -154,20 +149,3 @@ def run_recording(
         result, _ = analyse(path, options or RunOptions(), progress)
         progress("writing the report")
         return write_run(result, folder)
-
-
-def align_recording(
-    path: Path, out: Path, options: AlignOptions | None = None, progress: Progress = silent
-) -> dict[str, Any]:
-    """Write the aligned cycles of a recording, with or without torque, and return the content of align.json.
-
-    Raises
-    ------
-    Refusal : the recording cannot be aligned, or ``out`` holds something else
-    """
-    with output_folder(out) as folder:
-        progress(f"reading {path}")
-        recording = read_recording(path)
-        progress("aligning to the cam angle")
-        cycles = align(recording, options)
-        return write_alignment(recording, cycles, now(), folder)

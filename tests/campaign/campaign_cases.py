@@ -14,7 +14,7 @@ from typing import Any
 from campaign_words import act
 from camtorque.campaign import flow, task
 from camtorque.records import Finding
-from camtorque.report.document import write_json
+from camtorque.report.files import write_json
 
 
 def make(folder: Path, **words: str) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -13,6 +12,7 @@ from camtorque.align.channels import AlignedChannel
 from camtorque.align.options import AlignOptions
 from camtorque.align.resample import RULES
 from camtorque.align.timebase import TimeBase
+from camtorque.plain import plain
 from camtorque.records import CamCycles
 from camtorque.units import RPM
 
@@ -32,12 +32,12 @@ def alignment_summary(cycles: CamCycles) -> dict[str, Any]:
         "speed_rpm": cycles.mean_speed / RPM,
         "speed_ripple_percent": cycles.speed_ripple_percent,
         "trigger_jitter_s": cycles.trigger_jitter_s,
-        "torque_delay_s": _plain(asdict(cycles.torque_delay)),
-        "clock": [_plain(asdict(clock)) for clock in cycles.clocks],
-        "angle_error_budget_deg": [_plain(asdict(row)) for row in cycles.angle_errors],
+        "torque_delay_s": plain(asdict(cycles.torque_delay)),
+        "clock": [plain(asdict(clock)) for clock in cycles.clocks],
+        "angle_error_budget_deg": [plain(asdict(row)) for row in cycles.angle_errors],
         "cut_flow": [asdict(row) for row in cycles.cut_flow],
         "findings": [asdict(finding) for finding in cycles.findings],
-        **{key: _plain(value) for key, value in cycles.details.items() if not isinstance(value, np.ndarray)},
+        **{key: plain(value) for key, value in cycles.details.items() if not isinstance(value, np.ndarray)},
     }
 
 
@@ -79,16 +79,3 @@ def alignment_details(
             for quantity, item in aligned.items()
         },
     }
-
-
-def _plain(value: Any) -> Any:
-    """Turn numbers that are not finite into None and numpy scalars into Python's."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -19,11 +19,12 @@ from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_prepared
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.fit import CampaignFit
+from camtorque.plain import now
 from camtorque.records import Finding, Refusal
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
-from camtorque.run import Progress, RunOptions, now, silent
+from camtorque.run import Progress, RunOptions, silent
 from camtorque.workers import Lost, on_processes
 
 MOST_THUMBNAILS = 200

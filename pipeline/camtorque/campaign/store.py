@@ -18,7 +18,7 @@ from typing import Any
 from camtorque.fit import Prepared
 from camtorque.records import Refusal
 from camtorque.report import CampaignEntry, check_writable
-from camtorque.report.document import write_json
+from camtorque.report.files import write_json
 from camtorque.report.folder import LOCK, locked
 from camtorque.stopping import before_leaving
 

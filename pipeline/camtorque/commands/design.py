@@ -11,7 +11,7 @@ from camtorque.design.page import label_of
 from camtorque.design.responses import RESPONSES
 from camtorque.plain import plain
 from camtorque.report import check_output, output_folder
-from camtorque.report.document import write_json
+from camtorque.report.files import write_json
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from camtorque.fit import CampaignFit
 from camtorque.limits import Limit
 from camtorque.records import CamCycles, Finding, FittedTorque, Recording, RigidTorque
+
+if TYPE_CHECKING:  # only named here: drawing a page does not load the fit
+    from camtorque.fit import CampaignFit
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,9 @@ import numpy as np
 
 from camtorque.fit import CampaignFit, Drift
 from camtorque.report.campaign_view import MANY, CampaignView, Column
-from camtorque.report.chart import WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.chart import CAM_ANGLE, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.numbers import unit_text, words
 from camtorque.report.tones import CYCLE, RAMP
-from camtorque.report.torque_figures import CAM_ANGLE
 from camtorque.units import DEGREE
 
 DRIFT_SIGMA = 2.5

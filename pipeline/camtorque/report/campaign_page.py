@@ -11,7 +11,7 @@ from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, sources, trend
 from camtorque.report.campaign_view import CampaignView
 from camtorque.report.chart import Chart
-from camtorque.report.figures import svg_of
+from camtorque.report.drawings import svg_of
 from camtorque.report.numbers import num, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data

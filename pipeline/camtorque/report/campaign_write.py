@@ -11,7 +11,8 @@ from camtorque.plain import plain
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
 from camtorque.report.campaign_view import campaign_view
-from camtorque.report.document import findings_document, parameters_document, write_json
+from camtorque.report.document import parameters_document
+from camtorque.report.files import findings_document, write_json
 from camtorque.report.page import ESCAPED
 from camtorque.version import __version__
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from camtorque.records import Array, freeze_arrays
 
+CAM_ANGLE = "cam angle [deg]"
+"""Name of the axis of most drawings."""
 WIDE, HALF = 960.0, 640.0
 """Widths of drawings in pixels: over the whole page, or over half of it."""
 

@@ -12,13 +12,12 @@ from markupsafe import Markup
 
 from camtorque.plain import plain
 from camtorque.records import Array, freeze_arrays
-from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.document import write_json
-from camtorque.report.figures import png_of, svg_of
+from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.drawings import png_of, svg_of
+from camtorque.report.files import write_json
 from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, signed, unit_text, words
 from camtorque.report.page import ESCAPED, Drawing, live_charts, render
 from camtorque.report.phases import phases
-from camtorque.report.torque_figures import CAM_ANGLE
 from camtorque.units import BAR, DEGREE
 
 TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}

@@ -6,16 +6,18 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
-from camtorque.report.bundle import RunResult
 from camtorque.report.folder import reserve
 from camtorque.version import __version__
+
+if TYPE_CHECKING:  # the aligned cycles are written without a fit
+    from camtorque.report.bundle import RunResult
 
 ROOM_FOR_THE_REST = 1 << 20
 """Bytes for attributes and indices."""

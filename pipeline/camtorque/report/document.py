@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,14 +13,13 @@ from camtorque.records import (
     Alternative,
     AngleError,
     Estimate,
-    Finding,
     FittedTorque,
     LossEvidence,
     ParameterEstimate,
-    Recording,
     ResidualBump,
 )
 from camtorque.report.bundle import RunResult
+from camtorque.report.files import findings_document, inputs_document
 from camtorque.report.gaps import gap_shares
 from camtorque.report.numbers import typeset
 from camtorque.toml_schema import ZERO_CELSIUS
@@ -32,15 +27,6 @@ from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.result/1"
-
-
-def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document under a temporary name, then rename it; NaN is never written."""
-    partial = path.with_name(f".{path.name}.partial")
-    text = json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False)
-    # a path may hold bytes that are no text; escaped, they are JSON again
-    partial.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
-    os.replace(partial, path)
 
 
 def result_document(result: RunResult) -> dict[str, Any]:
@@ -81,16 +67,6 @@ def result_document(result: RunResult) -> dict[str, Any]:
         }
     )
     return {**doc, "limits": limits_document(judge(doc, result.limits))} if result.limits else doc
-
-
-def inputs_document(recording: Recording) -> list[dict[str, str]]:
-    """Return every file that was read with its SHA-256."""
-    return [{"path": str(item.path), "sha256": item.sha256} for item in recording.inputs]
-
-
-def findings_document(findings: Iterable[Finding]) -> list[dict[str, str]]:
-    """Return findings with the typography of the page."""
-    return [{**asdict(row), "text": typeset(row.text)} for row in findings]
 
 
 def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, Any]:

@@ -1,43 +1,9 @@
-"""Every figure of a run, in the order of the page, and how a chart becomes a drawing or an image."""
+"""Every figure of a run, in the order of the page."""
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-
-import resvg_py
-
 from camtorque.report import fit_figures, part_figures, torque_figures
-from camtorque.report.bundle import RunResult
-from camtorque.report.chart import Chart, Rows
-from camtorque.report.curves_svg import curves_svg
-from camtorque.report.rows_svg import rows_svg
-
-PNG_WIDTH = 1440
-
-
-@dataclass(frozen=True)
-class FigureSpec:
-    """One figure of a run.
-
-    Attributes
-    ----------
-    title, caption : what it is, what to look at
-    draw : what it shows, None where the run has nothing to show
-    section : of the page
-    wide : over the whole width
-    png : True where an image file is written beside the SVG
-    """
-
-    title: str
-    caption: str
-    draw: Callable[[RunResult], Chart | None]
-    section: str
-    wide: bool = False
-    png: bool = False
-
+from camtorque.report.drawings import FigureSpec
 
 FIGURES: dict[str, FigureSpec] = {
     "torque_full": FigureSpec(
@@ -102,26 +68,3 @@ FIGURES: dict[str, FigureSpec] = {
     ),
 }  # fmt: skip
 """File name -> figure."""
-
-
-def svg_of(chart: Chart, label: str) -> str:
-    """Return a chart as an SVG element; ``label`` is what a screen reader says."""
-    return rows_svg(chart, label) if isinstance(chart, Rows) else curves_svg(chart, label)
-
-
-def png_of(svg: str) -> bytes:
-    """Return a drawing as a PNG image on white, with a font that comes with a package: the same on every machine."""
-    return bytes(
-        resvg_py.svg_to_bytes(
-            svg_string=svg, width=PNG_WIDTH, background="#ffffff", skip_system_fonts=True, font_files=[str(_font())],
-            sans_serif_family="DejaVu Sans",
-        )
-    )  # fmt: skip
-
-
-def _font() -> Path:
-    """Return the font file of matplotlib, without importing it."""
-    found = importlib.util.find_spec("matplotlib")
-    assert found is not None
-    assert found.origin is not None
-    return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

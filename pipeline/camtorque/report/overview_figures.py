@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.quantities import CHANNEL_QUANTITIES
-from camtorque.records import Array, CamCycles
+from camtorque.records import Array
 from camtorque.report.bundle import RunResult
-from camtorque.report.chart import Band, Curves, Line, Panel
 from camtorque.report.svg import Scale, drawing, padded, polyline
-from camtorque.report.torque_figures import CAM_ANGLE, measured_mean
-from camtorque.units import BAR, DEGREE
+from camtorque.report.torque_figures import measured_mean
 
 THUMB_WIDTH, THUMB_HEIGHT = 150.0, 50.0
 
@@ -36,19 +33,3 @@ def small_torques(theta: Array, curves: tuple[Array, Array, Array], name: str) -
         for values, (tone, width, dash) in zip(curves, styles, strict=True)
     ]
     return drawing(THUMB_WIDTH, THUMB_HEIGHT, f"torque of {name}", parts)
-
-
-def aligned_cycles(cycles: CamCycles) -> Curves:
-    """Show mean and scatter of torque, pressure and all other channels over the cam angle."""
-    rows = [] if cycles.torque is None else [(cycles.torque, "drive torque [N m]")]
-    rows += [(cycles.pressure / BAR, "line pressure [bar]")] if cycles.pressure.size else []
-    for quantity, values in cycles.channels.items():
-        shown = CHANNEL_QUANTITIES[quantity]
-        known = values[np.isfinite(values).all(axis=1)]
-        rows.append((known * shown.shown_factor, f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"))
-    panels = []
-    for values, name in rows:
-        mean, std = np.mean(values, axis=0), np.std(values, axis=0)
-        band = Band("single cycles, ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)
-        panels.append(Panel(name, (Line("mean", mean, "measured"),), (band,), 200.0))
-    return Curves(cycles.theta / DEGREE, CAM_ANGLE, tuple(panels))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from camtorque.report.bundle import RunResult
-from camtorque.report.chart import HALF, Band, Curves, Line, Panel
-from camtorque.report.torque_figures import CAM_ANGLE, spans
+from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel
+from camtorque.report.torque_figures import spans
 from camtorque.units import BAR, DEGREE, RPM
 
 

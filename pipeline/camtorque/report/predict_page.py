@@ -9,13 +9,13 @@ import numpy as np
 from markupsafe import Markup
 
 from camtorque.mechanism.predict import Prediction, sweep_rows
-from camtorque.report.chart import HALF, Curves, Line, Panel
-from camtorque.report.figures import svg_of
+from camtorque.report.chart import CAM_ANGLE, HALF, Curves, Line, Panel
+from camtorque.report.drawings import svg_of
 from camtorque.report.numbers import num, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.phases import phases
 from camtorque.report.tones import CYCLE
-from camtorque.report.torque_figures import CAM_ANGLE, DASHES
+from camtorque.report.torque_figures import DASHES
 from camtorque.units import BAR, DEGREE, RPM
 
 SWEEP = {

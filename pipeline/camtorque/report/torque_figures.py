@@ -7,7 +7,7 @@ import numpy as np
 from camtorque.fit.metrics import stroke_masks
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
-from camtorque.report.chart import HALF, Band, Curves, Line, Panel, Span
+from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel, Span
 from camtorque.report.numbers import words
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.svg import padded
@@ -17,7 +17,6 @@ from camtorque.units import DEGREE
 MARGIN_DEG = 12.0
 SMALL_CAUSE = 0.08
 """A cause whose largest torque is below this share of the largest cause is drawn in the lower panel."""
-CAM_ANGLE = "cam angle [deg]"
 DASHES = ("", "6 3", "2 3", "8 3 2 3")
 
 

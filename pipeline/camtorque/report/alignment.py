@@ -1,0 +1,58 @@
+"""The aligned cycles of one recording into a folder; imports no model and no fit, so that it is quick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.align import alignment_summary
+from camtorque.plain import plain
+from camtorque.quantities import CHANNEL_QUANTITIES
+from camtorque.records import CamCycles, Recording
+from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
+from camtorque.report.cycles_file import write_aligned
+from camtorque.report.drawings import FigureSpec, drawn, write_figures
+from camtorque.report.files import findings_document, inputs_document, write_json
+from camtorque.report.page import ESCAPED, align_page
+from camtorque.units import BAR, DEGREE
+from camtorque.version import __version__
+
+ALIGNED = FigureSpec(
+    "One revolution", "Mean over the used cycles and their scatter.", lambda result: None, "curves", True
+)
+
+
+def write_alignment(recording: Recording, cycles: CamCycles, created: str, folder: Path) -> dict[str, Any]:
+    """Write aligned.h5, align.html and align.json; return the content of the last."""
+    write_aligned(folder / "aligned.h5", recording, cycles)
+    summary = alignment_summary(cycles)
+    findings = findings_document(dict.fromkeys((*recording.findings, *cycles.findings)))
+    doc = plain({
+        "schema": "camtorque.align/1", "version": __version__, "created": created, "name": recording.config.id,
+        "inputs": inputs_document(recording), **summary, "findings": findings,
+    })  # fmt: skip
+    drawings = [drawn("aligned_cycles", ALIGNED, aligned_cycles(cycles))]
+    write_figures(drawings, folder / "figures", lambda name: True)
+    (folder / "align.html").write_text(
+        align_page(doc, drawings, recording.config.text), encoding="utf-8", errors=ESCAPED
+    )
+    write_json(folder / "align.json", doc)
+    return doc
+
+
+def aligned_cycles(cycles: CamCycles) -> Curves:
+    """Show mean and scatter of torque, pressure and all other channels over the cam angle."""
+    rows = [] if cycles.torque is None else [(cycles.torque, "drive torque [N m]")]
+    rows += [(cycles.pressure / BAR, "line pressure [bar]")] if cycles.pressure.size else []
+    for quantity, values in cycles.channels.items():
+        shown = CHANNEL_QUANTITIES[quantity]
+        known = values[np.isfinite(values).all(axis=1)]
+        rows.append((known * shown.shown_factor, f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"))
+    panels = []
+    for values, name in rows:
+        mean, std = np.mean(values, axis=0), np.std(values, axis=0)
+        band = Band("single cycles, ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)
+        panels.append(Panel(name, (Line("mean", mean, "measured"),), (band,), 200.0))
+    return Curves(cycles.theta / DEGREE, CAM_ANGLE, tuple(panels))

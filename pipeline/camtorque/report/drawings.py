@@ -1,0 +1,81 @@
+"""How a chart becomes a drawing of a page, an SVG or a PNG file."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import resvg_py
+from markupsafe import Markup
+
+from camtorque.report.chart import Chart, Rows
+from camtorque.report.curves_svg import curves_svg
+from camtorque.report.page import Drawing
+from camtorque.report.rows_svg import rows_svg
+
+if TYPE_CHECKING:  # the fit is not needed to draw
+    from camtorque.report.bundle import RunResult
+
+PNG_WIDTH = 1440
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """One figure of a run.
+
+    Attributes
+    ----------
+    title, caption : what it is, what to look at
+    draw : what it shows, None where the run has nothing to show
+    section : of the page
+    wide : over the whole width
+    png : True where an image file is written beside the SVG
+    """
+
+    title: str
+    caption: str
+    draw: Callable[[RunResult], Chart | None]
+    section: str
+    wide: bool = False
+    png: bool = False
+
+
+def svg_of(chart: Chart, label: str) -> str:
+    """Return a chart as an SVG element; ``label`` is what a screen reader says."""
+    return rows_svg(chart, label) if isinstance(chart, Rows) else curves_svg(chart, label)
+
+
+def png_of(svg: str) -> bytes:
+    """Return a drawing as a PNG image on white, with a font that comes with a package: the same on every machine."""
+    return bytes(
+        resvg_py.svg_to_bytes(
+            svg_string=svg, width=PNG_WIDTH, background="#ffffff", skip_system_fonts=True, font_files=[str(_font())],
+            sans_serif_family="DejaVu Sans",
+        )
+    )  # fmt: skip
+
+
+def _font() -> Path:
+    """Return the font file of matplotlib, without importing it."""
+    found = importlib.util.find_spec("matplotlib")
+    assert found is not None
+    assert found.origin is not None
+    return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
+
+
+def drawn(name: str, spec: FigureSpec, chart: Chart) -> Drawing:
+    """Return a chart as a figure of a page."""
+    svg = Markup(svg_of(chart, f"{spec.title}. {spec.caption}"))
+    return Drawing(name, spec.title, spec.caption, spec.section, spec.wide, chart, svg)
+
+
+def write_figures(drawings: list[Drawing], folder: Path, wants_png: Callable[[str], bool]) -> None:
+    """Write every figure as SVG, the main ones as PNG too."""
+    folder.mkdir(exist_ok=True)
+    for item in drawings:
+        (folder / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
+        if wants_png(item.name):
+            (folder / f"{item.name}.png").write_bytes(png_of(item.svg))

@@ -1,0 +1,33 @@
+"""What every document holds and how it is written: inputs with their hashes, findings, JSON that appears whole."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from camtorque.plain import plain
+from camtorque.records import Finding, Recording
+from camtorque.report.numbers import typeset
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a document under a temporary name, then rename it; NaN is never written."""
+    partial = path.with_name(f".{path.name}.partial")
+    text = json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False)
+    # a path may hold bytes that are no text; escaped, they are JSON again
+    partial.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+    os.replace(partial, path)
+
+
+def inputs_document(recording: Recording) -> list[dict[str, str]]:
+    """Return every file that was read with its SHA-256."""
+    return [{"path": str(item.path), "sha256": item.sha256} for item in recording.inputs]
+
+
+def findings_document(findings: Iterable[Finding]) -> list[dict[str, str]]:
+    """Return findings with the typography of the page."""
+    return [{**asdict(row), "text": typeset(row.text)} for row in findings]
