@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
-from camtorque.report.campaign_figures import overlay, sources
+from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
 from camtorque.report.campaign_view import CampaignView, Column, campaign_view
 from camtorque.report.campaign_write import campaign_document
 from camtorque.report.document import result_document
 from camtorque.report.payload import explorer_data
+from camtorque.report.sources import ranking, shares, source_chart
 from report_cases import NASTY, run_result
 
 SPEEDS = (500.0, 250.0, 1000.0)
@@ -91,14 +92,28 @@ def test_a_recording_whose_report_is_gone_has_its_row_but_no_curve(tmp_path: Pat
     assert 'href="gone/report.html"' in (tmp_path / "campaign.html").read_text(encoding="utf-8")
 
 
-def test_shares_of_a_variance_are_ranked_over_the_recordings() -> None:
-    view = replace(many(3), budget={"leakage": {"literature": 75.0, "the recording itself": 25.0},
-                                    "gain error": {"torque gain": 100.0}})  # fmt: skip
-    chart = sources(view)
+def test_sources_of_a_variance_are_ranked_and_go_by_the_name_of_their_parameter() -> None:
+    parts = {"oils: 1.0-1.8 GPa": 3.0, "cycles and model error": 4.0, "others": 1.0}
+    table = {"leakage": shares(parts, {"bulk_modulus": "oils: 1.0-1.8 GPa"}), "gain_error": {"bulk modulus": 100.0}}
+    assert table["leakage"] == pytest.approx(
+        {"bulk modulus": 900.0 / 26.0, "cycles and model error": 1600.0 / 26.0, "other sources": 100.0 / 26.0}
+    )
+    chart = source_chart(table, "share [%]")
     assert chart is not None
     marks = chart.panels[0].marks
-    assert [item.label for item in marks] == ["torque gain", "literature", "the recording itself"]
-    assert marks[-1].values == (100.0, 100.0)
+    assert [item.label for item in marks] == ["bulk modulus", "cycles and model error", "other sources"]
+    assert marks[-1].values == pytest.approx((100.0, 100.0))
+    assert ranking(table)[0] == {
+        "outcome": "leakage", "sources": "cycles and model error 62 %, bulk modulus 35 %, other sources 4 %",
+    }  # fmt: skip
+
+
+def test_many_sources_are_told_together() -> None:
+    table = {"leakage": {f"source {k}": 100.0 / 40.0 for k in range(40)}}
+    chart = source_chart(table, "share [%]")
+    assert chart is not None
+    assert len(chart.panels[0].marks) == 10
+    assert chart.panels[0].marks[-1].values == pytest.approx((100.0,))
 
 
 def many(count: int) -> CampaignView:

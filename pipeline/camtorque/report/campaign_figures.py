@@ -8,7 +8,7 @@ from camtorque.fit import CampaignFit, Drift
 from camtorque.report.campaign_view import MANY, CampaignView, Column
 from camtorque.report.chart import CAM_ANGLE, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.numbers import unit_text, words
-from camtorque.report.tones import CYCLE, RAMP
+from camtorque.report.tones import RAMP
 from camtorque.units import DEGREE
 
 DRIFT_SIGMA = 2.5
@@ -16,8 +16,6 @@ DRIFT_SIGMA = 2.5
 THIRD = 380.0
 MOST_ROWS = 40
 """Recordings beyond which predictions are drawn over speed, not as one row each."""
-MODEL_SPREAD = "model spread"
-SMALLEST_SHARE = 0.5
 
 
 def overlay(view: CampaignView) -> Curves | None:
@@ -101,23 +99,3 @@ def _over_speed(columns: list[tuple[str, str, list[float]]], speeds: np.ndarray)
     lines = tuple(Line(name, np.array(values)[order], tone, points=True) for name, tone, values in columns)
     panel = Panel("RMS residual [% of peak]", lines, height=240.0)
     return Curves(speeds[order], "speed [rpm]", (panel,), full_turn=False)
-
-
-def sources(view: CampaignView) -> Rows | None:
-    """Show for every outcome which source its uncertainty comes from, as the mean over the recordings."""
-    if not view.budget:
-        return None
-    names = tuple(view.budget)
-    left, marks = np.zeros(len(names)), []
-    total = {
-        source: sum(parts.get(source, 0.0) for parts in view.budget.values())
-        for parts in view.budget.values() for source in parts
-    }  # fmt: skip
-    for k, source in enumerate(sorted(total, key=lambda name: -total[name])):
-        share = np.array([view.budget[name].get(source, 0.0) for name in names])
-        if np.any(share > SMALLEST_SHARE):
-            tone = "band" if source == MODEL_SPREAD else CYCLE[k % len(CYCLE)]
-            marks.append(Marks(source, tuple(left + share), (tone,), "stack", tuple(left), tuple(left + share)))
-            left = left + share
-    panel = RowPanel("share of the variance, mean over the recordings [%]", tuple(marks), limits=(0.0, 100.0))
-    return Rows(tuple(words(name) for name in names), (panel,), WIDE)

@@ -8,16 +8,21 @@ from typing import Any
 from markupsafe import Markup
 
 from camtorque.report.bundle import CampaignResult
-from camtorque.report.campaign_figures import drift_chart, overlay, predictions, sources, trend
+from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
 from camtorque.report.campaign_view import CampaignView
 from camtorque.report.chart import Chart
 from camtorque.report.drawings import svg_of
 from camtorque.report.numbers import num, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
+from camtorque.report.sources import ranking, source_chart
 
 MOST_IN_SIGHT = 30
 """Recordings beyond which the table is folded."""
+
+SOURCES_TEXT = (
+    "The name of a parameter stands for what was known of it: a sheet, a certificate or a number to improve first."
+)
 
 
 def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawing]:
@@ -34,8 +39,8 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
     for column in view.quantities if view.conditions else ():
         if not column.label.startswith("parameter"):
             add(f"trend_{len(found)}", column.label, "", "trends", trend(column, view.conditions[0]), wide=False)
-    add("sources", "Which source of uncertainty matters for what", "A certificate, a sheet or a recording to improve "
-        "first.", "sources", sources(view))  # fmt: skip
+    shown = source_chart(view.budget, "share of the variance, mean over the recordings [%]")
+    add("sources", "Which source of uncertainty matters for what", SOURCES_TEXT, "sources", shown)
     joint = result.joint
     if joint is not None and joint.held_out:
         speeds = {entry.id: float(str(entry.summary["speed_rpm"])) for entry in result.entries if entry.status == "ok"}
@@ -81,6 +86,6 @@ def campaign_page(
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT,
         drifts={row["name"]: row for row in doc["drifts"]},
-        refused=[row for row in doc["recordings"] if row["status"] != "ok"],
+        ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],
         explorer=explorer_data(view) if view.conditions and view.quantities else "",
     )  # fmt: skip

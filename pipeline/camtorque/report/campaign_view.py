@@ -12,9 +12,10 @@ from urllib.parse import quote
 import h5py
 import numpy as np
 
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import KNOWLEDGE, Array, freeze_arrays
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.numbers import unit_text, words
+from camtorque.report.sources import shares
 
 POINTS = 360
 MANY = 200
@@ -158,16 +159,18 @@ def _parameters(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
 
 
 def _budget(documents: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """Return for each outcome the mean share of each source in its variance [%], the largest source first."""
-    shares: dict[str, list[dict[str, float]]] = {}
+    """Return for each outcome that some recording told of the mean share of each source in its variance [%]."""
+    found: dict[str, list[dict[str, float]]] = {}
     for doc in documents:
+        rows = doc.get("parameters", {})
+        source_of = {name: row["source"] for name, row in rows.items()}
         for name, parts in doc.get("uncertainty", {}).get("budget", {}).items():
-            total = sum(value**2 for value in parts.values())
-            if total > 0.0:
-                shares.setdefault(name, []).append({k: 100.0 * v**2 / total for k, v in parts.items()})
-    means: dict[str, dict[str, float]] = {}
-    for name, rows in shares.items():
-        sources = dict.fromkeys(source for row in rows for source in row)
-        mean = {source: sum(row.get(source, 0.0) for row in rows) / len(rows) for source in sources}
-        means[name] = dict(sorted(mean.items(), key=lambda item: -item[1]))
-    return means
+            if any(parts.values()) and rows.get(name, {}).get("knowledge") != KNOWLEDGE[-1]:
+                found.setdefault(name, []).append(shares(parts, source_of))
+    return {
+        name: {
+            source: sum(row.get(source, 0.0) for row in rows) / len(rows)
+            for source in dict.fromkeys(source for row in rows for source in row)
+        }
+        for name, rows in found.items()
+    }

@@ -62,8 +62,9 @@ FIGURES: dict[str, FigureSpec] = {
         "Grey: the data added nothing to what was known.", fit_figures.priors, "uncertainty",
     ),
     "budget": FigureSpec(
-        "Where the uncertainty comes from", "Variance of each parameter by source: what the recording leaves open, "
-        "certificates and sheets, literature, and the spread of plausible models.", fit_figures.budget, "uncertainty",
+        "Where the uncertainty comes from",
+        "Variance of each parameter that the data told something about, by source. The name of a parameter stands for "
+        "what was known of it before: sheet, certificate, literature.", fit_figures.budget, "uncertainty",
         True,
     ),
 }  # fmt: skip

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from camtorque.records import LossEvidence, ParameterEstimate
+from camtorque.records import KNOWLEDGE, LossEvidence, ParameterEstimate
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
 from camtorque.report.gaps import RESIDUAL, GapShare, gap_shares
 from camtorque.report.numbers import UNKNOWN, num, signed, unit_text, words
-from camtorque.report.tones import CYCLE
+from camtorque.report.sources import shares, source_chart
 
 NOT_LOSSES = ("input", "closure_percent")
 CONSERVED = 1.0e-4
@@ -19,7 +19,6 @@ CONSERVED = 1.0e-4
 SMALLEST_SHARE = 2.0e-3
 """A cause below this share of the largest one, in both panels, stands in the table only."""
 VERDICT_TONES = {"needed": "c0", "cannot tell": "c5", "not needed": "c7"}
-MODEL_SPREAD = "model spread"
 EVIDENCE_SHOWN = 30.0
 """Evidence beyond this is past doubt; bars end there and the number stands beside."""
 
@@ -116,16 +115,9 @@ def shown(rows: tuple[GapShare, ...]) -> list[GapShare]:
 
 
 def budget(result: RunResult) -> Rows | None:
-    """Show the share of each source in the variance of every parameter."""
-    rows = tuple(row for row in result.fitted.details.get("budget", ()) if row.total > 0.0)
-    if not rows:
-        return None
-    left, marks = np.zeros(len(rows)), []
-    for k, source in enumerate(dict.fromkeys(source for row in rows for source in row.contributions)):
-        share = np.array([100.0 * (row.contributions.get(source, 0.0) / row.total) ** 2 for row in rows])
-        if np.any(share > 0.5):
-            tone = "band" if source == MODEL_SPREAD else CYCLE[k % len(CYCLE)]
-            marks.append(Marks(source, tuple(left + share), (tone,), "stack", tuple(left), tuple(left + share)))
-            left = left + share
-    panel = RowPanel("share of the variance [%]", tuple(marks), limits=(0.0, 100.0))
-    return Rows(tuple(words(row.name) for row in rows), (panel,), WIDE)
+    """Show the share of each source in the variance of every parameter that the data told something about."""
+    source_of = {row.name: row.source for row in result.fitted.parameters}
+    told = {row.name for row in result.fitted.parameters if row.knowledge != KNOWLEDGE[-1]}
+    rows = [row for row in result.fitted.details.get("budget", ()) if row.total > 0.0 and row.name in told]
+    table = {row.name: shares(row.contributions, source_of) for row in rows}
+    return source_chart(table, "share of the variance [%]")
