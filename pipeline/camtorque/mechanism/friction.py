@@ -50,14 +50,14 @@ class Friction:
 NO_FRICTION = Friction()
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def guide_share(tangent, slope):  # type: ignore[no-untyped-def]
     """Return |tan phi| sign y', the share of the contact load that a unit of guide friction takes."""
     size = np.sqrt(tangent * tangent + SMOOTH_TANGENT * SMOOTH_TANGENT)
     return size * slope / np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def guide_gain(tangent, slope, friction):  # type: ignore[no-untyped-def]
     """Return the contact load over the frictionless one."""
     return 1.0 / (1.0 - friction * guide_share(tangent, slope))

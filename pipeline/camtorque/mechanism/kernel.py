@@ -1,8 +1,8 @@
 """The closed form for many cycles in one compiled pass: eight outputs at the speed of memory.
 
-Where the tables are made once, the outputs of an angle share six numbers, and the other lengths follow from these by a
-multiplication: writing the results is what takes the time. (With nine rows, reading the tables from the second-level
-cache cost 0.3 of the copy more; two cycles per pass, or tiles of the angle, cost more still: docs/mechanism_speed.md.)
+Where the tables are made once, the outputs of an angle share four numbers, and everything else follows from these by
+arithmetic: writing the results is what takes the time. (With nine rows, reading the tables from the second-level cache
+cost 0.3 of the copy more, with six 0.1; two cycles per pass, or tiles of the angle, cost more still.)
 """
 
 from __future__ import annotations
@@ -40,8 +40,7 @@ class CycleTables:
 
     Attributes
     ----------
-    rows : (6, n_theta) lift, y'' over what guide friction leaves of 1, tangential inertia per omega^2, tan phi,
-        sec phi, Hertz factor
+    rows : (4, n_theta) lift, y'', tan phi, Hertz factor
     gain : (n_theta,) of the contact load by guide friction; None without friction
     constants : of the closed form
     """
@@ -57,40 +56,34 @@ class CycleTables:
 def cycle_tables(tables: ClosedForm) -> CycleTables:
     """Return what the compiled pass reads from the tables of a pump."""
     path, c = tables.kinematics, tables.constants
-    rows = np.stack(
-        [
-            path.lift,
-            c.mass * path.acceleration,
-            c.roller_inertia * path.roller_ratio_slope / c.radius,
-            path.tan_pressure_angle,
-            path.pitch_arc / path.centre_height,
-            tables.hertz_factor,
-        ]
-    )
+    rows = np.stack([path.lift, path.acceleration, path.tan_pressure_angle, tables.hertz_factor])
     gain = None if tables.friction.none else guide_gain(path.tan_pressure_angle, path.velocity, c.guide_friction)
     return CycleTables(rows, gain, c)
 
 
-@njit(cache=True, fastmath={"contract", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _tabulated(rows, gain, c, pressure, speed, out):  # type: ignore[no-untyped-def]
-    lift, inertia, roller, tangent, secant, factor = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    lift, curve, tangent, factor = rows[0], rows[1], rows[2], rows[3]
     at_rest, arm = c.preload + c.weight, c.pin_arm / c.radius
     for cycle in range(pressure.shape[0]):
         squared = speed[cycle] * speed[cycle]
+        inertia, spin = c.mass * squared, -c.roller_inertia / (c.radius * c.radius) * squared
         load = pressure[cycle]
         torque, normal, tangential = out[0, cycle], out[1, cycle], out[2, cycle]
         bearing_x, bearing_y, guide = out[3, cycle], out[4, cycle], out[5, cycle]
         moment, hertz = out[6, cycle], out[7, cycle]
         for i in range(load.size):
-            along = at_rest + c.stiffness * lift[i] + c.area * load[i] + inertia[i] * squared
-            across = roller[i] * squared
+            tan = tangent[i]
+            sec = np.sqrt(1.0 + tan * tan)
+            height = c.base + lift[i]
+            # y' = e + s tan phi, and q' = -(y' + tan phi y'') cos phi / r_r
+            slope = c.offset + height * tan
+            along = at_rest + c.stiffness * lift[i] + c.area * load[i] + inertia * curve[i]
+            across = spin * (slope + tan * curve[i]) / sec
             if gain is not None:
                 along = along * gain[i]
-                across = across - arm * secant[i] * along
-            height = c.base + lift[i]
-            # y' = e + s tan phi
-            slope = c.offset + height * tangent[i]
-            values = joint_forces(c, 1.0, along, across, 0.0, 0.0, height, slope, tangent[i], secant[i])
+                across = across - arm * sec * along
+            values = joint_forces(c, 1.0, along, across, 0.0, 0.0, height, slope, tan, sec)
             torque[i] = values[0]
             normal[i] = values[1]
             tangential[i] = values[2]
@@ -130,7 +123,7 @@ def _room(n_theta: int, pressure: Array, speed: Array, out: Array | None) -> Arr
     return result
 
 
-@njit(cache=True, fastmath={"contract", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _from_lift(c, factor, lift, pressure, speed, out):  # type: ignore[no-untyped-def]
     squared = speed * speed
     for i in range(pressure.size):

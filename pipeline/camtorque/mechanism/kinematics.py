@@ -108,7 +108,7 @@ def base_height(pump: PumpData) -> float:
     return float(np.sqrt(distance**2 - pump.follower_offset**2))
 
 
-@njit(cache=True, fastmath={"contract", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-def]
     """Return s, tan phi, 1 / cos phi, q = 1 - L / r_r, q' and kappa at one cam angle from y, y', y''."""
     height = base + y
@@ -119,7 +119,7 @@ def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-d
     return height, lever / height, arc / height, 1.0 - arc / radius, ratio_slope, curvature
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _paths(lift, base, offset, radius, out):  # type: ignore[no-untyped-def]
     for i in range(lift.shape[1]):
         values = path_at(lift[0, i], lift[1, i], lift[2, i], base, offset, radius)

@@ -111,7 +111,7 @@ def constants_of(pump: PumpData, mounting: Mounting, friction: Friction) -> Cons
     )
 
 
-@njit(cache=True, fastmath={"contract", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, secant):  # type: ignore[no-untyped-def]
     """Return all of `OUTPUTS` from lambda_y and F_t; ``one`` is 0 where the factor of a load is wanted, not a force."""
     contact_x = c.turn * (across * secant - along * tangent)
@@ -133,7 +133,7 @@ def joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, sec
     )
 
 
-@njit(cache=True, fastmath={"contract", "nsz"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def solve_angle(c, one, load, squared, alpha, y, slope, curve, path):  # type: ignore[no-untyped-def]
     """Return all of `OUTPUTS` at one cam angle; linear in (one, pressure, omega^2, alpha)."""
     height, tangent, secant, ratio, ratio_slope, _ = path
@@ -145,7 +145,7 @@ def solve_angle(c, one, load, squared, alpha, y, slope, curve, path):  # type: i
     return joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, secant)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _outputs(c, lift, pressure, speed, acceleration, out):  # type: ignore[no-untyped-def]
     """Write all of `OUTPUTS` (11, n) from the lift with two derivatives (3, n) and loads (n,)."""
     for i in range(pressure.size):
@@ -157,7 +157,7 @@ def _outputs(c, lift, pressure, speed, acceleration, out):  # type: ignore[no-un
             out[row, i] = values[row]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tables(c, lift, out):  # type: ignore[no-untyped-def]
     """Write the factors of 1, p, omega^2 and alpha in all of `OUTPUTS`, (11, 4, n)."""
     for i in range(lift.shape[1]):
