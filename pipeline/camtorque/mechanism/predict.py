@@ -13,6 +13,7 @@ from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
+from camtorque.mechanism.flight import Flight, fly
 from camtorque.mechanism.friction import Friction, jamming_friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
@@ -132,11 +133,19 @@ def predict(
     load = np.stack([pressure_at(curve, theta - phase) for phase in config.phases])
     own = pressure_at(curve, theta)
     tables = closed_form_tables(config.pump, law, theta, mounting, friction)
-    torque = np.stack([_shaft_torque(config, units, theta, load, value, method) for value in speed])
     pumps = tuple(
         solve_rigid(config.pump, law, theta, own, value, mounting=mounting, friction=friction, method=method)
         for value in speed
     )
+    torque = np.stack([
+        _flown_torque(config, pump, value) if pump.contact_lost else _shaft_torque(config, units, load, value, method)
+        for pump, value in zip(pumps, speed, strict=True)
+    ])  # fmt: skip
+    flights = tuple(
+        fly(config.pump, law, theta, own, (np.full(theta.size, value), np.zeros(theta.size)), mounting).flights
+        if pump.contact_lost else ()
+        for pump, value in zip(pumps, speed, strict=True)
+    )  # fmt: skip
     roller = assumed_roller(config.pump)
     return Prediction(
         theta=theta,
@@ -152,21 +161,32 @@ def predict(
         findings=(
             *_table_findings(config),
             *_curve_findings(pressure),
-            *_findings(tables.kinematics, law, roller, pumps, speed, pressure is None),
+            *_findings(tables.kinematics, law, roller, pressure is None),
+            *_flight_findings(flights, speed),
         ),
     )
 
 
-def _shaft_torque(
-    config: PumpConfig, units: list[PumpUnit], theta: Array, load: Array, speed: float, method: str
-) -> Array:
+def _shaft_torque(config: PumpConfig, units: list[PumpUnit], load: Array, speed: float, method: str) -> Array:
     """Return the torque at the drive end of a rigid or an elastic shaft [N m]."""
     if np.isinf(config.shaft_stiffness):
+        theta = np.linspace(0.0, TURN, load.shape[1], endpoint=False)
         return solve_shaft(units, theta, load, speed, method=method).torque
     if method != "closed":
         raise Refusal(f"{config.path}: method {method!r} knows rigid shafts only, found a stiffness; use 'closed'")
     stiffness = np.full(len(units), config.shaft_stiffness)
     return solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping)).torque
+
+
+def _flown_torque(config: PumpConfig, pump: RigidTorque, speed: float) -> Array:
+    """Return the torque of all pumps on a rigid shaft where followers fly; every pump flies as the first one does."""
+    if np.isfinite(config.shaft_stiffness):
+        raise Refusal(
+            f"{config.path} [shaft]: at {speed / RPM:.0f} rpm the follower leaves the cam, and flight on an elastic "
+            "shaft is not modelled; predict lower speeds, or leave the stiffness out"
+        )
+    local = pump.theta[None, :] - np.array(config.phases)[:, None]
+    return np.asarray(np.interp(local, pump.theta, pump.torque, period=TURN).sum(axis=0), dtype=np.float64)
 
 
 def _table_findings(config: PumpConfig) -> tuple[Finding, ...]:
@@ -198,9 +218,21 @@ def _curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
     return (Finding("pressure_curve_coarse", "warning", text, where),)
 
 
-def _findings(
-    path: Kinematics, law: CamLaw, roller: Roller, pumps: tuple[RigidTorque, ...], speeds: Array, dry: bool
-) -> tuple[Finding, ...]:
+def _flight_findings(flights: tuple[tuple[Flight, ...], ...], speeds: Array) -> tuple[Finding, ...]:
+    """Return a warning for each speed at which the follower flies, with its landing."""
+    found = []
+    for rows, speed in zip(flights, speeds, strict=True):
+        for row in rows:
+            text = (
+                f"the follower leaves the cam at {np.mod(row.start, TURN) / DEGREE:.1f} deg and lands at "
+                f"{np.mod(row.landing, TURN) / DEGREE:.1f} deg with {row.speed:.2g} m/s, an impulse of "
+                f"{row.impulse:.2g} N s that the curves do not show"
+            )
+            found.append(Finding("contact_lost", "warning", text, f"{speed / RPM:.0f} rpm"))
+    return tuple(found)
+
+
+def _findings(path: Kinematics, law: CamLaw, roller: Roller, dry: bool) -> tuple[Finding, ...]:
     """Return what the designer has to know."""
     found = []
     if dry:
@@ -226,9 +258,6 @@ def _findings(
         found.append(Finding("steep_flank", "warning", text, f"{np.rad2deg(path.theta[steepest]):.1f} deg"))
     if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
         found.append(Finding("acceleration_jump", "warning", "the acceleration of the lift jumps: shocks at speed"))
-    for pump, speed in zip(pumps, speeds, strict=True):
-        if pump.contact_lost:
-            found.append(Finding("contact_lost", "warning", "the follower leaves the cam", f"{speed / RPM:.0f} rpm"))
     return tuple(found)
 
 

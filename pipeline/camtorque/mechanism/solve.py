@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
+from camtorque.mechanism.flight import fly, is_revolution
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
@@ -59,24 +60,36 @@ def solve_rigid(
 
     Notes
     -----
-    Where the balance asks the cam to pull, the follower has jumped: ``contact_lost`` is set, contact forces and Hertz
-    stress read 0 there, and bearing and guide carry weight alone. The torque stays that of a follower held on the cam
-    (flight and landing are not modelled); `ClosedForm.jump` gives the speed and angle at which it starts.
+    Where the balance asks the cam to pull, the follower leaves it: ``contact_lost`` is set, and over a whole revolution
+    it is followed through the air until it lands (`flight`): the torque is that of the cam alone, contact forces and
+    Hertz stress read 0, bearing and guide carry weight alone. On angles that are no revolution nothing tells when it
+    lands: the torque reads nan where the cam would have to pull.
     """
     mounting = Mounting() if mounting is None else mounting
     tables = closed_form_tables(pump, law, theta, mounting, friction)
     run = prescribed_motion(1, theta, pressure, speed, acceleration)
     unit = PumpUnit(pump, law, mounting=mounting, friction=friction)
     outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
+    causes = tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration)
+    lost = outputs["contact_normal"] <= 0.0
+    if np.any(lost):
+        flown = is_revolution(tables.theta)
+        if flown:
+            motion = (run.speed, run.acceleration)
+            lost = lost | fly(pump, law, tables.theta, run.pressure[0], motion, mounting).mask
+        kept = {name: np.where(lost, 0.0, values) for name, values in causes.items() if name != "inertia_cam"}
+        causes = {name: kept.get(name, values) for name, values in causes.items()}
+        outputs["torque"] = np.where(lost, causes["inertia_cam"] if flown else np.nan, outputs["torque"])
+        outputs["contact_normal"] = np.where(lost, 0.0, outputs["contact_normal"])
     return RigidTorque(
         theta=tables.theta,
         torque=outputs["torque"],
-        by_cause=tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration),
+        by_cause=causes,
         forces=_forces(pump, tables, outputs),
         lift=tables.kinematics.lift,
         lift_velocity=tables.kinematics.velocity,
         lift_acceleration=tables.kinematics.acceleration,
-        contact_lost=bool(np.any(outputs["contact_normal"] <= 0.0)),
+        contact_lost=bool(np.any(lost)),
     )
 
 
