@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         to_pandas,
         to_xarray,
     )
+    from camtorque.lmfit_way import own_fit
 
 # before numba is imported: it looks for the folder of its cache once
 find_caches(Path(__file__).parent)
@@ -54,6 +55,7 @@ __all__ = [
     "__version__",
     "align",
     "fit",
+    "own_fit",
     "predict",
     "read",
     "report",
@@ -62,6 +64,8 @@ __all__ = [
 ]
 
 
+ELSEWHERE = {"own_fit": "camtorque.lmfit_way"}
+"""Names that are not of `camtorque.api`: lmfit takes longer to import than all the rest."""
 ROOMS_OF_THAT_NAME = ("align", "fit", "report")
 """Functions of the face that share their name with a room; ``camtorque.fit`` is the function, ``camtorque.fit.x`` in an
 import statement the room."""
@@ -71,7 +75,7 @@ def __getattr__(name: str) -> Any:
     """Load a name of the public face."""
     if name not in __all__:
         raise AttributeError(f"module 'camtorque' has no attribute {name!r}; it has {', '.join(__all__)}")
-    return getattr(import_module("camtorque.api"), name)
+    return getattr(import_module(ELSEWHERE.get(name, "camtorque.api")), name)
 
 
 def __dir__() -> list[str]:

@@ -115,10 +115,7 @@ def _positive(value: float, what: str) -> float:
 
 def _channel(quantity: str, values: Array, rate: float, sensor: Sensor | None) -> Channel:
     calibration = None if quantity == "trigger" else _calibration(quantity, values, sensor or Sensor())
-    # in bar, as a file would hold it: the alignment takes a number beyond 1e6 for damage
-    scale = BAR if quantity == "pressure" else 1.0
-    source = ArraySource(values if scale == 1.0 else values / scale)
-    return Channel(quantity, "arrays", source, 0.0, rate, calibration, IN_MEMORY, quantity, scale)
+    return Channel(quantity, "arrays", ArraySource(values), 0.0, rate, calibration, IN_MEMORY, quantity)
 
 
 def _calibration(quantity: str, values: Array, sensor: Sensor) -> SensorCalibration:

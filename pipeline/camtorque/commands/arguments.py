@@ -133,6 +133,15 @@ def export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trend", action="store_true", help="one row per report, and a figure over date and speed")
 
 
+def fit(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `fit`."""
+    _recording(parser)
+    text = "bounds, ties and fixed values, see docs/own_fit.md"
+    parser.add_argument("--parameters", type=Path, metavar="FILE", help=text)
+    text = "parameters whose confidence intervals are sought by refits (slow)"
+    parser.add_argument("--intervals", nargs="+", default=[], metavar="NAME", help=text)
+
+
 def campaign(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `campaign`."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder with recordings at or below it")

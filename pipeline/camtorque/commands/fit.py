@@ -1,0 +1,51 @@
+"""`camtorque fit`: one recording fitted by lmfit with a user's own bounds, ties and fixed values."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import lmfit
+
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.lmfit_way import changed, own_fit, read_changes
+from camtorque.plain import plain
+from camtorque.records import Refusal
+from camtorque.threads import on_one_thread
+from camtorque.units import did_you_mean
+
+
+@on_one_thread
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Fit and tell what lmfit tells."""
+    changes = {} if arguments.parameters is None else read_changes(arguments.parameters)
+    tell(f"looking for the best minimum of {arguments.recording}")
+    own = own_fit(arguments.recording)
+    parameters = changed(own.parameters(), changes)
+    _refuse_unknown(arguments.intervals, parameters)
+    tell("fitting by lmfit")
+    minimizer = own.minimizer(parameters)
+    result = minimizer.minimize()
+    text, intervals = lmfit.fit_report(result, show_correl=False), {}
+    if arguments.intervals:
+        tell("seeking the intervals")
+        intervals = lmfit.conf_interval(minimizer, result, p_names=arguments.intervals)
+        text += f"\n\n{lmfit.ci_report(intervals)}"
+    return Outcome(text, plain(_document(result, intervals)))
+
+
+def _refuse_unknown(names: list[str], parameters: lmfit.Parameters) -> None:
+    for name in names:
+        if name not in parameters or not parameters[name].vary:
+            hint = did_you_mean(name, tuple(parameters))
+            raise Refusal(f"--intervals: {name!r} is not a varying parameter of this fit{hint}")
+
+
+def _document(result: Any, intervals: Any) -> dict[str, Any]:
+    rows = {
+        name: {"value": item.value, "stderr": item.stderr, "unit": item.user_data, "min": item.min, "max": item.max,
+               "vary": item.vary, "expr": item.expr}
+        for name, item in result.params.items()
+    }  # fmt: skip
+    told = {"chi_square": result.chisqr, "evaluations": result.nfev, "message": result.message}
+    return {"schema": "camtorque.fit/1", **told, "parameters": rows, "intervals": intervals}

@@ -1,0 +1,216 @@
+"""A fit with bounds, ties and fixed values of the user's own, by lmfit.
+
+The problem is that of `camtorque run` at its best minimum: the same residual, weights, priors and exact derivatives,
+with every parameter in the unit of the report. `lmfit.fit_report` and `lmfit.conf_interval` work on what comes out::
+
+    own = camtorque.own_fit("raw_examples/A_1000rpm")
+    parameters = own.parameters()
+    parameters["pin_arm"].set(expr="0.05 * bearing_arm")
+    minimizer = own.minimizer(parameters)
+    result = minimizer.minimize()
+    print(lmfit.fit_report(result))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import lmfit
+import numpy as np
+
+from camtorque.align import align
+from camtorque.fit import prepare
+from camtorque.fit.problem import Problem
+from camtorque.fit.solver import LiftModes
+from camtorque.ingest import read_recording
+from camtorque.laws.chain import ChainOutput, evaluate
+from camtorque.records import Array, Recording, Refusal
+from camtorque.run import rigid_torque
+from camtorque.threads import on_one_thread
+from camtorque.toml_table import read_toml
+from camtorque.units import did_you_mean
+
+SCHEMA = "camtorque-parameters/1"
+KEYS = ("value", "min", "max", "vary", "expr")
+"""What a user may set of a parameter, as `lmfit.Parameter.set` takes it."""
+TIE_STEP = 1.0e-6
+"""Relative step of the central difference through a tie (ties are short formulas, the chain itself is exact)."""
+
+
+@dataclass(frozen=True)
+class OwnFit:
+    """One recording ready to be fitted by lmfit.
+
+    Attributes
+    ----------
+    problem : of the best structure, started at its minimum
+    minimum : (k,) that minimum [SI]
+    lifts : correction of the lift table, integrated out
+    """
+
+    problem: Problem
+    minimum: Array
+    lifts: tuple[LiftModes, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(slot.name for slot in self.problem.slots)
+
+    @property
+    def units(self) -> Array:
+        """SI per unit of the report, (k,)."""
+        return np.array([slot.row.per_unit for slot in self.problem.slots])
+
+    def parameters(self) -> lmfit.Parameters:
+        """Return every free parameter at the minimum, with its bounds, in the unit of the report (``user_data``)."""
+        found = lmfit.Parameters()
+        for slot, value in zip(self.problem.slots, self.minimum, strict=True):
+            row = slot.row
+            found.add(
+                slot.name, float(value) / row.per_unit, min=row.lower / row.per_unit, max=row.upper / row.per_unit
+            )
+            found[slot.name].user_data = row.unit
+        return found
+
+    def residual(self, parameters: lmfit.Parameters) -> Array:
+        """Return measured - model, weighted and whitened by the lift correction, and the pulls of the priors.
+
+        Parameters
+        ----------
+        parameters : with all names of `parameters`, in the units of the report
+
+        Returns
+        -------
+        residual : (n_recordings x bins + k,); its sum of squares is the chi-square of the fit
+        """
+        z = self._si(parameters)
+        means, stds = self.problem.priors
+        parts = [self._whitened(index, self._data(z, index)[0]) for index in range(len(self.problem.data))]
+        return np.concatenate([*parts, (z - means) / stds])
+
+    def jacobian(self, parameters: lmfit.Parameters) -> Array:
+        """Return the derivative of `residual` by the varying parameters; exact but for the ties' own formulas."""
+        z = self._si(parameters)
+        rows = []
+        for index, item in enumerate(self.problem.data):
+            _, output = self._data(z, index, tangents=True)
+            own, chain = self.problem.places[index]
+            full = np.zeros((item.torque.size, z.size))
+            both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
+            full[:, own] = -both * item.weight[:, None]
+            rows.append(self._whitened(index, full))
+        rows.append(np.diag(1.0 / self.problem.priors[1]))
+        return np.vstack(rows) * self.units @ self._ties(parameters)
+
+    def minimizer(self, parameters: lmfit.Parameters) -> lmfit.Minimizer:
+        """Return lmfit's minimizer of these parameters; ``minimize()`` fits, `lmfit.conf_interval` takes it.
+
+        The weights hold the model error, so the covariance is not scaled by the residual.
+        """
+        return _WithinBounds(self.residual, parameters, scale_covar=False, jac=self.jacobian, x_scale="jac")
+
+    def _si(self, parameters: lmfit.Parameters) -> Array:
+        return np.array([parameters[name].value for name in self.names]) * self.units
+
+    def _data(self, z: Array, index: int, tangents: bool = False) -> tuple[Array, ChainOutput]:
+        item = self.problem.data[index]
+        values, coefficients = self.problem.values(z, index)
+        output = evaluate(item.chain, values, coefficients, tangents=tangents)
+        return (item.torque - output.torque - output.linear @ coefficients) * item.weight, output
+
+    def _whitened(self, index: int, values: Array) -> Array:
+        """Return (I + B B^T)^(-1/2) times weighted values: what the lift correction explains counts less."""
+        lift = self.lifts[index]
+        lost = 1.0 - 1.0 / np.sqrt(1.0 + lift.strength**2)
+        return values - (lift.vectors * lost) @ (lift.vectors.T @ values)
+
+    def _ties(self, parameters: lmfit.Parameters) -> Array:
+        """Return how all parameters follow the varying ones, (k, n_varying)."""
+        moved = parameters.copy()
+        columns = []
+        for name in (name for name, item in parameters.items() if item.vary and not item.expr):
+            middle, step = parameters[name].value, TIE_STEP * max(1.0, abs(parameters[name].value))
+            ends = []
+            for value in (middle + step, middle - step):
+                moved[name].set(min=-np.inf, max=np.inf, value=value)
+                ends.append(np.array([moved[other].value for other in self.names]))
+            moved[name].set(value=middle)
+            columns.append((ends[0] - ends[1]) / (2.0 * step))
+        return np.column_stack(columns)
+
+
+class _WithinBounds(lmfit.Minimizer):
+    """Minimizes by scipy's trust region, which knows bounds.
+
+    lmfit's leastsq bends them into a sine, which is flat where a parameter rests on its bound; a refit from there, as
+    `lmfit.conf_interval` makes it, does not move.
+    """
+
+    def leastsq(self, params: Any = None, max_nfev: int | None = None, **kws: Any) -> Any:
+        """Fit by `least_squares`."""
+        return self.least_squares(params, max_nfev, **kws)
+
+
+@on_one_thread
+def own_fit(recording: Recording | Path | str) -> OwnFit:
+    """Return a recording at the best minimum of `camtorque run`, ready for bounds, ties and fixed values of your own.
+
+    Parameters
+    ----------
+    recording : from `read` or `Recording.from_arrays`, or a path
+
+    Raises
+    ------
+    Refusal : what `camtorque.fit` refuses
+    """
+    item = recording if isinstance(recording, Recording) else read_recording(Path(recording))
+    cycles = align(item)
+    best = prepare(item, cycles, rigid_torque(item, cycles)).candidates[0]
+    return OwnFit(best.problem, best.solution.z, best.solution.lifts)
+
+
+def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:
+    """Return what a parameters file changes: name -> some of value, min, max, vary, expr.
+
+    Raises
+    ------
+    Refusal : missing file, another schema, an unknown key
+    """
+    file = Path(path)
+    _, values = read_toml(file, f"expected a parameters file (schema {SCHEMA})")
+    if values.get("schema") != SCHEMA:
+        raise Refusal(f"{file}: schema is {values.get('schema')!r:.80}, expected {SCHEMA!r}")
+    changes = values.get("parameters")
+    if not isinstance(changes, dict) or not all(isinstance(row, dict) for row in changes.values()):
+        raise Refusal(f"{file}: expected tables [parameters.NAME]")
+    for name, row in changes.items():
+        for key in row:
+            if key not in KEYS:
+                hint = did_you_mean(key, KEYS) or f", expected some of {', '.join(KEYS)}"
+                raise Refusal(f"{file} [parameters.{name}]: unknown key {key!r}{hint}")
+    return changes
+
+
+def changed(parameters: lmfit.Parameters, changes: Mapping[str, Mapping[str, Any]]) -> lmfit.Parameters:
+    """Return the parameters with a user's bounds, ties and fixed values.
+
+    Raises
+    ------
+    Refusal : a name that is not free in this recording, bounds without room, a tie that cannot be evaluated
+    """
+    found = parameters.copy()
+    for name, row in changes.items():
+        if name not in found:
+            raise Refusal(f"parameter {name!r}: not free here{did_you_mean(name, tuple(found))}; see result.json")
+        try:
+            found[name].set(**row)
+            value, low, high = found[name].value, found[name].min, found[name].max
+        except Exception as error:  # lmfit's evaluator raises many kinds
+            raise Refusal(f"parameter {name!r}: {' '.join(str(error).split())}; expected {', '.join(KEYS)}") from error
+        if not (np.isfinite(value) and low <= value <= high):
+            raise Refusal(f"parameter {name!r}: found {value:g}, expected a value from {low:g} to {high:g}")
+    return found

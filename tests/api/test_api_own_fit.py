@@ -1,0 +1,151 @@
+"""The way over lmfit: the residual is that of the fit, the derivative is exact, bounds and ties hold."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import camtorque
+import lmfit
+import numpy as np
+import pytest
+from camtorque import cli
+from camtorque.commands import fit as command
+from camtorque.fit.prepare import fit_data, halves
+from camtorque.fit.problem import build_problem
+from camtorque.fit.search import refined
+from camtorque.fit.solver import lifts_at, try_at
+from camtorque.lmfit_way import OwnFit, changed, read_changes
+from camtorque.mechanism.spectral import spectral_law
+from camtorque.records import Refusal
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1000rpm"
+FREE = ("dead_volume", "shaft_drag", "bearing_arm", "pin_arm", "trigger_offset")
+
+
+@pytest.fixture(scope="module")
+def own() -> OwnFit:
+    """The example's problem at its start, the measured torque replaced by that of the start with noise."""
+    recording = camtorque.read(EXAMPLE)
+    cycles = camtorque.align(recording, n_theta=1800)
+    means = halves(cycles)
+    law = spectral_law(recording.cam_table)
+    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    first = build_problem([data])
+    data = refined(data, first.values(first.start, 0)[0])
+    problem = build_problem([data])
+    own = OwnFit(problem, problem.start, lifts_at(problem, problem.start))
+    model = -own._data(problem.start, 0)[0] / data.weight + data.torque
+    noise = np.random.default_rng(11).normal(0.0, 1.0, data.torque.size) / data.weight
+    problem = build_problem([replace(data, torque=model + noise)])
+    return OwnFit(problem, problem.start, own.lifts)
+
+
+def some_free(own: OwnFit) -> lmfit.Parameters:
+    parameters = own.parameters()
+    for name in parameters:
+        parameters[name].set(vary=name in FREE)
+    return parameters
+
+
+def test_the_residual_is_that_of_the_fit(own: OwnFit) -> None:
+    trial = try_at(own.problem, own.problem.start, own.lifts)
+    parameters = own.parameters()
+    for name, value in zip(own.names, trial.z / own.units, strict=True):
+        parameters[name].set(value=value)
+    assert np.sum(own.residual(parameters) ** 2) == pytest.approx(trial.chi_square, rel=1e-9)
+
+
+def test_the_derivative_is_exact_through_ties_too(own: OwnFit) -> None:
+    parameters = some_free(own)
+    parameters["bearing_arm"].set(value=200.0)
+    parameters["shaft_drag"].set(value=0.1)
+    parameters["pin_arm"].set(expr="0.05 * bearing_arm")
+    exact = own.jacobian(parameters)
+    names = [name for name in own.names if parameters[name].vary]
+    assert exact.shape[1] == len(names) == 4
+    for column, name in enumerate(names):
+        middle, step = parameters[name].value, 1e-4 * max(1.0, abs(parameters[name].value))
+        ends = []
+        for value in (middle + step, middle - step):
+            parameters[name].set(value=value)
+            ends.append(own.residual(parameters))
+        parameters[name].set(value=middle)
+        numeric = (ends[0] - ends[1]) / (2.0 * step)
+        # central differences over 1e-4 of a value; the valve's steps are not smooth to more
+        assert np.max(np.abs(numeric - exact[:, column])) < 2e-3 * np.max(np.abs(exact[:, column])), name
+
+
+def test_bounds_ties_and_fixed_values_hold(own: OwnFit) -> None:
+    changes = {"pin_arm": {"expr": "0.05 * bearing_arm"}, "shaft_drag": {"min": 0.2, "max": 0.3, "value": 0.25}}
+    parameters = changed(some_free(own), changes)
+    minimizer = own.minimizer(parameters)
+    result = minimizer.minimize()
+    assert result.success
+    assert result.params["pin_arm"].value == pytest.approx(0.05 * result.params["bearing_arm"].value)
+    assert 0.2 <= result.params["shaft_drag"].value <= 0.3
+    assert result.params["cutoff"].value == own.parameters()["cutoff"].value
+    assert "dead_volume" in lmfit.fit_report(result)
+
+
+def test_uncertainties_and_intervals(own: OwnFit) -> None:
+    parameters = some_free(own)
+    minimizer = own.minimizer(parameters)
+    result = minimizer.minimize()
+    jacobian = own.jacobian(result.params)
+    expected = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    names = [name for name in own.names if parameters[name].vary]
+    for name, std in zip(names, expected, strict=True):
+        assert result.params[name].stderr == pytest.approx(std, rel=0.02), name
+    true = own.parameters()["trigger_offset"].value
+    assert abs(result.params["trigger_offset"].value - true) < 4.0 * result.params["trigger_offset"].stderr
+    rows = lmfit.conf_interval(minimizer, result, p_names=["trigger_offset"], sigmas=[1])["trigger_offset"]
+    width = 0.5 * (rows[2][1] - rows[0][1])
+    # the F-test scales by the residual
+    assert width == pytest.approx(result.params["trigger_offset"].stderr * np.sqrt(result.redchi), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('schema = "x"\n', "schema is 'x', expected 'camtorque-parameters/1'"),
+        ('schema = "camtorque-parameters/1"\n', r"expected tables \[parameters.NAME\]"),
+        (
+            'schema = "camtorque-parameters/1"\n[parameters.leakage]\nmaximum = 1\n',
+            "unknown key 'maximum', did you mean 'max'",
+        ),
+    ],
+)
+def test_a_parameters_file_that_cannot_be_used(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "p.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(Refusal, match=told):
+        read_changes(tmp_path / "p.toml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"leakge": {"max": 1.0}}, "parameter 'leakge': not free here, did you mean 'leakage'"),
+        ({"leakage": {"expr": "2 * nothing"}}, "parameter 'leakage': .*nothing"),
+        ({"leakage": {"min": 3.0, "max": 2.0}}, "parameter 'leakage'"),
+    ],
+)
+def test_changes_that_cannot_be_made(own: OwnFit, changes: dict[str, dict[str, object]], told: str) -> None:
+    with pytest.raises(Refusal, match=told):
+        changed(own.parameters(), changes)
+
+
+def test_the_command_tells_what_lmfit_tells(
+    own: OwnFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "own_fit", lambda path: own)
+    fixed = "".join(f"[parameters.{name}]\nvary = false\n" for name in own.names if name not in FREE)
+    (tmp_path / "p.toml").write_text(f'schema = "camtorque-parameters/1"\n{fixed}', encoding="utf-8")
+    arguments = ["fit", str(EXAMPLE), "--parameters", str(tmp_path / "p.toml")]
+    assert cli.main([*arguments, "--json"]) == 0
+    doc = json.loads(capsys.readouterr().out)
+    assert doc["parameters"]["dead_volume"]["unit"].startswith("mm")
+    assert {name for name, row in doc["parameters"].items() if row["vary"]} == set(FREE)
+    assert cli.main([*arguments, "--intervals", "cutoff"]) == 2
+    assert "'cutoff' is not a varying parameter" in capsys.readouterr().err
