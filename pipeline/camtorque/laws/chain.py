@@ -139,7 +139,7 @@ class ChainOutput:
 def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
     """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 10) or (k, 1)."""
     highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
-    total, derivatives = driveline.compliance(np.arange(highest) * data.speed, values, tangents)
+    total, derivatives = driveline.compliance(np.arange(float(highest)) * data.speed, values, tangents)
     return np.concatenate([total[:, None], derivatives], axis=1)
 
 

@@ -47,7 +47,7 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
     omega = np.arange(size // 2 + 1) * shaft.speed
     values = {
         "shaft_compliance": 1.0 / shaft.stiffness, "shaft_damping": shaft.damping, "drive_admittance": 0.0,
-        "drive_frequency": 0.0, "drive_damping": 0.7,
+        "drive_bandwidth": 0.0, "drive_reset": 0.0, "drive_lag": -9.0,
         "coupling_compliance": 0.0, "coupling_resonance": 750.0, "coupling_damping": 0.1,
     }  # fmt: skip
     total, _ = compliance(omega, values, False)
