@@ -98,8 +98,11 @@ def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
 
 
 def without_cycles(prepared: Prepared) -> Prepared:
-    """Return what the joint fit needs of a recording: no samples, no single cycle."""
-    return replace(prepared, recording=without_samples(prepared.recording), cycles=mean_cycle(prepared.cycles))
+    """Return what the joint fit needs of a recording: no samples, no single cycle, the best minimum alone."""
+    return replace(
+        prepared, recording=without_samples(prepared.recording), cycles=mean_cycle(prepared.cycles),
+        candidates=prepared.candidates[:1],
+    )  # fmt: skip
 
 
 def mean_cycle(cycles: CamCycles) -> CamCycles:

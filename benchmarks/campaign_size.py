@@ -1,0 +1,192 @@
+"""What a campaign costs per recording as it grows, and whether it survives being killed.
+
+    python benchmarks/campaign_size.py --count 100 1000 --write docs/campaign_size.md
+    python benchmarks/campaign_size.py --kill 50
+
+One example is computed once; every generated recording then hands back that result under its own name, so that what is
+measured is everything around the analysis: finding, hashing, workers, writing the report, remembering, the index. With
+``--bare`` no report is written either. ``--kill`` kills the whole campaign at random moments, checks that every folder
+is whole, and lets it end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pickle
+import random
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from camtorque.campaign import CampaignOptions, flow, run_campaign, task
+from camtorque.campaign.store import JOINT
+from camtorque.records import Finding
+from camtorque.report.checksums import verify
+from camtorque.report.document import write_json
+from camtorque.run import RunOptions, analyse
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLE = ROOT / "raw_examples" / "A_1250rpm"
+RESULT, BARE, PAUSE = "CAMPAIGN_SIZE_RESULT", "CAMPAIGN_SIZE_BARE", "CAMPAIGN_SIZE_PAUSE"
+WHOLE = {"entry.json", JOINT, "result.json", "SHA256SUMS"}
+
+
+def generate(folder: Path, count: int) -> Path:
+    """Write recordings that share the sheets and the log of the example, each with its own name."""
+    text = (EXAMPLE / "recording.toml").read_text(encoding="utf-8")
+    sheets, log = EXAMPLE.parents[1] / "calibration", next(EXAMPLE.glob("*.csv"))
+    text = text.replace("../../calibration", str(sheets)).replace("../calibration", str(sheets))
+    for k in range(count):
+        place = folder / f"r{k:06d}"
+        place.mkdir(parents=True)
+        (place / "recording.toml").write_text(text.replace('"A_1250rpm"', f'"r{k:06d}"', 1), encoding="utf-8")
+        os.link(log, place / log.name)
+    return folder
+
+
+@cache
+def known() -> tuple[Any, Any]:
+    """Return the result that every recording gets."""
+    return pickle.loads(Path(os.environ[RESULT]).read_bytes())
+
+
+def stand_in_analysis(path: Path, options: RunOptions) -> tuple[Any, Any]:
+    """Return the known result under the recording's own name."""
+    time.sleep(float(os.environ.get(PAUSE, "0")))
+    result, prepared = known()
+    config = replace(result.recording.config, id=path.name)
+    recording = replace(result.recording, config=config)
+    return replace(result, recording=recording), replace(prepared, recording=recording)
+
+
+def bare_report(result: Any, folder: Path) -> Mapping[str, Any]:
+    """Write result.json alone."""
+    doc = json.loads(Path(os.environ[BARE]).read_text(encoding="utf-8"))
+    doc["recording"]["name"] = result.recording.config.id
+    write_json(folder / "result.json", doc)
+    return doc
+
+
+def stand_in(item: task.Task) -> Any:
+    """Do one recording with the stand-ins, in a worker."""
+    task.analyse = stand_in_analysis  # type: ignore[assignment]
+    if BARE in os.environ:
+        task.write_run = bare_report  # type: ignore[assignment]
+    return task.run_task(item)
+
+
+def prepare_result(folder: Path, bare: bool) -> None:
+    """Compute the example once."""
+    result, prepared = analyse(EXAMPLE, RunOptions())
+    light = replace(result, recording=task.without_samples(result.recording))
+    (folder / "result").write_bytes(pickle.dumps((light, task.without_cycles(prepared))))
+    os.environ[RESULT] = str(folder / "result")
+    if bare:
+        (folder / "report").mkdir()
+        task.write_run(result, folder / "report")
+        os.environ[BARE] = str(folder / "report" / "result.json")
+
+
+def no_joint_fit(usable: list[Any], options: Any) -> tuple[None, tuple[Finding, ...]]:
+    """Read every input of the joint fit, fit nothing."""
+    return None, (Finding("joint", "info", f"{len(usable)} inputs"),)
+
+
+def peak_mb(who: int) -> float:
+    """Return the largest resident size of this process or of any of its children [MB]."""
+    return resource.getrusage(who).ru_maxrss / 1024.0
+
+
+def measure(count: int, folder: Path, how: CampaignOptions) -> str:
+    """Return a line of the table: a campaign of so many recordings, computed and then found done."""
+    raw, out = generate(folder / f"raw{count}", count), folder / f"out{count}"
+    before, started = os.times(), time.perf_counter()
+    doc = run_campaign(raw, out, RunOptions(), how)
+    wall, after = time.perf_counter() - started, os.times()
+    assert doc["n_refused"] == 0, doc["recordings"][0]
+    index = wall - doc["timing_s"]["recordings"]
+    work = after.children_user + after.children_system - before.children_user - before.children_system
+    started = time.perf_counter()
+    run_campaign(raw, out, RunOptions(), how)
+    again = time.perf_counter() - started
+    size = sum(path.stat().st_size for path in (out / "runs").rglob("*") if path.is_file())
+    page = (out / "campaign.html").stat().st_size
+    return (
+        f"| {count} | {1e3 * doc['timing_s']['recordings'] / count:.0f} | {1e3 * work / count:.0f} | {index:.1f} | "
+        f"{1e3 * again / count:.0f} | {size / count / 1e6:.2f} | {page / 1e6:.2f} | "
+        f"{peak_mb(resource.RUSAGE_SELF):.0f} | {peak_mb(resource.RUSAGE_CHILDREN):.0f} |"
+    )
+
+
+HEAD = (
+    "| recordings | wall, each [ms] | processor of workers, each [ms] | index [s] | again, each [ms] | disk, each [MB] "
+    "| page [MB] | peak, parent [MB] | peak, worker [MB] |",
+    "|---|---|---|---|---|---|---|---|---|",
+)
+
+
+def kill_often(times: int, folder: Path, how: CampaignOptions) -> str:
+    """Kill a campaign of 40 recordings again and again until so many kills are made; every folder has to be whole."""
+    os.environ[PAUSE] = "0.2"
+    chance, killed, rounds, whole = random.Random(7), 0, 0, 0
+    while killed < times:
+        rounds += 1
+        raw, out = generate(folder / f"raw{rounds}", 40), folder / f"out{rounds}"
+        while killed < times:
+            command = [sys.executable, __file__, "--child", str(raw), str(out), "--engine", how.engine]
+            process = subprocess.Popen(command, start_new_session=True)
+            try:
+                assert process.wait(chance.uniform(0.5, 12.0)) == 0
+                break
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL) if chance.random() < 0.5 else process.kill()
+                process.wait()
+                killed += 1
+            for run in (out / "runs").glob("[!.]*"):
+                assert {path.name for path in run.iterdir()} >= WHOLE, run
+                assert not verify(run)[1], run
+                whole += 1
+        subprocess.run([sys.executable, __file__, "--child", str(raw), str(out), "--engine", how.engine], check=True)
+        assert not verify(out)[1]
+        assert not list((out / "runs").glob(".*"))
+    return f"{killed} kills over {rounds} campaigns: {whole} folders looked at after a kill, all whole; all ended"
+
+
+def main() -> None:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, nargs="+", default=[])
+    parser.add_argument("--bare", action="store_true")
+    parser.add_argument("--engine", choices=("dask", "processes"), default="processes")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--kill", type=int, default=0)
+    parser.add_argument("--child", nargs=2, metavar=("RAW", "OUT"))
+    parser.add_argument("--write", type=Path)
+    arguments = parser.parse_args()
+    flow.run_task, flow.joint_fit = stand_in, no_joint_fit  # type: ignore[assignment]
+    how = CampaignOptions(arguments.workers, arguments.engine)
+    if arguments.child:
+        run_campaign(Path(arguments.child[0]), Path(arguments.child[1]), RunOptions(), how)
+        return
+    with tempfile.TemporaryDirectory(dir=ROOT.parent, prefix=".campaign_size-") as name:
+        prepare_result(Path(name), arguments.bare or arguments.kill > 0)
+        lines = [*(HEAD if arguments.count else ()), *(measure(n, Path(name), how) for n in arguments.count)]
+        if arguments.kill:
+            lines.append(kill_often(arguments.kill, Path(name), how))
+    print("\n".join(lines))
+    if arguments.write:
+        arguments.write.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
