@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import os
 import pickle
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -82,7 +82,9 @@ def stand_in(item: task.Task) -> Any:
     task.analyse = stand_in_analysis  # type: ignore[assignment]
     if BARE in os.environ:
         task.write_run = bare_report  # type: ignore[assignment]
-    return task.run_task(item)
+    done = task.run_task(item)
+    Path(os.environ[RESULT]).with_name(f"peak-{os.getpid()}").write_text(str(peak_mb()), encoding="utf-8")
+    return done
 
 
 def prepare_result(folder: Path, bare: bool) -> None:
@@ -102,36 +104,41 @@ def no_joint_fit(usable: list[Any], options: Any) -> tuple[None, tuple[Finding, 
     return None, (Finding("joint", "info", f"{len(usable)} inputs"),)
 
 
-def peak_mb(who: int) -> float:
-    """Return the largest resident size of this process or of any of its children [MB]."""
-    return resource.getrusage(who).ru_maxrss / 1024.0
+def peak_mb() -> float:
+    """Return the largest resident size of this process [MB], not that of its parent before it was started."""
+    text = Path("/proc/self/status").read_text(encoding="utf-8")
+    return float(text.split("VmHWM:")[1].split()[0]) / 1024.0
+
+
+def children() -> float:
+    """Return the processor time of the workers that have ended [s]."""
+    now = os.times()
+    return now.children_user + now.children_system
 
 
 def measure(count: int, folder: Path, how: CampaignOptions) -> str:
     """Return a line of the table: a campaign of so many recordings, computed and then found done."""
     raw, out = generate(folder / f"raw{count}", count), folder / f"out{count}"
-    before, started = os.times(), time.perf_counter()
+    work, own, started = children(), time.process_time(), time.perf_counter()
     doc = run_campaign(raw, out, RunOptions(), how)
-    wall, after = time.perf_counter() - started, os.times()
+    wall, own = time.perf_counter() - started, time.process_time() - own
+    while len(multiprocessing.active_children()):
+        time.sleep(0.1)
+    work = children() - work
     assert doc["n_refused"] == 0, doc["recordings"][0]
-    index = wall - doc["timing_s"]["recordings"]
-    work = after.children_user + after.children_system - before.children_user - before.children_system
-    started = time.perf_counter()
-    run_campaign(raw, out, RunOptions(), how)
-    again = time.perf_counter() - started
+    worker = max(float(path.read_text()) for path in folder.glob("peak-*"))
     size = sum(path.stat().st_size for path in (out / "runs").rglob("*") if path.is_file())
     page = (out / "campaign.html").stat().st_size
     return (
-        f"| {count} | {1e3 * doc['timing_s']['recordings'] / count:.0f} | {1e3 * work / count:.0f} | {index:.1f} | "
-        f"{1e3 * again / count:.0f} | {size / count / 1e6:.2f} | {page / 1e6:.2f} | "
-        f"{peak_mb(resource.RUSAGE_SELF):.0f} | {peak_mb(resource.RUSAGE_CHILDREN):.0f} |"
+        f"| {count} | {1e3 * wall / count:.0f} | {1e3 * work / count:.0f} | {1e3 * own / count:.0f} | "
+        f"{size / count / 1e6:.2f} | {page / 1e6:.2f} | {peak_mb():.0f} | {worker:.0f} |"
     )
 
 
 HEAD = (
-    "| recordings | wall, each [ms] | processor of workers, each [ms] | index [s] | again, each [ms] | disk, each [MB] "
-    "| page [MB] | peak, parent [MB] | peak, worker [MB] |",
-    "|---|---|---|---|---|---|---|---|---|",
+    "| recordings | wall, each [ms] | processor of workers, each [ms] | processor of the parent, each [ms] "
+    "| disk, each [MB] | page [MB] | peak of the parent [MB] | peak of a worker [MB] |",
+    "|---|---|---|---|---|---|---|---|",
 )
 
 
