@@ -16,7 +16,6 @@ from camtorque.fit.problem import END_NAMES, SPILL_NAMES, FitData, Problem, buil
 from camtorque.fit.result import model_on_grid
 from camtorque.fit.single import Fit, Prepared
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
-from camtorque.fit.uncertainty import inverse
 from camtorque.records import Array, Metrics
 
 ZERO_SPREAD_SHARE = 1.0e-3
@@ -24,6 +23,8 @@ ZERO_SPREAD_SHARE = 1.0e-3
 MODES = ("own_zero_and_end", "blind")
 MATCH_WINDOW = 1.0e-3
 """Time before and after an end of delivery over which the slope of the line pressure is compared [s]."""
+LEAST_INFORMATION = 1.0e-3
+"""Information, in units of the prior's, below which a direction is left where the joint fit has it."""
 MATCH_POINTS = 41
 MOST_TEMPLATES = 2
 
@@ -52,11 +53,17 @@ def left_out_values(fit: Fit, index: int) -> Array:
     vector[own] -= lift.product(both, residual)
     kept = np.array([slot.recording != index for slot in problem.slots])
     step = np.zeros(problem.size)
-    weak = np.diag(1e-6 / fit.covariance.prior_std[kept] ** 2)
-    step[kept] = inverse(rest[np.ix_(kept, kept)] + weak) @ vector[kept]
+    step[kept] = _cautious(rest[np.ix_(kept, kept)], fit.covariance.prior_std[kept]) @ vector[kept]
     lower, upper = problem.bounds
     largest = 3.0 * fit.covariance.std + 1e-30
     return np.clip(solution.z + np.clip(step, -largest, largest), lower, upper)
+
+
+def _cautious(matrix: Array, scale: Array) -> Array:
+    """Return the inverse of an information matrix; what it says less of than the prior (std ``scale``) stays put."""
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    shares = np.where(values > LEAST_INFORMATION, 1.0 / np.maximum(values, LEAST_INFORMATION), 0.0)
+    return (vectors * shares) @ vectors.T * np.outer(scale, scale)
 
 
 def left_out_predictions(prepared: Sequence[Prepared], fit: Fit) -> tuple[HeldOut, ...]:
