@@ -16,8 +16,9 @@ import numpy as np
 from camtorque.design import read_task
 from camtorque.design.front import own_scale
 from camtorque.design.problem import Problem
+from camtorque.design.programme import Programme, limit_scale, scaled_aims, violation
 from camtorque.design.responses import RESPONSES
-from camtorque.design.solver import Programme, limit_scale, scaled_aims, solve, violation
+from camtorque.design.solver import solve
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 ROOT = Path(__file__).resolve().parents[1]

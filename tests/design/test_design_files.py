@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 from camtorque.cli import main
+from camtorque.design import read_task
 from camtorque.design.answer import lift_table_text, pump_text, solve_task
 from camtorque.design.front import find_front, references
 from camtorque.design.problem import Problem
@@ -126,6 +127,34 @@ def test_page_opens_every_design_without_a_script(tmp_path):
     assert "<script" not in page
     # a style element beside the one whose hash the policy names would be ignored
     assert page.count("<style>") == 1
+
+
+@pytest.mark.parametrize(
+    "aims", ['side_force_n = "least"', AIMS + '\nside_force_n = "least"', AIMS + '\njump_speed_rpm = "most"']
+)
+def test_one_aim_or_three_make_a_page(tmp_path, aims):
+    path = design_file(tmp_path, free=FREE, aims=aims, limits=LIMITS, more=FEW)
+    assert main(["design", str(path), "--out", str(tmp_path / "out"), "--debug"]) == 0
+    page = (tmp_path / "out" / "design.html").read_text()
+    document = json.loads((tmp_path / "out" / "design.json").read_text())
+    count = len(document["aims"])
+    assert page.count("Pareto front of") == count * (count - 1) // 2
+    assert len(document["points"]) >= count
+    best = {name: RESPONSES[name].aim for name in document["aims"]}
+    for name, way in best.items():
+        values = [point["responses"][name] for point in document["points"]]
+        assert (np.ptp(values) > 0.0) == (count > 1), (name, way)
+
+
+def test_example_of_the_documentation_is_a_design_file(tmp_path):
+    text = (PAPER.parents[1] / "docs" / "design.md").read_text(encoding="utf-8")
+    example = text.split("```toml\n")[1].split("```")[0]
+    path = tmp_path / "design.toml"
+    path.write_text(example.replace('"paper_pump.toml"', f'"{PAPER}"'), encoding="utf-8")
+    task = read_task(path)
+    assert len(task.loads) == 2
+    assert task.tolerances.lift_um == 2.0
+    assert read_task(PAPER.parent / "paper_design.toml").points == 50
 
 
 def test_several_pumps_share_a_shaft(tmp_path):

@@ -9,14 +9,9 @@ from typing import NoReturn
 import numpy as np
 
 from camtorque.design.problem import Problem
+from camtorque.design.programme import Scale, limit_scale, signs_of
 from camtorque.design.responses import MOST, RESPONSES
-from camtorque.design.solver import (
-    Scale,
-    Solution,
-    limit_scale,
-    multipliers,
-    signs_of,
-)
+from camtorque.design.solver import Solution, multipliers
 from camtorque.design.task import Limit
 from camtorque.records import Refusal
 

@@ -12,8 +12,9 @@ import numpy as np
 from camtorque.design.evaluate import Design
 from camtorque.design.explain import refuse_collision
 from camtorque.design.problem import Problem
+from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
 from camtorque.design.responses import RESPONSES
-from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
+from camtorque.design.solver import Solution, solve
 from camtorque.design.task import KNEE, Task
 from camtorque.records import Array, Refusal, freeze_arrays
 

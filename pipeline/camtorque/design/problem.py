@@ -24,27 +24,6 @@ LEAST_RADIUS, LARGEST_LOBE = 0.05, 359.0
 
 
 @dataclass(frozen=True)
-class Row:
-    """Values of one response as constraints ``sign (value - level) <= 0`` that may have a floor of their own.
-
-    Attributes
-    ----------
-    response : name
-    sign : +1 where the values have to stay below a level, -1 above it
-    part : index of the values in the response's tuple
-    floor : number of the floor that is taken off the values (the range's upper end), or that they keep above (its
-        lower end); None for a plain response
-    lower : whether these are the values that keep above the floor
-    """
-
-    response: str
-    sign: float
-    part: int
-    floor: int | None = None
-    lower: bool = False
-
-
-@dataclass(frozen=True)
 class Values:
     """Response name -> tuple of value arrays at one design, and its variables."""
 

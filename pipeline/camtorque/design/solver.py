@@ -18,11 +18,10 @@ import numpy as np
 from scipy.optimize import minimize, nnls
 
 from camtorque.design.problem import Problem
-from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
+from camtorque.design.programme import Programme, Scale, scaled_aims, violation
+from camtorque.design.responses import EQUAL
 from camtorque.records import Array, freeze_arrays
 
-AUGMENT = 1.0e-4
-"""Weight of the sum of all aims: what costs no other aim is taken along."""
 FEASIBLE = 1.0e-5
 """Scaled violation below which a limit is kept."""
 ITERATIONS, TOLERANCE = 30, 1.0e-6
@@ -30,17 +29,6 @@ ITERATIONS, TOLERANCE = 30, 1.0e-6
 END_ITERATIONS, END_TOLERANCE = 150, 1.0e-8
 """Of the best design of one aim: the corners of the front carry all the others."""
 ACTIVE = 1.0e-4
-
-
-@dataclass(frozen=True)
-class Scale:
-    """Offset and width by which each aim is made 0 to 1; one value per aim, in its unit and with its sign."""
-
-    offset: Array
-    width: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)
@@ -59,155 +47,6 @@ class Solution:
     def feasible(self) -> bool:
         """Whether every limit is kept."""
         return self.violation <= FEASIBLE
-
-
-def signs_of(problem: Problem) -> Array:
-    """Return +1 for aims that are to be least, -1 for those to be most."""
-    return np.array([1.0 if RESPONSES[name].aim == LEAST else -1.0 for name in problem.task.aims])
-
-
-def limit_scale(value: float) -> float:
-    """Return the number by which a limit is scaled."""
-    return max(abs(value), 1.0)
-
-
-class Programme:
-    """The constraints of a problem on the vector (variables, t of every aim, floors, s)."""
-
-    def __init__(self, problem: Problem, scale: Scale, reference: Array | None, relaxed: bool = False) -> None:
-        self.problem, self.scale, self.reference, self.relaxed = problem, scale, reference, relaxed
-        parts = problem.values(problem.start()).parts
-        self.aims = () if relaxed else problem.task.aims
-        self.ranges = [name for name in problem.names if RESPONSES[name].extreme == "range"]
-        self.floors = {(name, k): i for i, (name, k) in enumerate(
-            (name, k) for name in self.ranges for k in range(len(parts[name]) // 2))}  # fmt: skip
-        n, m = problem.size, len(self.aims)
-        self.at_aims, self.at_floors = n, n + m
-        self.size = n + m + len(self.floors) + 1
-        self.floor_scale = {name: max(float(np.max(np.abs(parts[name][0]))), 1e-9) for name in self.ranges}
-
-    # each block: values (k,), slopes by variables (k, n), then (column, slope) pairs of the other unknowns, and a label
-    def blocks(self, vector: Array, slopes: bool) -> tuple[list[Array], list[Array], list[str]]:
-        """Return what has to be 0 or more as (values, rows, labels), one entry per block."""
-        values, rows, labels = [], [], []
-        n = self.problem.size
-        variables = np.ascontiguousarray(vector[:n])
-        parts = self.problem.values(variables).parts
-        tangents = self.problem.slopes(variables) if slopes else parts
-
-        def add(value: Array, slope: Array, factor: float, others: dict[int, float], label: str) -> None:
-            values.append(value)
-            labels.extend([label] * value.size)
-            if slopes:
-                row = np.zeros((value.size, self.size))
-                row[:, :n] = factor * slope
-                for column, share in others.items():
-                    row[:, column] = share
-                rows.append(row)
-
-        signs = signs_of(self.problem)
-        for i, name in enumerate(self.aims):
-            width, offset, t = self.scale.width[i], self.scale.offset[i], vector[self.at_aims + i]
-            for part, slope, floor, share in self._upper(name, parts[name], tangents[name]):
-                level = part - (vector[floor] * share if floor is not None else 0.0)
-                others = {self.at_aims + i: 1.0}
-                if floor is not None:
-                    others[floor] = share * signs[i] / width
-                add(t - (signs[i] * level - offset) / width, slope, -signs[i] / width, others, f"aim {name}")
-            if self.reference is not None:
-                add(np.array([vector[-1] - t + self.reference[i]]), np.zeros((1, n)), 0.0,
-                    {self.size - 1: 1.0, self.at_aims + i: -1.0}, f"reference {name}")  # fmt: skip
-        for (name, k), i in self.floors.items():
-            share = self.floor_scale[name]
-            lower = parts[name][2 * k + 1]
-            add(lower / share - vector[self.at_floors + i], tangents[name][2 * k + 1], 1.0 / share,
-                {self.at_floors + i: -1.0}, f"floor {name}")  # fmt: skip
-        for limit in self.problem.limits:
-            if limit.kind == EQUAL:
-                continue
-            sign, size = (1.0 if limit.kind == MOST else -1.0), limit_scale(limit.value)
-            for part, slope, floor, share in self._upper(
-                limit.response, parts[limit.response], tangents[limit.response]
-            ):
-                level = part - (vector[floor] * share if floor is not None else 0.0)
-                others = {self.size - 1: 1.0} if self.relaxed else {}
-                if floor is not None:
-                    others[floor] = sign * share / size
-                slack = vector[-1] if self.relaxed else 0.0
-                add(sign * (limit.value - level) / size + slack, slope, -sign / size, others, f"limit {limit.text}")
-        rules = self.problem.shape_rules()
-        add(rules @ variables, rules, 1.0, {}, "shape")
-        return values, rows, labels
-
-    def _upper(self, name: str, parts: tuple[Array, ...], tangents: tuple[Array, ...]):  # type: ignore[no-untyped-def]
-        """Yield the values that a level bounds, their slopes, and the column and scale of their floor."""
-        if RESPONSES[name].extreme != "range":
-            yield parts[0], tangents[0], None, 0.0
-            return
-        for k in range(len(parts) // 2):
-            yield parts[2 * k], tangents[2 * k], self.at_floors + self.floors[name, k], self.floor_scale[name]
-
-    def equalities(self, vector: Array, slopes: bool) -> Array:
-        """Return what has to be 0: the limits of kind ``equal``, values or rows."""
-        variables = np.ascontiguousarray(vector[: self.problem.size])
-        found = []
-        for limit in self.problem.limits:
-            if limit.kind != EQUAL:
-                continue
-            size = limit_scale(limit.value)
-            if slopes:
-                row = np.zeros((1, self.size))
-                row[:, : self.problem.size] = self.problem.slopes(variables)[limit.response][0] / size
-                found.append(row)
-            else:
-                found.append((self.problem.values(variables).parts[limit.response][0] - limit.value) / size)
-        return np.concatenate(found) if found else np.zeros((0, self.size) if slopes else 0)
-
-    def objective(self) -> Array:
-        """Return the gradient of the objective, which is linear."""
-        gradient = np.zeros(self.size)
-        gradient[self.at_aims : self.at_floors] = AUGMENT
-        if self.reference is not None or self.relaxed:
-            gradient[-1] = 1.0
-        return gradient
-
-    def first(self, variables: Array) -> Array:
-        """Return the vector of some variables, everything else where it just fits."""
-        vector = np.zeros(self.size)
-        vector[: self.problem.size] = variables
-        parts = self.problem.values(variables).parts
-        for (name, k), i in self.floors.items():
-            vector[self.at_floors + i] = np.min(parts[name][2 * k + 1]) / self.floor_scale[name]
-        if self.aims:
-            vector[self.at_aims : self.at_floors] = scaled_aims(self.problem, self.scale, variables)
-        if self.reference is not None:
-            vector[-1] = np.max(vector[self.at_aims : self.at_floors] - self.reference)
-        if self.relaxed:
-            vector[-1] = max(violation(self.problem, variables), 0.0)
-        return vector
-
-    def bounds(self) -> list[tuple[float | None, float | None]]:
-        """Return the bounds of the vector."""
-        free: list[tuple[float | None, float | None]] = [(0.0, 1.0)] * self.problem.size
-        rest: list[tuple[float | None, float | None]] = [(None, None)] * (self.size - self.problem.size - 1)
-        return [*free, *rest, (0.0, None) if self.relaxed else (None, None)]
-
-
-def scaled_aims(problem: Problem, scale: Scale, variables: Array) -> Array:
-    """Return the aims of a design, 0 to 1 between ideal and worst."""
-    design = problem.evaluated(variables)
-    values = np.array([RESPONSES[name].value(design) for name in problem.task.aims])
-    return (signs_of(problem) * values - scale.offset) / scale.width
-
-
-def violation(problem: Problem, variables: Array) -> float:
-    """Return the greatest scaled violation of any limit, 0 where all are kept."""
-    design = problem.evaluated(variables)
-    worst = 0.0
-    for limit in problem.limits:
-        over = (RESPONSES[limit.response].value(design) - limit.value) / limit_scale(limit.value)
-        worst = max(worst, abs(over) if limit.kind == EQUAL else over if limit.kind == MOST else -over)
-    return worst
 
 
 def solve(

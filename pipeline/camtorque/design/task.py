@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.design.fitted import fitted_friction
 from camtorque.design.loads import Load
 from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
@@ -98,6 +99,8 @@ def read_task(path: Path | str) -> Task:
     if top["schema"] != DESIGN_SCHEMA:
         raise Refusal(f"{root.where('schema')}: found {values['schema']!r:.80}, expected {DESIGN_SCHEMA!r}")
     config, _ = read_pump(top["pump"])
+    if top["fit"] is not None:
+        config = replace(config, friction=fitted_friction(top["fit"], config))
     lift, free = root.table("lift", optional=True), root.table("free", optional=True)
     shape = _read(lift, LIFT, "law")
     fixed = _lobe_values(config, lift, shape, free)
@@ -295,7 +298,9 @@ def _checked(task: Task) -> Task:
         )
     rough = {"friction_work_j"} & {*task.aims, *(limit.response for limit in task.limits)}
     if rough and not any(task.config.friction):
-        raise Refusal(f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it")
+        raise Refusal(
+            f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it, or name a fit"
+        )
     if not task.variables and not any(family.size for family in task.families):
         raise Refusal(f"{task.path} [free]: nothing is free, expected bounds of at least one quantity")
     if np.isfinite(task.config.shaft_stiffness):

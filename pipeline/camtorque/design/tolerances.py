@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.problem import Problem
+from camtorque.design.programme import limit_scale
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
-from camtorque.design.solver import limit_scale
 from camtorque.records import Array
 
 POINTS = 720

@@ -94,6 +94,13 @@ def fly(
     return Airborne(flights, gap[::SUBSTEPS] > 0.0, gap[::SUBSTEPS].copy())
 
 
+def flights_at(
+    pump: PumpData, law: CamLaw, theta: Array, pressure: Array, speed: float, mounting: Mounting
+) -> tuple[Flight, ...]:
+    """Return the flights at a constant speed [rad/s]; see `fly`."""
+    return fly(pump, law, theta, pressure, (np.full(theta.size, speed), np.zeros(theta.size)), mounting).flights
+
+
 def _surest(force: Array) -> int:
     """Return the point at the end of the longest stretch on which the cam carries: a follower lands before it."""
     pulled = np.flatnonzero(force < 0.0)

@@ -13,12 +13,12 @@ from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
-from camtorque.mechanism.flight import Flight, fly
-from camtorque.mechanism.friction import Friction, jamming_friction
+from camtorque.mechanism.flight import flights_at
+from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
-from camtorque.mechanism.outliers import outlying_points
+from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings, table_findings
 from camtorque.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
@@ -27,8 +27,6 @@ from camtorque.records import Array, Finding, Refusal, RigidTorque, freeze_array
 from camtorque.units import BAR, DEGREE, RPM
 
 SAMPLES = 3600
-WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
-"""Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
 KEPT = 720
 """So many samples of a curve go into the document, at least where there are as many."""
 
@@ -122,9 +120,7 @@ def predict(
     ------
     Refusal : no speed, a speed that is not positive, a cam that cannot be built, friction with a frictionless method
     """
-    speed = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
-    if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
-        raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
+    speed = _positive(speeds)
     law, mounting = cam_of(config, lift_method), mounting_of(config)
     theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
     friction = Friction(*config.friction)
@@ -142,10 +138,9 @@ def predict(
         for pump, value in zip(pumps, speed, strict=True)
     ])  # fmt: skip
     flights = tuple(
-        fly(config.pump, law, theta, own, (np.full(theta.size, value), np.zeros(theta.size)), mounting).flights
-        if pump.contact_lost else ()
+        flights_at(config.pump, law, theta, own, value, mounting) if pump.contact_lost else ()
         for pump, value in zip(pumps, speed, strict=True)
-    )  # fmt: skip
+    )
     roller = assumed_roller(config.pump)
     return Prediction(
         theta=theta,
@@ -159,12 +154,20 @@ def predict(
         flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation),
         roller=roller,
         findings=(
-            *_table_findings(config),
-            *_curve_findings(pressure),
-            *_findings(tables.kinematics, law, roller, pressure is None),
-            *_flight_findings(flights, speed),
+            *table_findings(config),
+            *curve_findings(pressure),
+            *cam_findings(tables.kinematics, law, roller, pressure is None),
+            *flight_findings(flights, speed),
         ),
     )
+
+
+def _positive(speeds: Sequence[float] | Array) -> Array:
+    """Return the speeds as an array; refuses none, and one that is not positive."""
+    speed = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
+    if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
+        raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
+    return speed
 
 
 def _shaft_torque(config: PumpConfig, units: list[PumpUnit], load: Array, speed: float, method: str) -> Array:
@@ -187,78 +190,6 @@ def _flown_torque(config: PumpConfig, pump: RigidTorque, speed: float) -> Array:
         )
     local = pump.theta[None, :] - np.array(config.phases)[:, None]
     return np.asarray(np.interp(local, pump.theta, pump.torque, period=TURN).sum(axis=0), dtype=np.float64)
-
-
-def _table_findings(config: PumpConfig) -> tuple[Finding, ...]:
-    """Return a warning for single points of the lift table that stick out: no smoothing would take them for wrong."""
-    found = outlying_points(config.cam_table) if config.cam_table is not None else ()
-    if config.cam_table is None or not len(found):
-        return ()
-    where = ", ".join(f"{np.rad2deg(config.cam_table.theta[k]):g}" for k in found[:5])
-    text = f"{len(found)} point(s) of the lift table stick out of their neighbours, at {where} deg; measure them again"
-    return (Finding("lift_outlier", "warning", text, f"{where} deg"),)
-
-
-def _curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
-    """Return a warning where a pressure curve jumps between distant points: what lies between is not known."""
-    if curve is None or np.ptp(curve.pressure) == 0.0:
-        return ()
-    gap = np.diff(np.append(curve.theta, curve.theta[0] + TURN))
-    step = np.abs(np.diff(np.append(curve.pressure, curve.pressure[0]))) / np.ptp(curve.pressure)
-    blind = (gap > WIDEST_GAP) & (step > LARGEST_STEP)
-    if not blind.any():
-        return ()
-    worst = int(np.argmax(np.where(blind, step, 0.0)))
-    where = f"{curve.theta[worst] / DEGREE:g} deg"
-    text = (
-        f"the pressure curve has {curve.theta.size} points and changes by {100.0 * step[worst]:.0f} % of its swing "
-        f"within {gap[worst] / DEGREE:.0f} degrees without a point between: a monotone cubic is put there; give more "
-        "points"
-    )
-    return (Finding("pressure_curve_coarse", "warning", text, where),)
-
-
-def _flight_findings(flights: tuple[tuple[Flight, ...], ...], speeds: Array) -> tuple[Finding, ...]:
-    """Return a warning for each speed at which the follower flies, with its landing."""
-    found = []
-    for rows, speed in zip(flights, speeds, strict=True):
-        for row in rows:
-            text = (
-                f"the follower leaves the cam at {np.mod(row.start, TURN) / DEGREE:.1f} deg and lands at "
-                f"{np.mod(row.landing, TURN) / DEGREE:.1f} deg with {row.speed:.2g} m/s, an impulse of "
-                f"{row.impulse:.2g} N s that the curves do not show"
-            )
-            found.append(Finding("contact_lost", "warning", text, f"{speed / RPM:.0f} rpm"))
-    return tuple(found)
-
-
-def _findings(path: Kinematics, law: CamLaw, roller: Roller, dry: bool) -> tuple[Finding, ...]:
-    """Return what the designer has to know."""
-    found = []
-    if dry:
-        found.append(Finding("no_pressure", "warning", "no pressure was given: spring and inertia only"))
-    if roller.assumed:
-        text = f"roller assumed to be a solid steel disk: {roller.mass:.4g} kg, {roller.inertia:.3g} kg m^2"
-        found.append(Finding("roller_assumed", "info", text))
-    flanks = (
-        ("undercut", "error", "the roller is too large: no cam can drive this lift", path.undercut),
-        ("concave_flank", "info", "the cam is hollow on its flank: check the grinding wheel", path.concave),
-    )
-    for code, severity, text, mask in flanks:
-        if np.any(mask):
-            found.append(Finding(code, severity, text, f"{np.rad2deg(path.theta[mask][0]):.1f} deg"))
-    steepest = int(np.argmax(np.abs(path.tan_pressure_angle)))
-    steep = abs(float(path.tan_pressure_angle[steepest]))
-    if steep > 1.0:
-        limit, _ = jamming_friction(path)
-        text = (
-            f"the pressure angle reaches {np.degrees(np.arctan(steep)):.1f} degrees: the side force on the guide is "
-            f"{steep:.2g} times the force along it; a guide friction of {limit:.2g} jams the follower on its rise"
-        )
-        found.append(Finding("steep_flank", "warning", text, f"{np.rad2deg(path.theta[steepest]):.1f} deg"))
-    if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
-        found.append(Finding("acceleration_jump", "warning", "the acceleration of the lift jumps: shocks at speed"))
-    return tuple(found)
 
 
 def sweep_rows(prediction: Prediction) -> list[dict[str, Any]]:

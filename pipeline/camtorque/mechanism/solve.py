@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from camtorque.config import PumpData
@@ -77,10 +78,7 @@ def solve_rigid(
         if flown:
             motion = (run.speed, run.acceleration)
             lost = lost | fly(pump, law, tables.theta, run.pressure[0], motion, mounting).mask
-        kept = {name: np.where(lost, 0.0, values) for name, values in causes.items() if name != "inertia_cam"}
-        causes = {name: kept.get(name, values) for name, values in causes.items()}
-        outputs["torque"] = np.where(lost, causes["inertia_cam"] if flown else np.nan, outputs["torque"])
-        outputs["contact_normal"] = np.where(lost, 0.0, outputs["contact_normal"])
+        causes = _without_contact(causes, outputs, lost, flown)
     return RigidTorque(
         theta=tables.theta,
         torque=outputs["torque"],
@@ -91,6 +89,17 @@ def solve_rigid(
         lift_acceleration=tables.kinematics.acceleration,
         contact_lost=bool(np.any(lost)),
     )
+
+
+def _without_contact(
+    causes: Mapping[str, Array], outputs: dict[str, Array], lost: NDArray[np.bool_], flown: bool
+) -> dict[str, Array]:
+    """Return the causes, nothing but the cam's own inertia where contact is lost; writes torque and contact force."""
+    kept = {name: np.where(lost, 0.0, values) for name, values in causes.items()}
+    kept["inertia_cam"] = causes["inertia_cam"]
+    outputs["torque"] = np.where(lost, causes["inertia_cam"] if flown else np.nan, outputs["torque"])
+    outputs["contact_normal"] = np.where(lost, 0.0, outputs["contact_normal"])
+    return kept
 
 
 def forces_of(

@@ -1,0 +1,48 @@
+"""The friction of a pump as a fit found it: result.json of a run -> coefficients for the design."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from camtorque.config_pump import PumpConfig
+from camtorque.records import Refusal
+
+FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
+NAMES = ("guide_friction", "bearing_arm", "pin_arm")
+SCHEMA = "camtorque.result/"
+
+
+def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float]:
+    """Return guide coefficient, bearing and pin arm [-, m, m] of a fit of the same pump.
+
+    Raises
+    ------
+    Refusal : not the result of a run, of another pump, or a pump file without an id to compare
+    """
+    document = _read(path)
+    here = str(tomllib.loads(config.text).get("pump", {}).get("id", ""))
+    there = str(document["recording"].get("pump", ""))
+    if not here or here != there:
+        raise Refusal(
+            f"{path}: is a fit of the pump {there!r}, expected that of {config.path}, whose id is {here!r}; name the "
+            "fit of this pump, or give it the same id where it is the same"
+        )
+    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in NAMES]
+    guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
+    return guide, bearing, pin
+
+
+def _read(path: Path) -> Any:
+    """Return the document of a run."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise Refusal(f"{path}: cannot be read ({error.strerror}); expected the result.json of a run") from error
+    except ValueError as error:
+        raise Refusal(f"{path}: is no JSON; expected the result.json of a run") from error
+    if not isinstance(document, dict) or not str(document.get("schema", "")).startswith(SCHEMA):
+        raise Refusal(f"{path}: has no schema {SCHEMA}1; expected the result.json of a run")
+    return document
