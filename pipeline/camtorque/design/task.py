@@ -299,7 +299,7 @@ def _checked(task: Task) -> Task:
     rough = {"friction_work_j"} & {*task.aims, *(limit.response for limit in task.limits)}
     if rough and not any(task.config.friction):
         raise Refusal(
-            f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it, or name a fit"
+            f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it or name a fit"
         )
     if not task.variables and not any(family.size for family in task.families):
         raise Refusal(f"{task.path} [free]: nothing is free, expected bounds of at least one quantity")
