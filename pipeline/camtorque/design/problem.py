@@ -19,8 +19,8 @@ from camtorque.records import Array, freeze_arrays
 
 STEP = 1.0e-6
 """Step of the forward differences, of the width of the bounds: truncation and rounding both below 1e-5."""
-LEAST_RADIUS, LARGEST_LOBE = 0.05, 359.0
-"""Always asked for: no undercut [mm], and a rest on the base circle [deg]."""
+LEAST_RADIUS, LARGEST_LOBE, LARGEST_JAM = 0.05, 359.0, 0.9
+"""Always asked for: no undercut [mm], a rest on the base circle [deg], mu tan(phi) of the guide short of jamming."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,10 @@ class Problem:
             Limit("contact_force_n", "least", 0.0),
             Limit("lobe_angle_deg", "most", LARGEST_LOBE),
         )
+        guide = self.task.config.friction[0]
+        if guide > 0.0:
+            steepest = float(np.rad2deg(np.arctan(LARGEST_JAM / guide)))
+            always = (*always, Limit("pressure_angle_rise_deg", "most", steepest))
         return (*self.task.limits, *(limit for limit in always if limit.response not in own))
 
     def start(self) -> Array:

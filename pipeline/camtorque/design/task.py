@@ -289,6 +289,22 @@ def _tolerances(table: Table) -> Tolerances:
     return Tolerances(**widths, samples=values["samples"])
 
 
+def _offset_fits(task: Task) -> None:
+    """Refuse bounds within which the follower axis could pass beside the cam."""
+    bounds = {variable.name: (variable.low, variable.high) for variable in task.variables}
+
+    def bound(name: str, end: int) -> float:
+        return bounds[name][end] if name in bounds else task.fixed[name]
+
+    least = bound("base_circle_radius_mm", 0) + bound("roller_radius_mm", 0)
+    largest = max(abs(bound("follower_offset_mm", end)) for end in (0, 1))
+    if largest >= least:
+        raise Refusal(
+            f"{task.path} [free] follower_offset_mm: reaches {largest:g} mm, but base circle and roller may be as "
+            f"small as {least:g} mm together, expected less than that; narrow the bounds"
+        )
+
+
 def _checked(task: Task) -> Task:
     """Return the task, or refuse what cannot be asked of it."""
     if task.choose not in (KNEE, *task.aims):
@@ -296,6 +312,7 @@ def _checked(task: Task) -> Task:
             f"{task.path} [answer] choose: found {task.choose!r}, expected {KNEE!r} or one of the aims "
             f"({', '.join(task.aims)})"
         )
+    _offset_fits(task)
     rough = {"friction_work_j"} & {*task.aims, *(limit.response for limit in task.limits)}
     if rough and not any(task.config.friction):
         raise Refusal(
