@@ -79,6 +79,8 @@ def _without_bounces(time: Array, pulse_width: float) -> tuple[Array, int]:
         return time, 0
     gaps = np.diff(time)
     shortest = BOUNCE_PERIODS * np.median(gaps[gaps >= 0.5 * np.percentile(gaps, 75)])
+    if gaps.min() >= shortest:
+        return time, 0
     keep = np.ones(time.size, dtype=bool)
     last = time[0]
     for i in range(1, time.size):
@@ -112,18 +114,17 @@ def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
     # Only a gap clearly longer than its surroundings can hold a missed pulse.
     for i in np.flatnonzero(gaps > 1.4 * _local_period(time)).tolist() if gaps.size else ():
         n_periods[i], broken[i] = _periods_in_gap(gaps, i)
-    out_time, step, repaired, out_broken = [time[0]], [0], [False], [False]
-    for i, n in enumerate(n_periods.tolist()):
-        inserted = 0 if broken[i] else n - 1
-        for k in range(1, inserted + 1):
-            out_time.append(time[i] + k * gaps[i] / n)
-            step.append(step[-1] + 1)
-            repaired.append(True)
-            out_broken.append(False)
-        out_time.append(time[i + 1])
-        step.append(step[-1] + (n - inserted))
-        repaired.append(False)
-        out_broken.append(bool(broken[i]))
+    inserted = np.where(broken, 0, n_periods - 1)
+    # each pulse is followed by those that are put in before the next one
+    within = np.arange(inserted.sum() + time.size) - np.repeat(
+        np.r_[0, np.cumsum(inserted + 1)], np.r_[inserted + 1, 1]
+    )
+    which = np.repeat(np.arange(time.size), np.r_[inserted + 1, 1])
+    part = np.r_[gaps / n_periods, 0.0]
+    out_time = time[which] + within * part[which]
+    step = np.r_[0, np.cumsum(n_periods)][which] + within
+    repaired = within > 0
+    out_broken = np.r_[False, broken][which] & ~repaired
     single = np.diff(gaps[n_periods == 1])
     scatter = 1.4826 * np.median(np.abs(single)) / np.sqrt(2.0) / np.median(gaps) if single.size else 1.0
     counts = {
@@ -132,9 +133,7 @@ def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
         "missed": int(np.sum(repaired)),
         "gaps": int(np.sum(broken)),
     }
-    return PulseTrain(
-        np.array(out_time), np.array(step), np.array(repaired), np.array(out_broken), float(scatter), counts
-    )
+    return PulseTrain(out_time, step, repaired, out_broken, float(scatter), counts)
 
 
 def _periods_in_gap(gaps: Array, i: int) -> tuple[int, bool]:

@@ -19,6 +19,8 @@ Mask = NDArray[np.bool_]
 
 SAMPLED_CYCLES = 41
 """The robust mean cycle is taken over at most this many cycles, spread evenly."""
+POINT_DEG = 0.4
+"""Distance of the points at which cycles are compared: an outlier is no matter of a tenth of a degree."""
 CLIPPED_SAMPLES = 3
 """Samples at the end of the output range that make a cycle clipped: one or two may be a disturbance."""
 FROZEN_DEGREES = 3.0
@@ -166,17 +168,18 @@ def spread_choice(flags: Mask, most: int) -> NDArray[np.int64]:
 
 
 def _distance(rows: Array, normal: Mask) -> Array:
-    """Return the RMS distance of each cycle from the median cycle."""
-    return _rms_distances(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES)], axis=0))
+    """Return the RMS distance of each cycle from the median cycle, at points that lie `POINT_DEG` apart."""
+    stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
+    return _rms_distances(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES), ::stride], axis=0), stride)
 
 
 @numba.njit(cache=True, nogil=True)
-def _rms_distances(rows: Array, centre: Array) -> Array:
+def _rms_distances(rows: Array, centre: Array, stride: int) -> Array:
     out = np.empty(rows.shape[0])
     for m in range(rows.shape[0]):
         total = 0.0
         for k in range(centre.size):
-            total += (rows[m, k] - centre[k]) ** 2
+            total += (rows[m, k * stride] - centre[k]) ** 2
         out[m] = np.sqrt(total / centre.size)
     return out
 

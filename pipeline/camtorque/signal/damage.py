@@ -18,7 +18,7 @@ that is flat only for want of resolution falls by eight."""
 
 
 NO_VOLTAGE = 1.0e10
-"""No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd samples are missing."""
+"""No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd ones are missing."""
 
 
 @numba.njit(cache=True, nogil=True)

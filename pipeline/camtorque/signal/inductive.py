@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.records import Array, Channel, Refusal
+from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.levels import without_missing
 from camtorque.signal.logger_time import sample_times
@@ -81,7 +82,7 @@ def _level_and_noise(channel: Channel) -> tuple[float, float]:
     """Return the rest level (the mean of a derivative is zero) and the noise from third differences [V]."""
     pieces = np.linspace(0, max(0, channel.n_samples - 4096), 64).astype(int)
     parts = [channel.read_volts(first, min(first + 4096, channel.n_samples)) for first in np.unique(pieces)]
-    parts = [part[np.abs(part) < 1e6] for part in parts]
+    parts = [part[np.abs(part) < NO_VOLTAGE] for part in parts]
     third = [float(np.median(np.abs(np.diff(part, 3)))) for part in parts if part.size > 8]
     # the quietest tenth: third differences of a wave that is sampled coarsely are no noise
     noise = 1.4826 / np.sqrt(20.0) * float(np.percentile(third, 10)) if third else 0.0
