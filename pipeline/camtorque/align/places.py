@@ -32,6 +32,8 @@ RIPPLE_STD = (1.0e-2, np.log(30.0))
 """Before the data: first harmonic of the angle of 0.6 degrees, give or take a factor of thirty [rad]."""
 FREE_TOOTH = 0.1
 """Standard deviation of the teeth beside a gap of an inductive wheel, whose wave the gap bends: six degrees [rad]."""
+COMMON_SHIFT = 0.03
+"""Of all teeth together, which the pattern leaves open: two degrees are more than any mean of teeth [rad]."""
 SIZES = (-6.0, 0.5)
 """Decades of both sizes that are tried [rad]."""
 OWN_SIZES = np.array([1.0e-4, 1.0e-3, 1.0e-2, 1.0e-1])
@@ -108,7 +110,7 @@ def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:
     place, coefficient = _mixture(pattern, sizes)
     everywhere = np.arange(n) % pattern.free.size
     return Places(
-        place.mean[everywhere], np.sqrt(np.diag(place.covariance))[everywhere], pattern.orders, coefficient.mean,
+        place.mean[everywhere], place.std[everywhere], pattern.orders, coefficient.mean,
         coefficient.covariance, sizes.tooth, scatter, turns,
     )  # fmt: skip
 
@@ -119,6 +121,11 @@ class _Normal:
 
     mean: Array
     covariance: Array
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -215,7 +222,7 @@ def _turns(train: PulseTrain, n: int) -> tuple[Array, NDArray[np.int64]]:
 
 def _marginal(pattern: _Pattern, sizes: _Sizes) -> Array:
     """Return the covariance of the pattern; a common shift of all teeth is left open."""
-    covariance = sizes.tooth**2 * pattern.teeth_covariance + 1.0
+    covariance = sizes.tooth**2 * pattern.teeth_covariance + COMMON_SHIFT**2
     covariance += (pattern.waves * sizes.waves(pattern.orders)) @ pattern.waves.T
     free = pattern.which @ np.where(pattern.free, FREE_TOOTH, 0.0)
     covariance[np.diag_indices_from(covariance)] += pattern.variance + free**2
