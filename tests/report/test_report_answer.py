@@ -12,7 +12,7 @@ import pytest
 from camtorque.limits import Limit
 from camtorque.records import Refusal
 from camtorque.report import write_pdf, write_run
-from camtorque.report.answer import answer, cards, verdict
+from camtorque.report.answer import answer, cards, missed_limits, shape_text, verdict
 from camtorque.report.document import result_document
 from camtorque.report.texts import budget_rows, parameter_groups
 from report_cases import NASTY, parameter, run_result
@@ -122,3 +122,24 @@ def test_without_weasyprint_a_pdf_is_refused(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setitem(sys.modules, "weasyprint", None)
     with pytest.raises(Refusal, match=r"--pdf: WeasyPrint cannot be used .* pip install 'camtorque\[pdf\]'"):
         write_pdf(tmp_path / "report.html")
+
+
+def test_only_the_limits_that_are_missed_are_named() -> None:
+    held = {"rms_percent_of_peak": 0.62, "forward_gap_percent": -0.055, "return_min_measured_nm": -17.9,
+            "return_min_model_nm": -17.6}  # fmt: skip
+    assert missed_limits(held) == ["residual 0.62 %, at most 0.35 % expected"]
+    assert missed_limits({**held, "rms_percent_of_peak": None}) == ["residual – %, at most 0.35 % expected"]
+    assert missed_limits({**held, "rms_percent_of_peak": 0.1}) == []
+
+
+def test_held_out_cycles_test_the_noise_only_where_the_residual_is_noise() -> None:
+    accuracy = {"shape_residual_percent": 0.05, "repeatability_percent": 0.04}
+    assert "test the noise" in shape_text(accuracy)
+    assert shape_text({**accuracy, "shape_residual_percent": 0.4}).endswith("10 times what the cycles repeat (0.04 %).")
+
+
+def test_bumps_of_an_explained_run_are_named() -> None:
+    result = run_result()
+    bumps = run_result(explained=False).fitted.bumps
+    doc = result_document(replace(result, fitted=replace(result.fitted, bumps=bumps)))
+    assert "It stands out at 40 to 52 deg (end of delivery" in answer(doc)[2]["text"]

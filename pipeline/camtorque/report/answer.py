@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,8 @@ from camtorque.report.numbers import MINUS, fixed, near, num, plus_minus, signed
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 """What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
+ABOVE_NOISE = 2.0
+"""A residual above so many times the repeatability is a shape, not noise."""
 LIKELY = 0.05
 """An alternative this probable is named in the answer."""
 Document = Mapping[str, Any]
@@ -19,37 +22,49 @@ def verdict(doc: Document) -> dict[str, Any]:
     held, rigid = doc["metrics"]["fitted_held_out_cycles"], doc["metrics"]["rigid"]
     if not doc["explained"]:
         return {"level": "unexplained", "head": "UNEXPLAINED", "text": unexplained_text(doc)}
-    distance = abs(held["return_min_measured_nm"] - held["return_min_model_nm"])
-    good = (
-        held["rms_percent_of_peak"] <= GOOD_RMS_PERCENT
-        and abs(held["forward_gap_percent"]) <= GOOD_GAP_PERCENT
-        and distance <= GOOD_RETURN_NM
-    )
     text = (
         f"{num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, where the "
         f"rigid model is off by {num(rigid['rms_percent_of_peak'], 2)} %."
     )
-    if not good:
-        text += (
-            f" That is more than expected: forward gap {signed(held['forward_gap_percent'])} %, return minimum off by "
-            f"{num(distance, 2)} N m. Look at the residual before using the values."
-        )
-    return {"level": "good" if good else "look", "head": "Explained" if good else "Look closer", "text": text}
+    missed = missed_limits(held)
+    if missed:
+        text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
+    return {"level": "look" if missed else "good", "head": "Look closer" if missed else "Explained", "text": text}
+
+
+def missed_limits(held: Document) -> list[str]:
+    """Return which limits of a good fit the held-out cycles miss, in words."""
+    known = {key: math.nan if value is None else value for key, value in held.items()}
+    distance = abs(known["return_min_measured_nm"] - known["return_min_model_nm"])
+    checks = (
+        (known["rms_percent_of_peak"], GOOD_RMS_PERCENT, "residual", "%"),
+        (abs(known["forward_gap_percent"]), GOOD_GAP_PERCENT, "forward gap", "%"),
+        (distance, GOOD_RETURN_NM, "return minimum off by", "N m"),
+    )
+    return [
+        f"{name} {num(value, 2)} {unit}, at most {limit:g} {unit} expected"
+        for value, limit, name, unit in checks
+        if not value <= limit
+    ]
+
+
+def bump_places(doc: Document) -> str:
+    """Return where the residual stands out, in words, empty where it does not."""
+    return "; ".join(
+        f"{fixed(bump['start_deg'], 0)} to {fixed(bump['stop_deg'], 0)} deg ({bump['phase']}): up to "
+        f"{signed(bump['peak_nm'])} N m, {num(bump['times_repeatability'], 2)} times what the cycles repeat"
+        for bump in doc["bumps"]
+    )
 
 
 def unexplained_text(doc: Document) -> str:
     """Return where the model fails, and what follows for every value on the page."""
-    places = [
-        f"{fixed(bump['start_deg'], 0)} to {fixed(bump['stop_deg'], 0)} deg ({bump['phase']}): up to "
-        f"{signed(bump['peak_nm'])} N m, {num(bump['times_repeatability'], 2)} times what the cycles repeat"
-        for bump in doc["bumps"]
-    ]
-    held, accuracy = doc["metrics"]["fitted_held_out_cycles"], doc["accuracy"]
+    held, accuracy, places = doc["metrics"]["fitted_held_out_cycles"], doc["accuracy"], bump_places(doc)
     start = (
         f"the best model stays {num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the cycles repeat "
         f"to {num(accuracy['repeatability_percent'], 2)} %. "
     )
-    where = f"It fails at {'; '.join(places)}. " if places else "The misfit is spread over the revolution. "
+    where = f"It fails at {places}. " if places else "The misfit is spread over the revolution. "
     return (
         start + where + "Something acts there that is not in the model. The values below are the best of an incomplete "
         "model: none of their intervals can be relied on."
@@ -69,7 +84,7 @@ def answer(doc: Document) -> list[dict[str, str]]:
 def gap_size(doc: Document) -> str:
     """Return how far the measurement is from the rigid model on both strokes."""
     rigid = doc["metrics"]["rigid"]
-    gap = rigid["forward_gap_percent"]
+    gap = math.nan if rigid["forward_gap_percent"] is None else rigid["forward_gap_percent"]
     side = "above" if gap >= 0.0 else "below"
     return (
         f"The measured torque lies {num(abs(gap))} % {side} the rigid model on the loaded forward stroke. On the "
@@ -96,11 +111,9 @@ def closing_text(doc: Document) -> str:
 def sureness_text(doc: Document) -> str:
     """Return shape of the residual, repeatability and absolute uncertainty apart, and what the data told at all."""
     accuracy, rows = doc["accuracy"], [row for row in doc["parameters"].values() if row["role"] != "assumed"]
-    text = (
-        f"Shape: the residual is {num(accuracy['shape_residual_percent'], 2)} % of the peak on cycles that were not "
-        f"fitted; these repeat the fitted ones to {num(accuracy['repeatability_percent'], 2)} %, so they test the "
-        f"noise rather than the model."
-    )
+    text = shape_text(accuracy)
+    if doc["bumps"] and doc["explained"]:
+        text += f" It stands out at {bump_places(doc)}."
     if accuracy["block_cv_rms_percent"] is not None:
         text += f" Stretches of the angle left out of the fit: {num(accuracy['block_cv_rms_percent'], 2)} %."
     if accuracy["absolute_uncertainty_percent"] is not None:
@@ -114,6 +127,15 @@ def sureness_text(doc: Document) -> str:
         f"stand as the sheet or the literature had them."
     )
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
+
+
+def shape_text(accuracy: Document) -> str:
+    """Return the residual on held-out cycles beside what the cycles repeat."""
+    shape, repeat = accuracy["shape_residual_percent"], accuracy["repeatability_percent"]
+    text = f"Shape: the residual is {num(shape, 2)} % of the peak on cycles that were not fitted"
+    if repeat and shape > ABOVE_NOISE * repeat:
+        return f"{text}, {num(shape / repeat, 2)} times what the cycles repeat ({num(repeat, 2)} %)."
+    return f"{text}; these repeat the fitted ones to {num(repeat, 2)} %, so they test the noise rather than the model."
 
 
 def alternatives_text(doc: Document) -> str:
