@@ -7,10 +7,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from camtorque.ingest import csv_log, mf4, read_recording
+from camtorque.ingest import csv_log, mf4, read_recording, tdms
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.csv_log import Damage, parse_block
 from camtorque.ingest.formats import FORMATS
+from camtorque.ingest.raw import FileSource
 from camtorque.records import Recording, Refusal
 from damaged.build import MAT, PLANS, log_file
 from damaged.logs import (
@@ -26,6 +27,7 @@ from damaged.logs import (
 )
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from nptdms import TdmsFile
 
 LOG = clean_log(revolutions=6.0, start=0.0321)
 TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0, "xlsx": 1e-15}
@@ -308,3 +310,17 @@ def test_every_format_lists_its_channels_with_rate_and_unit(tmp_path: Path, name
         assert item.unit in ("V", "") if name == "mat" else item.unit == "V"
         assert np.max(np.abs(item.source.read(0, item.n_samples) - LOG.volts[quantity])) <= TOLERANCE[name]
     assert not {"Time", "t"} & set(found)
+
+
+@pytest.mark.parametrize("segments", [1, 3])
+def test_the_segment_table_of_nptdms_still_tells_where_the_samples_lie(tmp_path: Path, segments: int):
+    # The reader takes the places from attributes that npTDMS does not document; a version that changes them fails here.
+    file = tmp_path / "log.tdms"
+    write_tdms(file, LOG, segments=segments)
+    with TdmsFile.open(file) as opened:
+        for group in opened.groups():
+            for channel in group.channels():
+                pieces = tdms._pieces(opened, channel.path)
+                assert pieces is not None
+                assert len(pieces) == segments
+                assert np.array_equal(FileSource(file, pieces).read(0, 10**9), channel[:])

@@ -15,6 +15,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import with_times
+from camtorque.ingest.hdf5_heaps import check_heaps
 from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import agreed_rate, time_base
 from camtorque.ingest.zlib_check import refuse_bomb
@@ -31,6 +32,7 @@ STAMP_NAMES = ("start_time", "wf_start_time", "date_time")
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an HDF5 file in slices."""
+    check_heaps(path)
     channels, findings = [], []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
         for spec in specs:
@@ -43,6 +45,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the data sets that hold one number per sample, rates as their attributes or times say."""
+    check_heaps(path)
     found: list[FileChannel] = []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
         names: list[str] = []
@@ -129,6 +132,34 @@ def _refuse_unstored(path: Path, data: h5py.Dataset) -> None:
     if declared and not stored:
         raise Refusal(f"{path}: data set {data.name} declares {data.size} samples, the file stores none of them")
     refuse_bomb(declared, stored, f"{path}: data set {data.name}")
+    if data.chunks is not None and declared:
+        _check_chunks(path, data)
+
+
+def _check_chunks(path: Path, data: h5py.Dataset) -> None:
+    """Refuse chunks that are missing, stand twice or lie outside the file: the library would read beyond its memory."""
+    size, seen = path.stat().st_size, set()
+
+    def look(chunk: Any) -> None:
+        inside = chunk.byte_offset > 0 and chunk.size > 0 and chunk.byte_offset + chunk.size <= size
+        if (
+            not inside
+            or chunk.chunk_offset in seen
+            or any(a % b for a, b in zip(chunk.chunk_offset, data.chunks, strict=False))
+        ):
+            raise Refusal(
+                f"{path}: a block of {data.name} is said to be {chunk.size} bytes at byte {chunk.byte_offset} of {size}"
+                ": the file is damaged; copy it again"
+            )
+        seen.add(chunk.chunk_offset)
+
+    data.id.chunk_iter(look)
+    expected = int(np.prod([-(-a // b) for a, b in zip(data.shape, data.chunks, strict=True)]))
+    if len(seen) != expected:
+        raise Refusal(
+            f"{path}: data set {data.name} has {len(seen)} of its {expected} blocks; the others were never written: "
+            "export what is there"
+        )
 
 
 def _same_length(path: Path, times: h5py.Dataset, n_times: int, n_samples: int) -> None:

@@ -6,6 +6,7 @@ pieces.
 
 from __future__ import annotations
 
+import logging
 import re
 from contextlib import suppress
 from datetime import UTC
@@ -67,6 +68,8 @@ def _library() -> Any:
         import asammdf
     except ImportError as error:
         raise Refusal("reading MDF 4 needs asammdf, which is not installed: pip install asammdf") from error
+    # what the library would write to standard error is a refusal here
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     asammdf.set_global_option("raise_on_multiple_occurrences", True)
     return asammdf
 

@@ -16,6 +16,10 @@ from camtorque.records import Refusal
 MAX_BLOCKS = 2_000_000
 CHAINED = ("DG", "CG", "CN", "DL", "FH", "AT", "EV", "CH")
 """Kinds whose first link is the next block of the same kind."""
+GROUP_DATA = struct.Struct("<QQHHIII")
+CHANNEL_DATA = struct.Struct("<BBBBII")
+VARIABLE_LENGTH = 1
+"""Flag of a channel group that holds signals of changing length."""
 DZ_HEAD = struct.Struct("<2sBBIQQ")
 
 
@@ -44,9 +48,41 @@ def check_mf4(path: Path) -> None:
             if kind == "DZ":
                 _check_compressed(file, path, offset, length)
             waiting += [(link, f"{kind} at byte {offset}") for link in links if link]
-    _refuse_circles(path, following)
+        _refuse_circles(path, following)
+        for offset, kind in seen.items():
+            if kind == "CG":
+                _check_record(file, path, size, offset)
     if "HD" not in seen.values():
         raise Refusal(f"{path}: has no header block (##HD) at byte 64; copy the file again")
+
+
+def _check_record(file: BinaryIO, path: Path, size: int, group: int) -> None:
+    """Refuse a channel whose bytes lie outside the record of its group: a library would read beyond its memory."""
+    _, links, length = _block(file, path, size, group, "the file header")
+    at = group + 24 + 8 * len(links)
+    if len(links) < 2 or length < 24 + 8 * len(links) + GROUP_DATA.size:
+        raise Refusal(f"{path}: channel group at byte {group} is too short: the file is damaged; copy it again")
+    file.seek(at)
+    _, _, flags, _, _, record, invalid = GROUP_DATA.unpack(file.read(GROUP_DATA.size))
+    waiting, passed = [links[1]], set()
+    while waiting:
+        offset = waiting.pop()
+        if not offset or offset in passed or flags & VARIABLE_LENGTH:
+            continue
+        passed.add(offset)
+        kind, links, length = _block(file, path, size, offset, f"channel group at byte {group}")
+        if kind != "CN":
+            continue  # an array: it lies inside the channel that names it
+        if len(links) < 2 or length < 24 + 8 * len(links) + CHANNEL_DATA.size:
+            raise Refusal(f"{path}: channel at byte {offset} is too short: the file is damaged; copy it again")
+        file.seek(offset + 24 + 8 * len(links))
+        _, _, _, first_bit, first, bits = CHANNEL_DATA.unpack(file.read(CHANNEL_DATA.size))
+        if first + (first_bit + bits + 7) // 8 > record + invalid:
+            raise Refusal(
+                f"{path}: channel at byte {offset} takes {bits} bits from byte {first} of a record of {record}: "
+                "the file is damaged; copy it again"
+            )
+        waiting += links[:2]
 
 
 def _refuse_circles(path: Path, following: dict[int, int]) -> None:

@@ -57,7 +57,7 @@ def time_base(times: SampleSource, declared_rate: float, where: str, *, to_secon
             "the samples are not equidistant, export them at one rate"
         )
     index, size, stamps = _take_damaged_stamps(odd_index, odd_size, step)
-    rate = _rate(index, size, first, last)
+    rate = _rate(index, size, first, last, where)
     findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, first, step, where)]
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
@@ -130,9 +130,13 @@ def _take_damaged_stamps(index: np.ndarray, size: Array, step: float) -> tuple[n
     return index[keep], size[keep], int((~keep).sum()) // 2
 
 
-def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[int, float]) -> float:
+def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[int, float], where: str) -> float:
     """Return the rate over the whole stretch with the jumps taken off."""
     elapsed = last[1] - first[1] - float(np.sum(size))
+    if not elapsed > 0.0:
+        raise Refusal(
+            f"{where}: the time stamps cover {elapsed:.6g} s for {last[0] - first[0]} samples; export them anew"
+        )
     return (last[0] - first[0]) / elapsed
 
 
