@@ -20,6 +20,7 @@ from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder,
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.fit import CampaignFit
 from camtorque.plain import now
+from camtorque.progress import spoken
 from camtorque.records import Finding, Refusal
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
@@ -141,13 +142,6 @@ def _outcomes(
     if how.engine == "processes" or (not how.engine and (workers == 1 or find_spec("distributed") is None)):
         return on_processes(run_task, tasks, workers)
     return on_local_cluster(run_task, tasks, workers)
-
-
-def spoken(seconds: float) -> str:
-    """Return a remaining time as a person says it."""
-    if seconds < 90.0:
-        return f"about {max(seconds, 1.0):.0f} s"
-    return f"about {seconds / 60.0:.0f} min" if seconds < 5400.0 else f"about {seconds / 3600.0:.1f} h"
 
 
 def _write_index(

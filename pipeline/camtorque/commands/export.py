@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,11 +22,13 @@ DRAWN = {"fitted_rms_percent": "fitted RMS / % of peak", "chamber_peak_bar": "ch
 MOST_PARAMETERS = 6
 """Parameters of the figure; the table has them all."""
 DPI = 150
+UNSAFE = re.compile(r"[^\w.-]+")
+"""What does not belong into the name of a file."""
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write the tables of each report, or one trend over all."""
-    require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "export")
+    require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "tables")
     documents = read_results(arguments.results)
     if arguments.out is not None:
         check_writable(arguments.out)
@@ -35,7 +39,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 
 def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: Tell) -> list[Path]:
     paths = []
-    for name, stem in _stems(list(documents)).items():
+    for name, stem in _stems(documents).items():
         folder = Path(name)
         tell(f"tables of {stem}")
         out = arguments.out or folder / "tables"
@@ -43,13 +47,11 @@ def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: T
     return paths
 
 
-def _stems(names: list[str]) -> dict[str, str]:
-    """Return how the files of each report begin: its folder's name, the whole path where names repeat."""
-    last = [Path(name).resolve().name for name in names]
-    return {
-        name: end if last.count(end) == 1 else name.strip("./").replace("/", "_")
-        for name, end in zip(names, last, strict=True)
-    }
+def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
+    """Return how the files of each report begin: the recording's name, with its folder's where names repeat."""
+    names = {folder: UNSAFE.sub("_", document["recording"]["name"]) for folder, document in documents.items()}
+    often = Counter(names.values())
+    return {folder: name if often[name] == 1 else UNSAFE.sub("_", f"{name}_{folder}") for folder, name in names.items()}
 
 
 def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any]) -> list[Path]:

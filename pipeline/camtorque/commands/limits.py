@@ -18,9 +18,15 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     refuse_unknown(tuple(documents.values()), limits)
     judged = {name: judge(document, limits) for name, document in documents.items()}
     verdict = overall([row for rows in judged.values() for row in rows])
-    results = [{"name": name, **limits_document(rows)} for name, rows in judged.items()]
+    results = [
+        {"name": documents[folder]["recording"]["name"], "report": folder, **limits_document(rows)}
+        for folder, rows in judged.items()
+    ]
     lines = []
     for result in results:
-        lines += [f"{result['name']}  {result['verdict']}", *("  " + line for line in limit_lines(result["rows"]))]
+        lines += [
+            f"{result['name']}  {result['verdict']}  [{result['report']}]",
+            *("  " + line for line in limit_lines(result["rows"])),
+        ]
     doc = {"schema": "camtorque.limits/1", "limits": str(arguments.file), "verdict": verdict, "results": results}
     return Outcome("\n".join([*lines, "", verdict]), doc, 0 if verdict == PASS else OUTSIDE)

@@ -14,5 +14,5 @@ STUDIES = {"speed-accuracy": run_speed_accuracy, "stability": run_stability}
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Make one study again."""
     check_writable(arguments.out)
-    paths = STUDIES[arguments.name](arguments.out, arguments.quick)
+    paths = STUDIES[arguments.name](arguments.out, arguments.quick, progress=tell)
     return Outcome("\n".join(str(path) for path in paths), {})

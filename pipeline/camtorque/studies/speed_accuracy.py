@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from camtorque.progress import told
 from camtorque.records import Refusal
 from camtorque.report import output_files
 from camtorque.report.study_figures import save_study_figure
+from camtorque.run import Progress, silent
 from camtorque.studies.driveline import driveline_chart
 from camtorque.studies.dynamics import dynamics_chart
 from camtorque.studies.grid import grid_chart, table_charts
@@ -40,7 +42,9 @@ def need_examples(examples: Path) -> None:
         )
 
 
-def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> list[Path]:
+def run_speed_accuracy(
+    out: Path, quick: bool = False, examples: Path = EXAMPLES, progress: Progress = silent
+) -> list[Path]:
     """Measure every chart, write ``speed_accuracy.json`` and one PNG and SVG per chart, and return the paths.
 
     Parameters
@@ -48,6 +52,7 @@ def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES
     out : folder, made when missing
     quick : fewer settings and repeats, below a minute
     examples : folder with the example recordings
+    progress : is told what is being measured, and how long the rest will take
 
     Raises
     ------
@@ -56,7 +61,7 @@ def run_speed_accuracy(out: Path, quick: bool = False, examples: Path = EXAMPLES
     """
     need_examples(examples)
     with output_files(out) as folder:
-        charts = [chart for build in CHARTS.values() for chart in build(examples, quick)]
+        charts = [chart for build in told(CHARTS, progress) for chart in build(examples, quick)]
         content = document("speed-accuracy", charts, quick)
         paths = [write_document(folder / "speed_accuracy.json", content)]
         for part in content["parts"]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from camtorque.progress import told
 from camtorque.report import output_files
 from camtorque.report.study_figures import save_study_figure
+from camtorque.run import Progress, silent
 from camtorque.studies.speed_accuracy import EXAMPLES, need_examples
 from camtorque.studies.stability_align import align_map
 from camtorque.studies.stability_driveline import drift_map, event_map, multiplier_map, stiffness_map
@@ -25,7 +27,7 @@ MAPS: dict[str, Callable[[bool, Path], StabilityMap]] = {
 """Name -> map."""
 
 
-def run_stability(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> list[Path]:
+def run_stability(out: Path, quick: bool = False, examples: Path = EXAMPLES, progress: Progress = silent) -> list[Path]:
     """Judge every condition, write ``stability.json`` and one PNG and SVG per map, and return the paths.
 
     Parameters
@@ -33,6 +35,7 @@ def run_stability(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> 
     out : folder, made when missing
     quick : fewer conditions, below a minute
     examples : folder with the example recordings
+    progress : is told what is being measured, and how long the rest will take
 
     Raises
     ------
@@ -41,7 +44,7 @@ def run_stability(out: Path, quick: bool = False, examples: Path = EXAMPLES) -> 
     """
     need_examples(examples)
     with output_files(out) as folder:
-        content = document("stability", [build(quick, examples) for build in MAPS.values()], quick)
+        content = document("stability", [build(quick, examples) for build in told(MAPS, progress)], quick)
         paths = [write_document(folder / "stability.json", content)]
         for part in content["parts"]:
             paths += save_study_figure(part, folder)

@@ -1,0 +1,31 @@
+"""How far a long job is, for a person who waits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def spoken(seconds: float) -> str:
+    """Return a remaining time as a person says it."""
+    if seconds < 90.0:
+        return f"about {max(seconds, 1.0):.0f} s"
+    return f"about {seconds / 60.0:.0f} min" if seconds < 5400.0 else f"about {seconds / 3600.0:.1f} h"
+
+
+def told(items: Mapping[str, T], progress: Callable[[str], None]) -> Iterator[T]:
+    """Yield the items, telling before each which it is and, after the first, how long the rest will take.
+
+    Parameters
+    ----------
+    items : name -> item; they are taken to last equally long
+    progress : takes one line
+    """
+    start = time.perf_counter()
+    for number, (name, item) in enumerate(items.items()):
+        left = (time.perf_counter() - start) / number * (len(items) - number) if number else None
+        progress(f"{name}, {number + 1} of {len(items)}" + ("" if left is None else f", {spoken(left)} left"))
+        yield item
