@@ -93,6 +93,17 @@ def test_a_second_signal_does_not_interrupt_the_tidying_up() -> None:
     assert (done.returncode, done.stdout.strip()) == (143, "tidy")
 
 
+def test_what_compiled_code_makes_of_the_signal_is_still_a_stop() -> None:
+    code = (
+        "import os, signal\nfrom camtorque import cli\nfrom camtorque.stopping import Stopped\n"
+        "def execute(parsed):\n try:\n  os.kill(os.getpid(), signal.SIGTERM)\n  import time; time.sleep(60)\n"
+        " except Stopped as stop:\n  raise SystemError('returned a result with an exception set') from stop\n"
+        "cli.execute = execute\nraise SystemExit(cli.main(['check', 'x']))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=LIMIT)
+    assert (done.returncode, done.stderr) == (143, "")
+
+
 def test_handlers_are_given_back() -> None:
     before = signal.getsignal(signal.SIGTERM)
     with stoppable():

@@ -18,10 +18,12 @@ from pathlib import Path
 from typing import Any
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-GRACE = 1.0
+GRACE = 0.7
 """Seconds that the main thread has to end in good order."""
 
 _last_steps: list[Callable[[], None]] = []
+_heard: list[int] = []
+"""Signals that came since the last `stoppable` began."""
 
 
 class Stopped(KeyboardInterrupt):
@@ -73,12 +75,16 @@ def stoppable() -> Iterator[None]:
         return
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    handler = _raise_once()
-    earlier = {number: signal.signal(number, handler) for number in SIGNALS}
+    _heard.clear()
+    earlier = {number: signal.signal(number, _raise_once) for number in SIGNALS}
     earlier_writer = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=_watch, args=(reader,), daemon=True, name="stop watch").start()
     try:
         yield
+    except Exception as error:
+        if was_stopped():  # compiled code makes another error of the one that is raised inside it
+            raise Stopped(_heard[0]) from error
+        raise
     finally:
         signal.set_wakeup_fd(earlier_writer)
         for number, former in earlier.items():
@@ -86,16 +92,16 @@ def stoppable() -> Iterator[None]:
         os.close(writer)
 
 
-def _raise_once() -> Callable[[int, Any], None]:
-    """Return a handler that raises at the first signal; a second one must not interrupt the tidying up."""
-    heard: list[int] = []
+def was_stopped() -> bool:
+    """Tell whether a signal came: whatever error is seen then may be its consequence."""
+    return bool(_heard)
 
-    def handle(number: int, frame: Any) -> None:
-        heard.append(number)
-        if len(heard) == 1:
-            raise Stopped(number)
 
-    return handle
+def _raise_once(number: int, frame: Any) -> None:
+    """Raise at the first signal; a second one must not interrupt the tidying up."""
+    _heard.append(number)
+    if len(_heard) == 1:
+        raise Stopped(number)
 
 
 def _watch(reader: int) -> None:

@@ -87,7 +87,7 @@ def on_cluster_file(
     Refusal : the file cannot be used, or the package or the batch system is missing
     """
     kind, jobs, options = read_cluster_file(file)
-    with _quiet() as distributed:
+    with _quiet("dask_jobqueue") as distributed:
         import dask_jobqueue
 
         try:
@@ -125,14 +125,14 @@ def read_cluster_file(file: Path) -> tuple[str, int, dict[str, Any]]:
 
 
 @contextmanager
-def _quiet() -> Iterator[Any]:
+def _quiet(*more: str) -> Iterator[Any]:
     """Give the package, its settings made and its log silent: what matters is told by the campaign.
 
     Raises
     ------
-    Refusal : it is not installed
+    Refusal : it, or one of ``more``, is not installed
     """
-    missing = [name for name in ("distributed", "dask_jobqueue") if find_spec(name) is None]
+    missing = [name for name in ("distributed", *more) if find_spec(name) is None]
     if missing:
         raise Refusal(
             f"campaign: found no package {', '.join(missing)}, expected the extra 'cluster'; "

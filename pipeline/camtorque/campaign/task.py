@@ -14,6 +14,7 @@ from camtorque.records import Array, CamCycles, Recording, Refusal
 from camtorque.report import CampaignEntry, output_folder, thumbnail, write_run
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about
 from camtorque.run import RunOptions, analyse
+from camtorque.stopping import was_stopped
 
 SUMMARY_KEYS = ("metrics", "effects", "losses", "chamber", "forces")
 
@@ -78,7 +79,7 @@ def _done(task: Task, key: str, folder: Path) -> CampaignEntry:
     except (OSError, MemoryError):
         raise
     except Exception as error:  # one broken recording must not stop a campaign of hundreds
-        if is_about(error, folder):
+        if is_about(error, folder) or was_stopped():
             raise
         entry = refused(task.name, f"unexpected {type(error).__name__}: {error}", key)
     if entry.status != "ok":
