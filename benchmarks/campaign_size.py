@@ -32,7 +32,7 @@ from camtorque.campaign import CampaignOptions, flow, run_campaign, task
 from camtorque.campaign.store import JOINT
 from camtorque.records import Finding
 from camtorque.report.checksums import verify
-from camtorque.report.document import write_json
+from camtorque.report.files import write_json
 from camtorque.run import RunOptions, analyse
 
 ROOT = Path(__file__).resolve().parents[1]
