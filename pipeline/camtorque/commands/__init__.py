@@ -34,6 +34,9 @@ COMMANDS: dict[str, Command] = {
         "camtorque.commands.campaign", "every recording below a folder, then one joint fit", takes.campaign
     ),
     "fit": Command("camtorque.commands.fit", "one recording fitted with your own bounds and ties, by lmfit", takes.fit),
+    "compare": Command(
+        "camtorque.commands.compare", "two recordings of one pump, before and after: what changed", takes.compare
+    ),
     "watch": Command("camtorque.commands.watch", "a look at each block of a test while it runs", takes.watch),
     "limits": Command("camtorque.commands.limits", "reports held against bands: pass or fail", takes.limits),
     "export": Command("camtorque.commands.export", "tables of a report for other programs; trends", takes.export),

@@ -160,6 +160,14 @@ def campaign(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--retry-failed", action="store_true", help="compute again what was refused before")
 
 
+def compare(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `compare`."""
+    text = "folder with recording.toml, or a report of it"
+    parser.add_argument("before", type=Path, metavar="BEFORE", help=text)
+    parser.add_argument("after", type=Path, metavar="AFTER", help="the same pump at the same speed, later")
+    _out(parser)
+
+
 def watch(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `watch`."""
     text = "recording whose CSV files grow, or folder in which finished recordings appear"

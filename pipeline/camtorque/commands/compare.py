@@ -1,0 +1,39 @@
+"""`camtorque compare`: two recordings of one pump, before and after."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import Any
+
+from camtorque.commands.outcome import Outcome, Tell
+from camtorque.compare import compare
+
+
+def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    """Write the comparison of two recordings."""
+    doc = compare(arguments.before, arguments.after, arguments.out, progress=tell)
+    page = arguments.out / "compare.html"
+    return Outcome(f"{compare_table(doc)}\n\n{page}", {**doc, "report": str(page)})
+
+
+def compare_table(doc: Mapping[str, Any]) -> str:
+    """Return the content of compare.json as a compact table: what changed first, what is only unknown left out."""
+    before, after = doc["before"], doc["after"]
+    lines = [
+        f"{before['name']} ({before['speed_rpm']:.1f} rpm) against {after['name']} ({after['speed_rpm']:.1f} rpm): "
+        f"{doc['verdict']}",
+        "",
+        f"{'':24}{'before':>12}{'after':>12}{'difference':>22}{'would be seen':>16}",
+    ]
+    rows = {**doc["parameters"], **doc["losses"]}
+    for verdict in ("changed", "not changed"):
+        for name, row in rows.items():
+            if row["verdict"] == verdict:
+                lines.append(
+                    f"{name.replace('_', ' '):24}{row['before']:12.4g}{row['after']:12.4g}"
+                    f"{row['difference']:+13.3g} ± {row['stderr']:<6.2g}{row['smallest_change']:16.2g}  {row['unit']}  "
+                    f"{verdict}"
+                )
+    unknown = [name.replace("_", " ") for name, row in rows.items() if row["verdict"] == "cannot tell"]
+    return "\n".join([*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else [])])

@@ -1,0 +1,154 @@
+"""Differences of parameters and losses with their verdicts: changed, not changed, cannot tell.
+
+*Changed*: the sets of changes that move it hold `TOLD` of the probability and its interval leaves zero out. *Not
+changed*: with every parameter free to differ the interval stays within the smallest change that would have been seen,
+and that is smaller than what matters. Everything else cannot be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution
+from camtorque.fit.difference import Pair
+from camtorque.laws.causes import cam_torques, work_per_revolution
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
+from camtorque.records import Array
+
+COVERAGE = 1.959964
+SEEN = 4.3
+"""Standard errors of a change that would have been told nearly always, the whole list counted."""
+SURE = 2.6
+MATTERS = 1.0
+"""Size that matters, in steps of a parameter."""
+LOSSES: dict[str, tuple[str, ...]] = {
+    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag", "packing_force", "packing_friction"),
+    "damping": ("shaft_viscous", "plunger_viscous"),
+    "spring": ("spring_preload_error", "spring_stiffness_error"),
+    "pressure": (),
+}
+"""Loss of the energy balance -> parameters that it vanishes or moves with."""
+SMALL_LOSS = 0.05
+"""Change of a loss that matters, as a share of the larger of the loss and a hundredth of the input."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One parameter or loss, in ``unit``.
+
+    stderr leaves out what both recordings share; smallest_change would have been seen; matters is the size asked for
+    """
+
+    name: str
+    before: float
+    after: float
+    difference: float
+    stderr: float
+    unit: str
+    verdict: str
+    smallest_change: float
+    matters: float
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval of the difference."""
+        return self.difference - COVERAGE * self.stderr, self.difference + COVERAGE * self.stderr
+
+
+def verdict(told: bool, free: tuple[float, float], matters: float) -> str:
+    """Return the verdict of a difference.
+
+    Parameters
+    ----------
+    told : whether the evidence names it
+    free : difference and standard error with every parameter free to differ
+    matters : size that matters, in the same unit
+    """
+    if told:
+        return "changed"
+    mean, std = free
+    smallest = SEEN * std
+    return "not changed" if smallest <= matters and abs(mean) + SURE * std <= smallest else "cannot tell"
+
+
+def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
+    """Return every parameter that belongs to the pump and may differ."""
+    result = []
+    for j, name in enumerate(found.names):
+        if name in ALWAYS:
+            continue
+        row = pair.items[0].rows[name]
+        k = pair.names.index(name)
+        per = row.per_unit
+        mean, std = found.mean[j] / per, float(np.sqrt(found.covariance[j, j])) / per
+        free = float(found.free_mean[j]) / per, float(found.free_std[j]) / per
+        told = found.moved(name) > TOLD and _alone(found, name) and abs(mean) > COVERAGE * std
+        before = float(found.state.before[k]) / per
+        if not told:
+            mean, std = free
+        matters = MATTERS * row.step / per
+        result.append(Difference(name, before, before + mean, mean, std, row.unit, verdict(told, free, matters),
+                                 SEEN * free[1], matters))  # fmt: skip
+    return tuple(result)
+
+
+def _alone(found: Attribution, name: str) -> bool:
+    """Return whether a parameter is told by itself: its event moves it in a fixed proportion, or it alone."""
+    return any(len(CHANGES[g]) == 1 or g == "temperature" for g in found.best if name in CHANGES[g])
+
+
+def works(pair: Pair, values: Array, side: int) -> dict[str, float]:
+    """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
+    item = pair.items[side]
+    full = {**pair.fixed, **dict(zip(pair.names, values.tolist(), strict=True))}
+    linear = np.array([full[name] for name in COLUMN_NAMES])
+    nonlinear = {name: full[name] for name in NONLINEAR_NAMES}
+    output = evaluate(item.chain, nonlinear, linear)
+    none = np.zeros(item.chain.theta.size)
+    return work_per_revolution(item.chain, output, cam_torques(item.chain, nonlinear, output, linear, none))
+
+
+def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
+    """Return the losses with the differences that their parameters' differences make."""
+    base, after = works(pair, found.state.before, 0), works(pair, found.state.after, 1)
+    slopes = _slopes(pair, found)
+    total = sum(base.values())
+    result = []
+    for name, members in LOSSES.items():
+        slope = slopes[name]
+        std = float(np.sqrt(np.maximum(slope @ found.covariance @ slope, 0.0)))
+        free = float(np.sqrt(np.sum((slope * found.free_std) ** 2)))
+        told = bool(members) and _group_probability(found, members) > TOLD
+        moved = after[name] - base[name]
+        matters = SMALL_LOSS * max(abs(base[name]), 0.01 * abs(total))
+        mean = float(slope @ found.free_mean)
+        kind = verdict(told, (mean, free), matters)
+        std = std if told else max(std, free)
+        result.append(
+            Difference(name, base[name], after[name], moved, std, "J per revolution", kind, SEEN * free, matters)
+        )
+    return tuple(result)
+
+
+def _group_probability(found: Attribution, members: tuple[str, ...]) -> float:
+    """Return the probability that some event moved parameters of a loss."""
+    pairs = zip(found.hypotheses, found.probabilities, strict=True)
+    return float(sum(p for item, p in pairs if any(n in CHANGES[g] for g in item.groups for n in members)))
+
+
+def _slopes(pair: Pair, found: Attribution) -> Mapping[str, Array]:
+    """Return the derivative of each loss by the differences, (m,) [J per SI]."""
+    reference = works(pair, found.state.after, 1)
+    slopes = {name: np.zeros(len(found.names)) for name in LOSSES}
+    for j, parameter in enumerate(found.names):
+        k = pair.names.index(parameter)
+        step = 0.1 * pair.items[1].rows[parameter].step
+        moved = found.state.after.copy()
+        moved[k] += step
+        shifted = works(pair, moved, 1)
+        for name in LOSSES:
+            slopes[name][j] = (shifted[name] - reference[name]) / step
+    return slopes

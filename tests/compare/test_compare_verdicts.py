@@ -1,0 +1,96 @@
+"""Verdicts and evidence of a comparison on cases with a known answer; what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.commands.compare import compare_table
+from camtorque.compare import recording_path
+from camtorque.fit.changes import CHANGES, Evidence, hypothesis, weighed
+from camtorque.fit.verdicts import verdict
+from camtorque.laws import ROWS
+from camtorque.records import Refusal
+
+NAMES = ("torque_zero", "leakage", "trigger_offset", "spring_preload_error")
+GROUPS = ("leakage", "trigger", "spring")
+
+
+def evidence(truth: dict[str, float]) -> Evidence:
+    """Return the evidence of 200 values in which some of four parameters differ, in units of their widths."""
+    rng = np.random.default_rng(3)
+    design = rng.standard_normal((200, len(NAMES)))
+    residual = design @ np.array([truth.get(name, 0.0) for name in NAMES]) + rng.standard_normal(200)
+    own = np.array([1.0, 0.0, 0.02, 0.0])
+    return Evidence(NAMES, own, design.T @ design, design.T @ residual, float(residual @ residual), np.ones(4))
+
+
+@pytest.mark.parametrize(("truth", "found"), [
+    ({}, ()), ({"torque_zero": 1.0}, ()), ({"leakage": 1.0}, ("leakage",)),
+    ({"leakage": 1.0, "trigger_offset": -1.0}, ("leakage", "trigger")), ({"trigger_offset": 0.02}, ()),
+])  # fmt: skip
+def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
+    best = weighed(evidence(truth), GROUPS)[0]
+    assert best.groups == found
+    for name in ("leakage", "spring_preload_error"):
+        assert best.mean[NAMES.index(name)] == pytest.approx(truth.get(name, 0.0), abs=0.3)
+
+
+def test_evidence_is_the_gain_of_the_marginal_likelihood() -> None:
+    found = evidence({"leakage": 0.3})
+    gain = hypothesis(found, ("leakage",)).two_ln_evidence - hypothesis(found, ()).two_ln_evidence
+
+    def by_hand(chosen: list[int]) -> float:
+        scale = np.where(found.own > 0.0, found.own, 1.0)[chosen]
+        matrix = found.matrix[np.ix_(chosen, chosen)] * np.outer(scale, scale) + np.eye(len(chosen))
+        vector = found.vector[chosen] * scale
+        return float(vector @ np.linalg.solve(matrix, vector) - np.linalg.slogdet(matrix)[1])
+
+    assert gain == pytest.approx(by_hand([0, 1, 2]) - by_hand([0, 2]) + 2.0 * np.log(0.1 / 0.9))
+
+
+def test_not_changed_asks_for_a_small_interval() -> None:
+    assert verdict(True, (0.0, 0.1), 1.0) == "changed"
+    assert verdict(False, (0.05, 0.1), 1.0) == "not changed"
+    assert verdict(False, (0.2, 0.1), 1.0) == "cannot tell"
+    assert verdict(False, (0.0, 0.3), 1.0) == "cannot tell"
+
+
+def test_every_event_moves_parameters_that_exist() -> None:
+    assert {name for names in CHANGES.values() for name in names} <= set(ROWS)
+
+
+def test_a_folder_that_is_neither_recording_nor_report_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Refusal, match=r"found neither recording\.toml nor result\.json"):
+        recording_path(tmp_path)
+
+
+def test_a_report_whose_recording_is_gone_is_refused(tmp_path: Path) -> None:
+    text = '{"schema": "camtorque.result/1", "inputs": [{"path": "/gone/recording.toml", "sha256": ""}]}'
+    (tmp_path / "result.json").write_text(text)
+    with pytest.raises(Refusal, match="is not there any more"):
+        recording_path(tmp_path)
+
+
+def test_a_report_stands_for_its_recording(tmp_path: Path) -> None:
+    recording = tmp_path / "recording.toml"
+    recording.touch()
+    (tmp_path / "out").mkdir()
+    text = f'{{"schema": "camtorque.result/1", "inputs": [{{"path": "{recording}", "sha256": ""}}]}}'
+    (tmp_path / "out" / "result.json").write_text(text)
+    assert recording_path(tmp_path / "out") == recording
+
+
+def test_terminal_tells_changes_first_and_names_the_unknown() -> None:
+    row = {"before": 1.0, "after": 1.5, "difference": 0.5, "stderr": 0.1, "smallest_change": 0.4, "unit": "um"}
+    doc = {
+        "before": {"name": "A", "speed_rpm": 900.0}, "after": {"name": "B", "speed_rpm": 901.0}, "verdict": "changed",
+        "parameters": {"pin_arm": {**row, "verdict": "cannot tell"}, "bearing_arm": {**row, "verdict": "not changed"},
+                       "leakage": {**row, "verdict": "changed"}},
+        "losses": {},
+    }  # fmt: skip
+    lines = compare_table(doc).splitlines()
+    assert lines[3].startswith("leakage")
+    assert lines[4].startswith("bearing arm")
+    assert lines[-1] == "cannot tell: pin arm"
