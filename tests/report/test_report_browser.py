@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from camtorque.report import ComparePage, write_compare, write_run
+from camtorque.report import ComparePage, write_alignment, write_compare, write_run
+from camtorque.report.predict_page import prediction_page
 from report_cases import run_result
 from test_report_campaign import page_of_many
 from test_report_compare import document, pair
+from test_report_predict_page import paper_prediction
 
 webdriver = pytest.importorskip("selenium.webdriver")
 from selenium.webdriver.chrome.service import Service  # noqa: E402
@@ -56,16 +58,20 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
-    for name in ("run", "unexplained", "compare", "campaign"):
+    for name in ("run", "unexplained", "compare", "campaign", "align"):
         (folder / name).mkdir()
     write_run(run_result(), folder / "run")
     write_run(run_result(explained=False), folder / "unexplained")
     write_compare(ComparePage(document(), (pair(),), "../run/report.html"), folder / "compare")
+    case = run_result()
+    write_alignment(case.recording, case.cycles, case.created, folder / "align")
+    (folder / "predict.html").write_text(prediction_page(paper_prediction(), "pump"), encoding="utf-8")
     (folder / "campaign" / "campaign.html").write_text(page_of_many(7), encoding="utf-8")
     for name in ("0" * 15 + str(k) for k in range(7)):
         (folder / "campaign" / "runs" / name).mkdir(parents=True)
         (folder / "campaign" / "runs" / name / "report.html").write_text("<title>opened</title>", encoding="utf-8")
     return {
+        "align": folder / "align" / "align.html", "predict": folder / "predict.html",
         "campaign": folder / "campaign" / "campaign.html",
         "run": folder / "run" / "report.html", "unexplained": folder / "unexplained" / "report.html",
         "compare": folder / "compare" / "compare.html",
@@ -84,7 +90,7 @@ def opened(browser: Any, path: Path, width: int = 1280, dark: bool = False) -> A
     return browser
 
 
-@pytest.mark.parametrize("name", ["run", "unexplained", "compare", "campaign"])
+@pytest.mark.parametrize("name", ["run", "unexplained", "compare", "campaign", "align", "predict"])
 def test_nothing_is_requested_and_nothing_is_forbidden(browser: Any, pages: dict[str, Path], name: str) -> None:
     opened(browser, pages[name])
     assert browser.get_log("browser") == []
@@ -184,6 +190,15 @@ def test_no_barrier_and_no_overflow(browser: Any, pages: dict[str, Path], name: 
     found = browser.execute_async_script("axe.run().then((all) => arguments[0](all.violations))")
     serious = [(row["id"], row["nodes"][0]["html"][:200]) for row in found if row["impact"] in ("serious", "critical")]
     assert serious == []
+
+
+@pytest.mark.parametrize("name", ["align", "predict"])
+def test_the_smaller_pages_have_no_barrier(browser: Any, pages: dict[str, Path], name: str) -> None:
+    opened(browser, pages[name], 375)
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 375
+    browser.execute_script(AXE)
+    found = browser.execute_async_script("axe.run().then((all) => arguments[0](all.violations))")
+    assert [row["id"] for row in found if row["impact"] in ("serious", "critical")] == []
 
 
 def test_without_a_script_the_drawings_stand(browser: Any, pages: dict[str, Path]) -> None:

@@ -10,7 +10,7 @@ from camtorque.plain import clean
 from camtorque.records import ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
 from camtorque.report.curves_svg import curves_svg
-from camtorque.report.numbers import near, plus_minus, typeset, unit_text
+from camtorque.report.numbers import fixed, near, plus_minus, typeset, unit_text
 from camtorque.report.payload import book, packed, unpacked
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
@@ -140,4 +140,5 @@ def test_units_and_errors_as_texts() -> None:
     assert [unit_text(unit) for unit in ("-", "um", "mm^3/s/bar", "us")] == ["", "µm", "mm³/s/bar", "µs"]
     assert [plus_minus(value) for value in (0.0, None, 0.0312)] == ["–", "–", "0.031"]
     assert near(50.0, 0.0) == "50"
+    assert [fixed(value, 1) for value in (-0.04, -0.06, 0.0)] == ["0.0", "−0.1", "0.0"]
     assert clean("a\x1b[2J\u202eb\tc") == "a\ufffd[2J\ufffdb\tc"

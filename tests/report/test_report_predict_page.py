@@ -17,10 +17,14 @@ from camtorque.units import RPM
 CALIBRATION = Path(__file__).resolve().parents[2] / "calibration"
 
 
-@pytest.fixture(scope="module")
-def prediction():
+def paper_prediction():
     curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
     return predict(load_pump_config(CALIBRATION / "paper_pump.toml"), np.array([500.0, 3000.0]) * RPM, curve)
+
+
+@pytest.fixture(scope="module")
+def prediction():
+    return paper_prediction()
 
 
 def test_page_is_self_contained_and_small(prediction):

@@ -62,7 +62,10 @@ def signed(value: float | None, digits: int = 2) -> str:
 
 def fixed(value: float | None, decimals: int = 2) -> str:
     """Return a number with so many decimals."""
-    return UNKNOWN if value is None or not _known(value) else f"{value:.{decimals}f}".replace("-", MINUS)
+    if value is None or not _known(value):
+        return UNKNOWN
+    text = f"{value:.{decimals}f}"
+    return text.replace("-", MINUS if float(text) else "")
 
 
 def scaled(value: float | None, factor: float) -> str:
