@@ -11,13 +11,19 @@ from camtorque.align.revolution import angle_correction
 from camtorque.align.timebase import TimeBase
 from camtorque.config import TriggerSpec
 from camtorque.records import AngleError, Array, Channel, Finding
+from camtorque.signal.threshold import Threshold
 
-HALF_WIDTH_OF_TYPICAL = 0.5
-"""A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of its spread."""
+HALF_WIDTH_OF_TYPICAL = Threshold(
+    0.5, "1", "convention",
+    "A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of "
+    "its spread."
+)  # fmt: skip
 RECTANGULAR = 1.0 / np.sqrt(3.0)
 """Standard deviation of a rectangular distribution over its half width."""
-RESAMPLING_DEG = 2.0e-4
-"""Held by a test."""
+RESAMPLING_DEG = Threshold(
+    2.0e-4, "deg", "simulated rigs",
+    "Largest shift of a known signal by resampling, 5 to 200 kHz and 300 to 1250 rpm; held by a test."
+)  # fmt: skip
 UNKNOWN = float("nan")
 TWIST = {
     "cam": "not corrected here: torque over stiffness, in the driveline effect",

@@ -12,17 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.records import Array, ClockFit, Finding, Refusal
+from camtorque.signal.threshold import Count, Threshold
 
-LEAST_OVERLAP = 0.3
-"""Part of the shorter pulse train that has to overlap for a lag to be tried."""
-LEAST_PULSES = 4
-STEP_TIMES_SCATTER = 10.0
-LEAST_STEP = 20.0e-6
-"""Steps of a clock smaller than this are edge noise [s]."""
-LARGEST_SKEW = 300.0e-6
-"""Two crystals differ by 10 to 100 ppm; a common difference of the periods beyond this is no drift."""
-CLEAR_EVIDENCE = 5.0
-"""Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."""
+LEAST_OVERLAP = Threshold(
+    0.3, "1", "statistics",
+    "Part of the shorter pulse train that has to overlap for a lag to be tried."
+)  # fmt: skip
+LEAST_PULSES = Count(4, "pulses", "statistics", "A line and its scatter need two pulses more than its two parameters.")
+STEP_TIMES_SCATTER = Threshold(
+    10.0, "1", "statistics",
+    "A step of a clock is this many robust scatters of the difference: noise makes none in a long log."
+)  # fmt: skip
+LEAST_STEP = Threshold(20.0e-6, "s", "simulated rigs", "Steps of a clock smaller than this are edge noise.")
+LARGEST_SKEW = Threshold(
+    300.0e-6, "1", "physics",
+    "Two crystals differ by 10 to 100 ppm; a common difference of the periods beyond this is no drift."
+)  # fmt: skip
+CLEAR_EVIDENCE = Threshold(
+    5.0, "nat", "statistics",
+    "Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."
+)  # fmt: skip
 
 STAIRS_FROM, STAIR_FACTOR = 20, 1.5
 """Changes from which on stairs are told from jumps (fewer than one in ten), and height of a jump over a stair."""

@@ -17,6 +17,7 @@ from camtorque.records import Array, Channel, Finding, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges
 from camtorque.signal.logger_time import sample_times
+from camtorque.signal.threshold import Threshold
 
 TWO_PI = 2.0 * np.pi
 MOST_SAMPLES = 8_000_000
@@ -26,8 +27,11 @@ MOST_STEPS = 120
 LEAST_STEPS = 4
 CHANGES_PER_STEP = 4.0
 """Changes of the counter that a line runs through, at least."""
-BACKWARDS = 0.2
-"""Part of the changes that may run against the others: noise of an analogue angle, not a shaft that swings."""
+BACKWARDS = Threshold(
+    0.2, "1", "convention",
+    "Part of the changes that may run against the others: noise of an analogue angle, not a shaft that "
+    "swings."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

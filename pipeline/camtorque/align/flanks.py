@@ -18,36 +18,59 @@ from camtorque.align.polarity import at_rest, lift_velocity
 from camtorque.align.quality import Mask
 from camtorque.config import PumpData
 from camtorque.records import Array, CamTable, Finding, Recording, Refusal
+from camtorque.signal.threshold import Threshold
 
-APART_DEG = {"spring": 3.5, "all": 6.5}
-"""Sound rigs (20 families simulated at 400 and 1100 rpm, five recordings) put the two places of the spring up to 1.9
-degrees apart, and all three up to 5.4: the chamber behind the delivery valve moves the delivery."""
-ALIKE_DEG = 5.0
-"""The same rigs move all places together by up to 1.7 degrees, mounting included."""
-LOCAL_DEG = 15.0
-"""Shift within which one place is looked for."""
+APART_DEG = {
+    "spring": Threshold(
+        3.5, "deg", "simulated rigs",
+        "Sound rigs (20 families at 400 and 1100 rpm) and five recordings put the two places of the spring up to 1.9 "
+        "degrees apart.",
+    ),
+    "all": Threshold(
+        6.5, "deg", "simulated rigs",
+        "The same rigs put all three up to 5.4 degrees apart: the chamber behind the delivery valve moves the "
+        "delivery.",
+    ),
+}  # fmt: skip
+"""Places -> distance that sound rigs stay below."""
+ALIKE_DEG = Threshold(
+    5.0, "deg", "simulated rigs",
+    "The same rigs move all places together by up to 1.7 degrees, mounting included."
+)  # fmt: skip
+LOCAL_DEG = Threshold(15.0, "deg", "convention", "Shift within which one place is looked for.")
 STEP_DEG = 0.1
 NEAR_BASE = (0.005, 0.12)
 """Lift over full lift where the spring's torque shows and the pressure does not."""
-QUIET = 0.01
-"""Pressure above its rest, over its swing, up to which a place belongs to the spring alone."""
-FEED_PRESSURE = 3.0e5
-"""Feed pumps hold 2 to 5 bar; beside the spring the difference moves a place by half a degree [Pa]."""
+QUIET = Threshold(
+    0.01, "1", "simulated rigs",
+    "Pressure above its rest, over its swing, up to which a place belongs to the spring alone."
+)  # fmt: skip
+FEED_PRESSURE = Threshold(
+    3.0e5, "Pa", "physics",
+    "Feed pumps hold 2 to 5 bar; beside the spring the difference moves a place by half a degree."
+)  # fmt: skip
 SMOOTH_DEG = 4.0
 """Rounded lift tables have a noisy second derivative."""
-CLEAR_DELIVERY = 0.8
-"""Correlation from which the delivery says where it lies."""
-MISFIT = 0.35
-"""A place whose torque is not the spring's to this share of it says nothing."""
+CLEAR_DELIVERY = Threshold(0.8, "1", "simulated rigs", "Correlation from which the delivery says where it lies.")
+MISFIT = Threshold(
+    0.35, "1", "simulated rigs",
+    "A place whose torque is not the spring's to this share of it says nothing."
+)  # fmt: skip
 DELIVERY = "delivery"
-CLEAR_TORQUE = 0.1
-"""Part of the peak above which torque drives the pump, not friction or noise."""
-RISING_SHARE = 0.5
-"""Of the driving torque of sound rigs, 96 % and more falls on the rising lift."""
-BETTER = 0.3
-"""Gain in correlation by which another place or direction has to explain a torque that misses the rising lift."""
-TELLS = 0.02
-"""Correlations closer than this do not tell the two directions apart."""
+CLEAR_TORQUE = Threshold(
+    0.1, "1", "simulated rigs",
+    "Part of the peak above which torque drives the pump, not friction or noise."
+)  # fmt: skip
+RISING_SHARE = Threshold(
+    0.5, "1", "simulated rigs",
+    "Of the driving torque of sound rigs, 96 % and more falls on the rising lift."
+)  # fmt: skip
+BETTER = Threshold(
+    0.3, "1", "simulated rigs",
+    "Gain in correlation by which another place or direction has to explain a torque that misses the "
+    "rising lift."
+)  # fmt: skip
+TELLS = Threshold(0.02, "1", "simulated rigs", "Correlations closer than this do not tell the two directions apart.")
 
 
 @dataclass(frozen=True)

@@ -14,22 +14,36 @@ from typing import Any
 import numpy as np
 
 from camtorque.records import Array, Finding
+from camtorque.signal.threshold import Threshold
 from camtorque.units import DEGREE
 
 MAINS_HZ = (50.0, 60.0)
-LOCKED = 0.5
-"""Coherence of the mains' phase over the cycles above which the mean keeps the hum."""
+LOCKED = Threshold(
+    0.5, "1", "convention",
+    "Coherence of the mains' phase over the cycles above which the mean keeps the hum."
+)  # fmt: skip
 POINTS = 360
 """Bins of a revolution: mains is slow against the grid."""
-SIGNIFICANT = 6.0
-SMALLEST_SHARE = 1.0e-4
-"""Smallest amplitude that is worth a line, as a share of the peak torque."""
+SIGNIFICANT = Threshold(
+    6.0, "1", "statistics",
+    "Standard errors that the amplitude of the mains has to exceed before it is told."
+)  # fmt: skip
+SMALLEST_SHARE = Threshold(
+    1.0e-4, "1", "convention",
+    "Smallest amplitude that is worth a line, as a share of the peak torque."
+)  # fmt: skip
 MARGIN = 20.0 * DEGREE
 """Base circle that is left out after the lift has ended: what rings there is not hum."""
-FEWEST_PERIODS = 1.5
+FEWEST_PERIODS = Threshold(
+    1.5, "periods", "statistics",
+    "Periods of the mains that the base circle has to hold: fewer are no different from drift."
+)  # fmt: skip
 OTHERS_HZ = (23.0, 31.0, 39.0, 71.0, 83.0, 97.0)
 """Neighbouring frequencies: a sine of the mains has to leave less over than a sine of any of these."""
-STANDS_OUT = 0.9
+STANDS_OUT = Threshold(
+    0.9, "1", "simulated rigs",
+    "The mains leaves less than this part of what the best neighbouring frequency leaves over."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,18 @@ import numpy as np
 
 from camtorque.align.quality import CUTS, CycleTable
 from camtorque.records import Refusal
+from camtorque.signal.threshold import Count, Threshold
 
-LEAST_PERIODS = 8
-MOST_LOST = 0.5
-"""Part of the complete cycles that may fail the cut on steady speed before its cause is looked for."""
-ALTERNATES = -0.25
-"""Correlation of neighbouring periods: -0.5 for edges that jitter independently, near +1 for a speed that changes."""
+LEAST_PERIODS = Count(8, "periods", "statistics", "A correlation of neighbouring periods needs some.")
+MOST_LOST = Threshold(
+    0.5, "1", "convention",
+    "Part of the complete cycles that may fail the cut on steady speed before its cause is looked for."
+)  # fmt: skip
+ALTERNATES = Threshold(
+    -0.25, "1", "statistics",
+    "Correlation of neighbouring periods: -0.5 for edges that jitter independently, near +1 for a speed "
+    "that changes."
+)  # fmt: skip
 
 
 def refuse_jitter(table: CycleTable, name: str) -> None:

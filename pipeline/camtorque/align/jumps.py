@@ -15,16 +15,26 @@ from camtorque.align.clocks import Clock
 from camtorque.align.pulses import PulseTrain
 from camtorque.records import Finding, Recording
 from camtorque.signal.logger_time import pause_intervals
+from camtorque.signal.threshold import Threshold
 
-LEAST_JUMP = 0.003
-"""Relative difference of a period from its neighbours that may be a jump."""
-NEIGHBOURS_AGREE = 0.25
-"""The neighbours differ from each other by less than this part of the jump."""
-TIMES_USUAL = 8.0
-"""And the difference is this many times the usual one from revolution to revolution."""
-EDGE_NOISES = 7.0
-"""Difference of neighbouring periods, in standard errors of an edge, that the edges alone can make: edges known to one
-sample, q / sqrt(12), move it by up to 2 q."""
+LEAST_JUMP = Threshold(
+    0.003, "1", "recordings",
+    "Relative difference of a period from its neighbours that may be a jump: pumps without a flywheel "
+    "change by less from turn to turn."
+)  # fmt: skip
+NEIGHBOURS_AGREE = Threshold(
+    0.25, "1", "convention",
+    "The neighbours differ from each other by less than this part of the jump."
+)  # fmt: skip
+TIMES_USUAL = Threshold(
+    8.0, "1", "statistics",
+    "And the difference is this many times the usual one from revolution to revolution."
+)  # fmt: skip
+EDGE_NOISES = Threshold(
+    7.0, "1", "statistics",
+    "Difference of neighbouring periods, in standard errors of an edge, that the edges alone can make: "
+    "edges known to one sample, q / sqrt(12), move it by up to 2 q."
+)  # fmt: skip
 
 
 def mark_jumps(

@@ -17,10 +17,10 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import lift_velocity
 from camtorque.align.timebase import TimeBase
 from camtorque.records import Array, CamTable, Finding, Recording
+from camtorque.signal.threshold import Threshold
 
 COARSE = 720
-CLEARER = 0.2
-"""Correlation by which the best turn has to beat the next."""
+CLEARER = Threshold(0.2, "1", "simulated rigs", "Correlation by which the best turn has to beat the next.")
 
 
 def settled_phase(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> TimeBase:

@@ -18,15 +18,18 @@ from camtorque.align.clocks import CLEAR_EVIDENCE, Clock, robust_line
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import lift_velocity
 from camtorque.records import Array, CamTable, Channel, ClockFit, Finding, Refusal
+from camtorque.signal.threshold import Count, Threshold
 
-SHAPE_STD_DEG = 0.5
-"""What torque and pressure times lift velocity differ in shape: the shift found on five runs of one pump whose clocks
-are known was between -0.6 and 0.9 degrees."""
+SHAPE_STD_DEG = Threshold(
+    0.5, "deg", "recordings",
+    "What torque and pressure times lift velocity differ in shape: the shift found on five runs of one "
+    "pump whose clocks are known was between -0.6 and 0.9 degrees."
+)  # fmt: skip
 COARSE_RATE = 2000.0
 N_THETA = 720
 WIDEST_SHIFT = 80
 """Grid steps (40 degrees) within which the coarse correlation has to be right."""
-LEAST_CYCLES = 5
+LEAST_CYCLES = Count(5, "cycles", "statistics", "Cycles from which the shift and its scatter are taken, at least.")
 RISING = 0.05
 
 

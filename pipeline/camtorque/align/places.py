@@ -17,11 +17,17 @@ from numpy.typing import NDArray
 from camtorque.align.pulses import PulseTrain
 from camtorque.config import TriggerSpec
 from camtorque.records import Array
+from camtorque.signal.threshold import Count, Threshold
 
 TWO_PI = 2.0 * np.pi
-LEAST_TURNS = 4
-"""Whole turns of the cam between two others from which on the pattern is known."""
-LEAST_PULSES = 4
+LEAST_TURNS = Count(
+    4, "turns", "statistics",
+    "Whole turns of the cam between two others from which on the pattern is known."
+)  # fmt: skip
+LEAST_PULSES = Count(
+    4, "pulses", "statistics",
+    "Pulses per turn from which on tooth and speed can be told apart at all."
+)  # fmt: skip
 MOST_ORDERS = 30
 """Orders of the deviation, at most; fewer on a wheel with fewer teeth."""
 SMOOTHNESS = 2.0
@@ -30,16 +36,23 @@ TOOTH_STD = (1.0e-3, np.log(10.0))
 """Before the data: errors of teeth of 0.06 degrees, give or take a factor of ten [rad]."""
 RIPPLE_STD = (1.0e-2, np.log(30.0))
 """Before the data: first harmonic of the angle of 0.6 degrees, give or take a factor of thirty [rad]."""
-FREE_TOOTH = 0.1
-"""Standard deviation of the teeth beside a gap of an inductive wheel, whose wave the gap bends: six degrees [rad]."""
-COMMON_SHIFT = 0.03
-"""Of all teeth together, which the pattern leaves open: two degrees are more than any mean of teeth [rad]."""
+FREE_TOOTH = Threshold(
+    0.1, "rad", "recordings",
+    "Standard deviation of the teeth beside a gap of an inductive wheel, whose wave the gap bends: six "
+    "degrees."
+)  # fmt: skip
+COMMON_SHIFT = Threshold(
+    0.03, "rad", "physics",
+    "Of all teeth together, which the pattern leaves open: two degrees are more than any mean of teeth."
+)  # fmt: skip
 SIZES = (-6.0, 0.5)
 """Decades of both sizes that are tried [rad]."""
 OWN_SIZES = np.array([1.0e-4, 1.0e-3, 1.0e-2, 1.0e-1])
 """Sizes of an order that stands out, times the order: parts of the speed [rad]."""
-STANDS_OUT = 3.0
-"""Gain in the logarithm of the probability for which an order gets its own size: odds of 20 to 1."""
+STANDS_OUT = Threshold(
+    3.0, "nat", "statistics",
+    "Gain in the logarithm of the probability for which an order gets its own size: odds of 20 to 1."
+)  # fmt: skip
 MOST_OWN = 6
 SPREAD = np.linspace(-2.4, 2.4, 9)
 """Logarithms of the factors on both sizes over which the result is averaged."""

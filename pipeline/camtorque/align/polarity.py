@@ -15,21 +15,38 @@ from numpy.typing import NDArray
 
 from camtorque.align.quality import spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.signal.threshold import Threshold
 from camtorque.units import BAR
 
-INVERTED_CORRELATION = -0.3
-SWAPPED_CORRELATION = 0.5
-"""Torque and pressure that follow each other less than this are not each other's, but something else."""
-LEAST_SWING = 4.0
-"""A channel that follows the cam swings by more than this many times its scatter from cycle to cycle."""
-STILL = 1.0e-4
-"""Nor does a channel follow the cam that moves by less than this part of its sensor's range."""
-TENSION = -0.04
-"""A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the range."""
-REST_FACTOR = 1.3
-"""On the base circle a line pressure keeps this much more of its peak than a torque, at least."""
-DWELL_LIFT_VELOCITY = 0.05
-"""Part of the largest lift velocity below which the follower stands still."""
+INVERTED_CORRELATION = Threshold(
+    -0.3, "1", "simulated rigs",
+    "Torque against pressure times lift velocity below which the torque is read with the wrong sign."
+)  # fmt: skip
+SWAPPED_CORRELATION = Threshold(
+    0.5, "1", "simulated rigs",
+    "Torque and pressure that follow each other less than this are not each other's, but something else."
+)  # fmt: skip
+LEAST_SWING = Threshold(
+    4.0, "1", "statistics",
+    "A channel that follows the cam swings by more than this many times its scatter from cycle to cycle."
+)  # fmt: skip
+STILL = Threshold(
+    1.0e-4, "1", "convention",
+    "Nor does a channel follow the cam that moves by less than this part of its sensor's range."
+)  # fmt: skip
+TENSION = Threshold(
+    -0.04, "1", "physics",
+    "A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the "
+    "range."
+)  # fmt: skip
+REST_FACTOR = Threshold(
+    1.3, "1", "simulated rigs",
+    "On the base circle a line pressure keeps this much more of its peak than a torque, at least."
+)  # fmt: skip
+DWELL_LIFT_VELOCITY = Threshold(
+    0.05, "1", "convention",
+    "Part of the largest lift velocity below which the follower stands still."
+)  # fmt: skip
 SAMPLED_CYCLES = 41
 COARSE_GRID = 720
 

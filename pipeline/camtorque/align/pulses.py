@@ -10,17 +10,23 @@ from numpy.typing import NDArray
 
 from camtorque.records import Array, Finding
 from camtorque.signal.running import running_median
+from camtorque.signal.threshold import Count, Threshold
 
-BOUNCE_PERIODS = 0.1
-"""An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."""
-SAME_PERIOD = 0.15
-"""Relative difference within which two gaps together count as one period."""
-PROVEN_PERIOD = 0.02
-"""A gap is an integer number of periods when the neighbours' periods agree with it this closely."""
-MAX_EXTRA = 4
-"""Pulses too many within one period that neighbours can prove."""
-MAX_MISSED = 3
-"""Pulses missed in a row that neighbours can prove."""
+BOUNCE_PERIODS = Threshold(
+    0.1, "periods", "physics",
+    "An edge that follows the one before within this part of a period is a bounce: no shaft speeds up "
+    "tenfold."
+)  # fmt: skip
+SAME_PERIOD = Threshold(
+    0.15, "1", "simulated rigs",
+    "Relative difference within which two gaps together count as one period."
+)  # fmt: skip
+PROVEN_PERIOD = Threshold(
+    0.02, "1", "simulated rigs",
+    "A gap is an integer number of periods when the neighbours' periods agree with it this closely."
+)  # fmt: skip
+MAX_EXTRA = Count(4, "pulses", "convention", "Pulses too many within one period that neighbours can prove.")
+MAX_MISSED = Count(3, "pulses", "convention", "Pulses missed in a row that neighbours can prove.")
 LOCAL_PERIODS = 9
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from camtorque.align.options import AlignOptions
 from camtorque.records import Array, CutFlowRow
+from camtorque.signal.threshold import Count, Threshold
 
 Mask = NDArray[np.bool_]
 
@@ -21,18 +22,29 @@ SAMPLED_CYCLES = 41
 """The robust mean cycle is taken over at most this many cycles, spread evenly."""
 POINT_DEG = 0.4
 """Distance of the points at which cycles are compared: an outlier is no matter of a tenth of a degree."""
-CLIPPED_SAMPLES = 3
-"""Samples at the end of the output range that make a cycle clipped: one or two may be a disturbance."""
-FROZEN_DEGREES = 3.0
-"""A channel that does not change over this angle, and four times longer than in its other cycles, has dropped out."""
-CONSTANT_DEGREES = 270.0
-"""No channel of a running pump stands still over this angle."""
-MISFIRE_SWING = 0.7
-"""Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."""
-OUTLIER_SWING = 0.003
-"""A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.4 %."""
-OUTLIER_FACTOR = 2.5
-"""An outlier is also this much further from the robust mean cycle than the median cycle."""
+CLIPPED_SAMPLES = Count(
+    3, "samples", "convention",
+    "Samples at the end of the output range that make a cycle clipped: one or two may be a disturbance."
+)  # fmt: skip
+FROZEN_DEGREES = Threshold(
+    3.0, "deg", "simulated rigs",
+    "A channel that does not change over this angle, and four times longer than in its other cycles, has "
+    "dropped out."
+)  # fmt: skip
+CONSTANT_DEGREES = Threshold(270.0, "deg", "physics", "No channel of a running pump stands still over this angle.")
+MISFIRE_SWING = Threshold(
+    0.7, "1", "convention",
+    "Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."
+)  # fmt: skip
+OUTLIER_SWING = Threshold(
+    0.003, "1", "recordings",
+    "A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to "
+    "0.4 %."
+)  # fmt: skip
+OUTLIER_FACTOR = Threshold(
+    2.5, "1", "simulated rigs",
+    "An outlier is also this much further from the robust mean cycle than the median cycle."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

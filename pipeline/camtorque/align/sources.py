@@ -20,10 +20,14 @@ from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges
 from camtorque.signal.inductive import find_crossings
 from camtorque.signal.pickup import find_pulses
+from camtorque.signal.threshold import Threshold
 
 TURNED = {"rising": "falling", "falling": "rising"}
-CLEARLY = 0.5
-"""The crossings of the other polarity have to fit the gap this much better: the gap bends the waves beside it."""
+CLEARLY = Threshold(
+    0.5, "1", "simulated rigs",
+    "The crossings of the other polarity have to fit the gap this much better: the gap bends the waves "
+    "beside it."
+)  # fmt: skip
 MOST_PULSES = 120
 """Pulses per turn of the cam that are kept of a fine encoder: one in three degrees sees every speed of a shaft."""
 

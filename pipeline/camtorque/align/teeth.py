@@ -16,26 +16,42 @@ from camtorque.align.pulses import PulseTrain, clean_pulses
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Refusal
 from camtorque.signal.running import running_median
+from camtorque.signal.threshold import Count, Threshold
 
 LEAST_PULSES = 2
 PITCH_TEETH = 11
 """A running median over this many gaps is deaf to the mark and to single disturbances."""
-ONE_PITCH = 0.3
-"""Two gaps make one pitch when their sum differs from it by less than this part."""
-SHORT_GAP = 0.7
-"""The shorter of the two is below this part of a pitch: an engine's ripple stretches single gaps by 20 %."""
-STANDSTILL_STEPS = 8
-"""A gap of more steps (or twice the mark's) is a shaft that stood still: how far it turned is not counted from time."""
-NEAREST_MARKS = 0.7
-"""Two marks are further apart than this part of a revolution: a slip loses a few teeth, not a third of them."""
-FAR_MARKS = 3
-"""A mark is confirmed by another one up to this many revolutions away."""
+ONE_PITCH = Threshold(
+    0.3, "1", "physics",
+    "Two gaps make one pitch when their sum differs from it by less than this part."
+)  # fmt: skip
+SHORT_GAP = Threshold(
+    0.7, "1", "physics",
+    "The shorter of the two is below this part of a pitch: an engine's ripple stretches single gaps by 20 "
+    "%."
+)  # fmt: skip
+STANDSTILL_STEPS = Count(
+    8, "steps", "convention",
+    "A gap of more steps (or twice the mark's) is a shaft that stood still: how far it turned is not "
+    "counted from time."
+)  # fmt: skip
+NEAREST_MARKS = Threshold(
+    0.7, "1", "convention",
+    "Two marks are further apart than this part of a revolution: a slip loses a few teeth, not a third of "
+    "them."
+)  # fmt: skip
+FAR_MARKS = Count(3, "turns", "convention", "A mark is confirmed by another one up to this many revolutions away.")
 
 
-LATE_INDEX = 0.5
-"""An index that comes this many steps after a mark still belongs to it."""
-INDEX_SPREAD = 0.25
-"""Standard deviation of the index pulse among the others [steps] beyond which it does not belong to this wheel."""
+LATE_INDEX = Threshold(
+    0.5, "steps", "convention",
+    "An index that comes this many steps after a mark still belongs to it."
+)  # fmt: skip
+INDEX_SPREAD = Threshold(
+    0.25, "steps", "simulated rigs",
+    "Standard deviation of the index pulse among the others [steps] beyond which it does not belong to "
+    "this wheel."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

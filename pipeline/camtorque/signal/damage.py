@@ -9,16 +9,25 @@ import numba
 import numpy as np
 
 from camtorque.records import Array, SensorCalibration
+from camtorque.signal.threshold import Count, Threshold
 
-FLAT_RUN = 6
-"""Equal samples in a row at the end of a cycle's range that may be a clipped top: noise leaves two or three."""
-STEPS_BESIDE_FLAT = 30.0
-"""A clipped top falls by more than this many steps of the converter within its own length on either side; a smooth peak
-that is flat only for want of resolution falls by eight."""
+FLAT_RUN = Count(
+    6, "samples", "statistics",
+    "Equal samples in a row at the end of a cycle's range that may be a clipped top: noise leaves two or "
+    "three."
+)  # fmt: skip
+STEPS_BESIDE_FLAT = Threshold(
+    30.0, "steps", "simulated rigs",
+    "A clipped top falls by more than this many steps of the converter within its own length on either "
+    "side; a smooth peak that is flat only for want of resolution falls by eight."
+)  # fmt: skip
 
 
-NO_VOLTAGE = 1.0e10
-"""No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd ones are missing."""
+NO_VOLTAGE = Threshold(
+    1.0e10, "unit of the file", "physics",
+    "No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd ones "
+    "are missing."
+)  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)

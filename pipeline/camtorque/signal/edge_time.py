@@ -9,17 +9,22 @@ from numpy.typing import NDArray
 
 from camtorque.records import Array
 from camtorque.signal.running import running_median
+from camtorque.signal.threshold import Threshold
 
 POOLED_EDGES = 9
 """Plateaus are the running median over this many neighbouring edges: it follows slow drift."""
 FLANK = (0.05, 0.95)
 """Heights between which a sample counts as lying on the flank."""
-SHORT_FLANK = 3.0
-"""A flank of fewer samples is fitted as a ramp; on a longer one linear interpolation is as good."""
+SHORT_FLANK = Threshold(
+    3.0, "samples", "statistics",
+    "A flank of fewer samples is fitted as a ramp; on a longer one linear interpolation is as good."
+)  # fmt: skip
 LEAST_PAIRS = 5
 LEAST_FOR_DENSITY = 30
-SAME_DURATION = 0.1
-"""Relative spread of the flank's duration over the edges beyond which it is no property of the sensor."""
+SAME_DURATION = Threshold(
+    0.1, "1", "simulated rigs",
+    "Relative spread of the flank's duration over the edges beyond which it is no property of the sensor."
+)  # fmt: skip
 STEEPEST = 1.0e-3
 """Duration of the flank of a logic-level log, which has no sample on any [samples]."""
 RECTANGULAR = 1.0 / np.sqrt(12.0)

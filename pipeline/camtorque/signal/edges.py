@@ -18,17 +18,25 @@ from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edge_time import EdgeSamples, crossings, edge_samples, joined
 from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, noise_of, without_missing
 from camtorque.signal.logger_time import sample_times
+from camtorque.signal.threshold import Threshold
 
 LONGEST_HALF_WINDOW = 64
 """Samples on either side of an edge that are looked at, at most."""
-REST_HIGH = 0.65
-"""A signal that is high for longer than this part of a usual period rests high: its pulses point down."""
+REST_HIGH = Threshold(
+    0.65, "1", "convention",
+    "A signal that is high for longer than this part of a usual period rests high: its pulses point down."
+)  # fmt: skip
 BUNDLE = 4096
 """Edges worked off at once."""
-MIN_HEIGHT_TO_NOISE = 8.0
-"""Pulses lower than this many standard deviations of the plateaus are no pulses."""
-LEAST_HEIGHT = 0.3
-"""Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read again."""
+MIN_HEIGHT_TO_NOISE = Threshold(
+    8.0, "1", "statistics",
+    "Pulses lower than this many standard deviations of the plateaus are no pulses."
+)  # fmt: skip
+LEAST_HEIGHT = Threshold(
+    0.3, "1", "simulated rigs",
+    "Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read "
+    "again."
+)  # fmt: skip
 HIGHEST = 3
 """The third highest pulse stands for the highest: two may be disturbances."""
 

@@ -19,17 +19,25 @@ from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.levels import without_missing
 from camtorque.signal.logger_time import sample_times
+from camtorque.signal.threshold import Threshold
 
-REAL_WAVE = 1.0 / 3.0
-"""Part of the usual height beside it that both halves of a tooth's wave reach."""
+REAL_WAVE = Threshold(
+    1.0 / 3.0, "1", "simulated rigs",
+    "Part of the usual height beside it that both halves of a tooth's wave reach."
+)  # fmt: skip
 NEIGHBOURS = 16
 """Half waves on either side among which the usual height is looked for."""
 USUAL_PERCENTILE = 75.0
 """The gap makes one or two high waves a revolution, noise many low ones: the usual one lies high, but not highest."""
-FAINT = 0.01
-"""Half waves lower than this part of the highest ones are noise of a shaft at rest: speeds of 1 to 100 in one log."""
-NOISE_HEIGHTS = 5.0
-"""Half waves are higher than this many standard deviations of the noise."""
+FAINT = Threshold(
+    0.01, "1", "physics",
+    "Half waves lower than this part of the highest ones are noise of a shaft at rest: speeds of 1 to 100 "
+    "in one log."
+)  # fmt: skip
+NOISE_HEIGHTS = Threshold(
+    5.0, "1", "statistics",
+    "Half waves are higher than this many standard deviations of the noise."
+)  # fmt: skip
 MIDDLE_OF_FLANK = 0.4
 """Part of the lower half wave up to which a flank is straight."""
 MOST_FLANK = 24

@@ -8,9 +8,12 @@ import numpy as np
 from camtorque.records import Array
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.running import running_maximum, running_median
+from camtorque.signal.threshold import Threshold
 
-HYSTERESIS = 0.25
-"""Part of the pulse height above and below half height that a pulse has to pass."""
+HYSTERESIS = Threshold(
+    0.25, "1", "convention",
+    "Part of the pulse height above and below half height that a pulse has to pass."
+)  # fmt: skip
 FINE_SAMPLES = 64
 """Windows from which the distance of the pulses is estimated."""
 LEAST_POOLED = 4
@@ -25,8 +28,10 @@ POOLED_WINDOWS = 5
 """A level follows the running median over this many windows: one disturbed window does not move it."""
 NEIGHBOUR_WINDOWS = 9
 """Windows among which the highest pulse sets what counts as a pulse."""
-NOISE_HEIGHTS = 12.0
-"""Pulses are higher than this many standard deviations of the noise, whose extremes span eight."""
+NOISE_HEIGHTS = Threshold(
+    12.0, "1", "statistics",
+    "Pulses are higher than this many standard deviations of the noise, whose extremes span eight."
+)  # fmt: skip
 NOISE_PAIRS = 4096
 """Pairs of neighbouring samples of a block that the noise is taken from, at most."""
 

@@ -12,13 +12,17 @@ import numpy as np
 
 from camtorque.records import Array, Channel
 from camtorque.signal.damage import NO_VOLTAGE, clipped_samples, clips_below, converter_step, missing_samples
+from camtorque.signal.threshold import Threshold
 
 BLOCK = 1_000_000
 OVERLAP = 4
-SPIKE_TIMES_MEDIAN, SPIKE_TIMES_BESIDE = 10.0, 4.0
-"""An isolated sample stands out by this many times the usual bend, and by this many times the bends beside it."""
-SPIKE_STEPS = 5.0
-"""And by this many steps of the converter: a coarse one bends by a step now and then, and usually not at all."""
+SPIKE_TIMES_MEDIAN = Threshold(10.0, "1", "statistics", "An isolated sample bends by this many times the usual bend.")
+SPIKE_TIMES_BESIDE = Threshold(4.0, "1", "convention", "And by this many times the bends beside it.")
+SPIKE_STEPS = Threshold(
+    5.0, "steps", "convention",
+    "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not "
+    "at all."
+)  # fmt: skip
 LEAST_SWING_VOLTS = 1.0e-9
 
 
