@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -57,6 +59,12 @@ def test_every_threshold_says_what_it_was_set_on() -> None:
             assert number.basis in BASES, f"{module}.{name}"
             assert number.unit, f"{module}.{name}"
             assert number.reason.endswith("."), f"{module}.{name}"
+
+
+def test_a_threshold_is_copied_with_all_that_it_knows() -> None:
+    for item in (Threshold(0.5, "s", "physics", "So."), Count(3, "samples", "physics", "So.")):
+        for twin in (copy.deepcopy(item), pickle.loads(pickle.dumps(item))):
+            assert (twin, twin.unit, twin.reason) == (item, item.unit, "So.")
 
 
 def test_the_document_lists_every_threshold() -> None:

@@ -85,7 +85,7 @@ def angle_error_budget(
         ),
         AngleError(
             "resampling",
-            RESAMPLING_DEG,
+            float(RESAMPLING_DEG),
             "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz",
         ),
         *_between_pulses(base, speed_change, ripple_text(spec, torque, speed)),

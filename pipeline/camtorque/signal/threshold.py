@@ -35,6 +35,10 @@ class Threshold(float):
         self.unit, self.basis, self.reason = unit, basis, reason
         return self
 
+    def __getnewargs__(self) -> tuple[float, str, str, str]:  # type: ignore[override]
+        """Copy and pickle with all that it knows."""
+        return float(self), self.unit, self.basis, self.reason
+
 
 class Count(int):
     """A whole number with unit, reason and basis; see `Threshold`."""
@@ -48,3 +52,7 @@ class Count(int):
         self = super().__new__(cls, value)
         self.unit, self.basis, self.reason = unit, basis, reason
         return self
+
+    def __getnewargs__(self) -> tuple[int, str, str, str]:  # type: ignore[override]
+        """Copy and pickle with all that it knows."""
+        return int(self), self.unit, self.basis, self.reason
