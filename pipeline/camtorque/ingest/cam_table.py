@@ -49,6 +49,11 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     return CamTable(theta, lift, resolution), tuple(findings)
 
 
+def lift_table_comment(pump: PumpData) -> str:
+    """Return what the lift table says of itself above its columns."""
+    return read_small_table(pump.cam_table_path, "a lift table").comment
+
+
 def _column(table: SmallTable, name: str, dimension: str) -> Array:
     if name not in table.columns:
         names = tuple(table.columns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -12,7 +13,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
 from camtorque.config_toml import load_recording_config
-from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.hashes import input_file
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger
@@ -86,13 +87,26 @@ def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]
     """Hold the numbers of the pump against each other and the trigger against the lift table."""
     if table is None:
         return []
-    problems, findings = Problems(), []
+    problems, findings = Problems(), _other_pump(config)
     with problems.collecting():
         findings += check_pump(config, table)
     with problems.collecting():
         check_trigger(config, table)
     problems.raise_any()
     return findings
+
+
+def _other_pump(config: RecordingConfig) -> list[Finding]:
+    """Tell a lift table whose file name or comment names another pump of the same series (FIP-B for FIP-A)."""
+    series, mark, _ = config.pump_id.rpartition("-")
+    if not mark or not series:
+        return []
+    text = f"{config.pump.cam_table_path.stem} {lift_table_comment(config.pump)}".replace("_", " ")
+    named = re.findall(rf"(?<!\w){re.escape(series)}-\w+", text)
+    if not named or config.pump_id in named:
+        return []
+    said = f"the lift table names pump {named[0]}, recording.toml is about {config.pump_id}"
+    return [Finding("lift_table_of_other_pump", "warning", said, config.pump.cam_table_path.name)]
 
 
 def _said_once(*findings: Finding) -> tuple[Finding, ...]:
@@ -135,8 +149,8 @@ def read_sensors(
             with problems.collecting():
                 span = math.nan
                 if spec in raw:
-                    scale, is_volts, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
-                    span = math.nan if is_volts else _span(raw[spec], scale)
+                    scale, _, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
+                    span = _span(raw[spec], scale) if reference.calibration_path is None else math.nan
                 sensors[spec.quantity] = read_sensor(reference, spec.unit, span)
     return sensors
 

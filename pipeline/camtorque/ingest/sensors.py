@@ -51,7 +51,7 @@ def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -
     Parameters
     ----------
     unit : of the channel; a unit of the quantity where the logger has scaled already
-    span : largest value that the channel shows [SI], which stands in for a range that no sheet states
+    span : largest value that the channel shows [V, or SI where scaled]; stands in for a range that nobody states
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -
     sheet = read_sheet(reference)
     if BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))[0] == "voltage":
         line = _line(sheet, reference.quantity)
-        calibration, findings = _in_volts(sheet, line, reference)
+        calibration, findings = _in_volts(sheet, line, reference, span)
     else:
         calibration, findings = _scaled(sheet, reference, unit, span)
     return Sensor(calibration, sheet.files, (*sheet.findings, *findings), sheet["calibration_date"])
@@ -88,11 +88,14 @@ def _dimension(quantity: str) -> str:
     return CHANNEL_QUANTITIES[quantity].dimension
 
 
-def _in_volts(sheet: Sheet, line: CertificateLine, reference: SensorRef) -> tuple[SensorCalibration, list[Finding]]:
+def _in_volts(
+    sheet: Sheet, line: CertificateLine, reference: SensorRef, span: float
+) -> tuple[SensorCalibration, list[Finding]]:
     quantity = reference.quantity
     factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
-    low, high = _range(sheet, "nominal_range")
-    out_low, out_high = _range(sheet, "output_range")
+    out_low, out_high = _range(sheet, "output_range", (-math.inf, math.inf))
+    reach = abs(line.gain) * span / factor
+    low, high = _range(sheet, "nominal_range", (-reach, reach))
     delay, delay_std, findings = _delay(sheet, quantity)
     gain_std, more = _gain_std(sheet, line)
     calibration = SensorCalibration(
@@ -126,7 +129,7 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
     low, high = -span, span
     if sheet["nominal_range"] is not None:
         per_unit = unit_factor(sheet["unit"] or unit, _dimension(quantity), f"{sheet.where} unit")
-        low, high = (value * per_unit for value in _range(sheet, "nominal_range"))
+        low, high = (value * per_unit for value in _range(sheet, "nominal_range", (low, high)))
     accuracy = sheet.accuracy()
     if accuracy is None:
         accuracy = USUAL_ACCURACY
@@ -291,8 +294,11 @@ def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
     return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), [finding]
 
 
-def _range(sheet: Sheet, name: str) -> tuple[float, float]:
+def _range(sheet: Sheet, name: str, otherwise: tuple[float, float]) -> tuple[float, float]:
+    """Return a range of the sheet; a sheet of its own has to state it, a sensor in the recording may leave it open."""
     key = {"nominal_range": "nominal_range", "output_range": "output_range_V"}[name]
+    if sheet[name] is None and not sheet.files:
+        return otherwise
     if sheet[name] is None:
         raise Refusal(f"{sheet.where} {key}: this key is missing; give [lowest, highest]")
     low, high = sheet[name]
