@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -170,7 +171,7 @@ def _between(
         return
     # from the corners of the lattice inwards, so that every point has a solved neighbour
     order = np.argsort(-np.max(goals, axis=1), kind="stable")
-    done = 0
+    done, begun = 0, time.monotonic()
     for number, at in enumerate(order, start=1):
         goal = goals[at]
         nearest = sorted(solved, key=lambda point: float(np.sum((_direction(point.aims) - _direction(goal)) ** 2)))
@@ -180,7 +181,8 @@ def _between(
             yield found
         if 10 * number // order.size > done:
             done = 10 * number // order.size
-            tell(f"{problem.family.name}: {number} of {order.size} points of the front")
+            left = (time.monotonic() - begun) / number * (order.size - number)
+            tell(f"{problem.family.name}: {number} of {order.size} points of the front, {left:.0f} s left")
 
 
 def _direction(aims: Array) -> Array:

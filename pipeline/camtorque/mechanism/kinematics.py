@@ -122,9 +122,8 @@ def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-d
 @njit(cache=True, error_model="numpy")
 def _paths(lift, base, offset, radius, out):  # type: ignore[no-untyped-def]
     for i in range(lift.shape[1]):
-        values = path_at(lift[0, i], lift[1, i], lift[2, i], base, offset, radius)
-        for row in range(6):
-            out[row, i] = values[row]
+        v = path_at(lift[0, i], lift[1, i], lift[2, i], base, offset, radius)
+        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = v
 
 
 def path_rows(lift: Array, base: float, offset: float, radius: float) -> Array:

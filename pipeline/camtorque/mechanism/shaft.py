@@ -152,9 +152,10 @@ def solve_closed(units: Units, motion: ShaftMotion) -> ShaftForces:
     """Solve every pump by the closed form, the only method that knows friction."""
     outputs = []
     for unit, pressure in zip(units, motion.pressure, strict=True):
-        path = kinematics(unit.pump, unit.law, motion.theta - unit.phase, unit.mounting.rotation)
-        refuse_jammed(path, unit.friction)
-        lift = np.stack([path.lift, path.velocity, path.acceleration])
+        angle = motion.theta - unit.phase
+        if unit.friction.guide > 0.0:
+            refuse_jammed(kinematics(unit.pump, unit.law, angle, unit.mounting.rotation), unit.friction)
+        lift = unit.law.derivatives(angle, 2)
         constants = constants_of(unit.pump, unit.mounting, unit.friction)
         solved = solve_lift(constants, lift, pressure, motion.speed, motion.acceleration)
         outputs.append(dict(zip(OUTPUTS, solved, strict=True)))

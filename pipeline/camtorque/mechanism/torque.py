@@ -146,15 +146,21 @@ def solve_angle(c, one, load, squared, alpha, y, slope, curve, path):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
+def _store(out, i, v):  # type: ignore[no-untyped-def]
+    """Write all outputs of one angle; a loop over the tuple would keep the compiler from solving several at once."""
+    out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = v[0], v[1], v[2], v[3], v[4], v[5]
+    out[6, i], out[7, i], out[8, i], out[9, i], out[10, i] = v[6], v[7], v[8], v[9], v[10]
+
+
+@njit(cache=True, error_model="numpy")
 def _outputs(c, lift, pressure, speed, acceleration, out):  # type: ignore[no-untyped-def]
     """Write all of `OUTPUTS` (11, n) from the lift with two derivatives (3, n) and loads (n,)."""
     for i in range(pressure.size):
         y, slope, curve = lift[0, i], lift[1, i], lift[2, i]
         path = path_at(y, slope, curve, c.base, c.offset, c.radius)
         squared = speed[i] * speed[i]
-        values = solve_angle(c, 1.0, pressure[i], squared, acceleration[i], y, slope, curve, path)
-        for row in range(11):
-            out[row, i] = values[row]
+        v = solve_angle(c, 1.0, pressure[i], squared, acceleration[i], y, slope, curve, path)
+        _store(out, i, v)
 
 
 @njit(cache=True, error_model="numpy")
@@ -167,11 +173,10 @@ def _tables(c, lift, out):  # type: ignore[no-untyped-def]
         load = solve_angle(c, 0.0, 1.0, 0.0, 0.0, y, slope, curve, path)
         squared = solve_angle(c, 0.0, 0.0, 1.0, 0.0, y, slope, curve, path)
         alpha = solve_angle(c, 0.0, 0.0, 0.0, 1.0, y, slope, curve, path)
-        for row in range(11):
-            out[row, 0, i] = rest[row]
-            out[row, 1, i] = load[row]
-            out[row, 2, i] = squared[row]
-            out[row, 3, i] = alpha[row]
+        _store(out[:, 0], i, rest)
+        _store(out[:, 1], i, load)
+        _store(out[:, 2], i, squared)
+        _store(out[:, 3], i, alpha)
 
 
 @dataclass(frozen=True)
@@ -297,5 +302,6 @@ def solve_lift(constants: Constants, lift: Array, pressure: Array, speed: Array,
     pressure, speed, acceleration : (n,) [Pa, rad/s, rad/s^2]
     """
     out = np.empty((len(OUTPUTS), lift.shape[1]))
-    _outputs(constants, lift, pressure, speed, acceleration, out)
+    # a value that is repeated by a stride of zero would be read one at a time
+    _outputs(constants, lift, *(np.ascontiguousarray(row) for row in (pressure, speed, acceleration)), out)
     return out
