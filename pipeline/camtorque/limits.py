@@ -120,10 +120,15 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return Verdict(limit, None, None, CANNOT_TELL, "the result holds no number of that name")
     unit = group.get("unit")
-    if limit.unit and unit and limit.unit != unit:
+    if limit.unit and unit and _plain_unit(limit.unit) != _plain_unit(unit):
         return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result in {unit}")
     error = group.get("stderr") if last == "value" else None
     return _compared(limit, float(value), None if error is None else float(error))
+
+
+def _plain_unit(unit: str) -> str:
+    """Return a unit without typography: a user may write mm^3 or mm³."""
+    return unit.replace("²", "^2").replace("³", "^3").replace("µ", "u").replace(" ", "")
 
 
 def _compared(limit: Limit, value: float, stderr: float | None) -> Verdict:

@@ -208,9 +208,12 @@ def changed(parameters: lmfit.Parameters, changes: Mapping[str, Mapping[str, Any
             raise Refusal(f"parameter {name!r}: not free here{did_you_mean(name, tuple(found))}; see result.json")
         try:
             found[name].set(**row)
+            if not row.keys() & {"value", "expr"}:  # narrower bounds take the start along
+                found[name].set(value=float(np.clip(found[name].value, found[name].min, found[name].max)))
             value, low, high = found[name].value, found[name].min, found[name].max
         except Exception as error:  # lmfit's evaluator raises many kinds
             raise Refusal(f"parameter {name!r}: {' '.join(str(error).split())}; expected {', '.join(KEYS)}") from error
+        value = row.get("value", value)  # lmfit would move it into the bounds without a word
         if not (np.isfinite(value) and low <= value <= high):
             raise Refusal(f"parameter {name!r}: found {value:g}, expected a value from {low:g} to {high:g}")
     return found

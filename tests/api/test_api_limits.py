@@ -42,6 +42,7 @@ def judged(**changes: object) -> tuple[str, str]:
         ({"max": 0.35, "guard": 2.0}, "cannot tell", "within 2 standard uncertainties"),
         ({"max": 0.45, "guard": 2.0}, "pass", ""),
         ({"max": 0.15, "guard": 2.0}, "fail", "above the band"),
+        ({"max": 1.0, "unit": "mm³/s/bar"}, "pass", ""),
         ({"max": 1.0, "unit": "l/h"}, "cannot tell", "the band is in l/h, the result in mm^3/s/bar"),
         ({"quantity": "chamber.peak_bar.value", "max": 1.0}, "cannot tell", "no number of that name"),
         ({"quantity": "forces.contact_lost", "max": 1.0}, "cannot tell", "no number of that name"),

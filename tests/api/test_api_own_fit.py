@@ -89,6 +89,13 @@ def test_bounds_ties_and_fixed_values_hold(own: OwnFit) -> None:
     assert "dead_volume" in lmfit.fit_report(result)
 
 
+def test_narrower_bounds_take_the_start_along(own: OwnFit) -> None:
+    start = own.parameters()["dead_volume"].value
+    assert changed(own.parameters(), {"dead_volume": {"max": 0.5 * start}})["dead_volume"].value == 0.5 * start
+    with pytest.raises(Refusal, match=f"found {start:g}, expected a value from"):
+        changed(own.parameters(), {"dead_volume": {"max": 0.5 * start, "value": start}})
+
+
 def test_uncertainties_and_intervals(own: OwnFit) -> None:
     parameters = some_free(own)
     minimizer = own.minimizer(parameters)
