@@ -50,7 +50,7 @@ class Problem:
     def _all_limits(self) -> tuple[Limit, ...]:
         """Return the limits of the task, and those that every cam has to keep, where the task has none of its own."""
         own = {limit.response for limit in self.task.limits}
-        always = (
+        always: tuple[Limit, ...] = (
             Limit("convex_radius_mm", "least", LEAST_RADIUS),
             Limit("contact_force_n", "least", 0.0),
             Limit("lobe_angle_deg", "most", LARGEST_LOBE),

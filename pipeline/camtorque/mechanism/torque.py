@@ -303,5 +303,6 @@ def solve_lift(constants: Constants, lift: Array, pressure: Array, speed: Array,
     """
     out = np.empty((len(OUTPUTS), lift.shape[1]))
     # a value that is repeated by a stride of zero would be read one at a time
-    _outputs(constants, lift, *(np.ascontiguousarray(row) for row in (pressure, speed, acceleration)), out)
+    load, rate, change = (np.ascontiguousarray(row) for row in (pressure, speed, acceleration))
+    _outputs(constants, lift, load, rate, change, out)
     return out
