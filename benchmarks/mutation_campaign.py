@@ -71,6 +71,9 @@ TARGETS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "MAT v5 plain": (_single(UNCOMPRESSED["mat"]), "loadmat v5: 0 / 298"),
     "MAT v7.3": (mat73(), ""),
     "catman": (_single(PLANS["catman"]), "apread: 59 / 57"),
+    "Excel": (_single(PLANS["xlsx"]), ""),
+    "Parquet with page checksums": (_single(PLANS["parquet"]), ""),
+    "LabVIEW text": (_single(PLANS["lvm"]), ""),
 }
 """Name -> (writer of the clean recording, the peers' silent truncations / silent flips of 300 each)."""
 

@@ -39,7 +39,7 @@ def _library(path: Path) -> Any:
         import pyarrow.parquet
     except ImportError as error:
         raise Refusal(
-            f"{path}: reading Parquet or Feather needs pyarrow, which is not installed: pip install pyarrow"
+            f"{path}: reading Parquet or Feather needs pyarrow, which is missing: pip install 'camtorque[tables]'"
         ) from error
     return pyarrow
 

@@ -71,7 +71,7 @@ def _library(path: Path) -> Any:
         import openpyxl
     except ImportError as error:
         raise Refusal(
-            f"{path}: reading Excel workbooks needs openpyxl, which is not installed: pip install openpyxl"
+            f"{path}: reading Excel workbooks needs openpyxl, which is missing: pip install 'camtorque[tables]'"
         ) from error
     return openpyxl
 
