@@ -187,7 +187,10 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory(dir=ROOT.parent, prefix=".campaign_size-") as name:
         prepare_result(Path(name), arguments.bare or arguments.kill > 0)
-        lines = [*(HEAD if arguments.count else ()), *(measure(n, Path(name), how) for n in arguments.count)]
+        lines = list(HEAD) if arguments.count else []
+        for count in arguments.count:
+            lines.append(measure(count, Path(name), how))
+            print(lines[-1], flush=True)
         if arguments.kill:
             lines.append(kill_often(arguments.kill, Path(name), how))
     print("\n".join(lines))
