@@ -10,7 +10,7 @@ from camtorque.plain import clean
 from camtorque.records import ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
 from camtorque.report.curves_svg import curves_svg
-from camtorque.report.numbers import fixed, near, plus_minus, typeset, unit_text
+from camtorque.report.numbers import exponents, fixed, near, plus_minus, typeset, unit_text
 from camtorque.report.payload import book, packed, unpacked
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
@@ -128,12 +128,18 @@ def test_a_bump_over_the_zero_of_the_angle_is_marked_on_both_sides() -> None:
     [
         ("leakage 0.1 +- 0.02 mm^3/s/bar", "leakage 0.1 ± 0.02 mm³/s/bar"),
         ("1.03 um, +/-10 %, 12 kg m^2", "1.03 µm, ±10 %, 12 kg m²"),
-        ("a + 1.88e+03 x b, now -8.2e-05 %", "a + 1.88·10³ × b, now -8.2·10⁻⁵ %"),
+        ("a + 1.88 x b, 3 mm^2", "a + 1.88 × b, 3 mm²"),
         ("9 Nm at 212 urad/(N m); this tells us more", "9 N m at 212 µrad/(N m); this tells us more"),
     ],
 )
 def test_one_typography(text: str, expected: str) -> None:
     assert typeset(text) == expected
+
+
+def test_signs_of_documents_are_those_of_any_terminal_and_pages_have_powers_of_ten() -> None:
+    assert typeset("4e-06 s, 12 kg m^2, 3 um, 5 +- 1") == "4e-06 s, 12 kg m², 3 µm, 5 ± 1"
+    typeset("4e-06 s, 12 kg m^2, 3 um, 5 +- 1, 2 x b").encode("cp1252")
+    assert exponents("1.88e+03 and -8.2e-05") == "1.88·10³ and -8.2·10⁻⁵"
 
 
 def test_units_and_errors_as_texts() -> None:

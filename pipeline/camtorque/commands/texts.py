@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from camtorque.report.numbers import typeset
+
 
 def run_table(doc: Mapping[str, Any]) -> str:
     """Return the content of result.json as a compact table."""
@@ -64,7 +66,10 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
 
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per finding."""
-    return [f"{row['severity']:8}  {row['text']}" + (f" [{row['where']}]" if row["where"] else "") for row in findings]
+    return [
+        f"{row['severity']:8}  {typeset(row['text'])}" + (f" [{row['where']}]" if row["where"] else "")
+        for row in findings
+    ]
 
 
 def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -27,6 +27,8 @@ from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.result/1"
+SENTENCES = ("text", "meaning", "source", "next_measurement")
+"""Keys whose values are read by people."""
 
 
 def result_document(result: RunResult) -> dict[str, Any]:
@@ -61,12 +63,22 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "gap_by_cause": _gap(result),
             "chamber": _chamber(fitted),
             "forces": _forces(fitted),
-            "next_measurement": [typeset(text) for text in fitted.next_measurement],
+            "next_measurement": fitted.next_measurement,
             "timing_s": result.timing,
             "peak_memory_mb": result.peak_memory_mb,
         }
     )
+    doc = printed(doc)
     return {**doc, "limits": limits_document(judge(doc, result.limits))} if result.limits else doc
+
+
+def printed(value: Any, key: str = "") -> Any:
+    """Return a document whose sentences have the signs of print (`typeset`); names and units stay as they are."""
+    if isinstance(value, dict):
+        return {name: printed(item, name) for name, item in value.items()}
+    if isinstance(value, list):
+        return [printed(item, key) for item in value]
+    return typeset(value) if key in SENTENCES and isinstance(value, str) else value
 
 
 def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, Any]:
@@ -83,7 +95,7 @@ def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, 
 
 
 def _evidence(row: LossEvidence) -> dict[str, Any]:
-    return {**{key: value for key, value in asdict(row).items() if key != "name"}, "text": typeset(row.text)}
+    return {key: value for key, value in asdict(row).items() if key != "name"}
 
 
 def _bump(bump: ResidualBump) -> dict[str, Any]:
@@ -115,10 +127,11 @@ def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
 def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
     """Return what is told together and the budget of a fit by parameter, in the units of the parameters."""
     told = fitted.details.get("combinations", ())
-    return {
-        "combinations": [{**asdict(item), "text": typeset(item.text)} for item in told],
-        "budget": {row.name.split("__")[0]: dict(row.contributions) for row in fitted.details.get("budget", ())},
+    budget = {
+        row.name.split("__")[0]: {typeset(source): value for source, value in row.contributions.items()}
+        for row in fitted.details.get("budget", ())
     }
+    return {"combinations": [{**asdict(item), "text": item.text} for item in told], "budget": budget}
 
 
 def _recording(result: RunResult) -> dict[str, Any]:

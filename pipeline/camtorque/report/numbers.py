@@ -16,7 +16,6 @@ SIGNS = (
     (re.compile(r"(?<![A-Za-z])u(?=rad\b)|(?<=[\d)] )u(?=[ms]\b)"), "\u00b5"),
     (re.compile(r"(?<=\d )Nm\b"), "N m"),
     (re.compile(r"(?<=\d) x (?=[a-z])"), " \u00d7 "),
-    (re.compile(r"(?<=\d)e([+-]?\d+)\b"), lambda found: "\u00b710" + str(int(found[1])).translate(POWERS)),
 )
 
 
@@ -25,6 +24,11 @@ def typeset(text: str) -> str:
     for pattern, sign in SIGNS:
         text = pattern.sub(sign, text)
     return text
+
+
+def exponents(text: str) -> str:
+    """Return a sentence with powers of ten in place of ``e-06``; for pages, as not every terminal has the signs."""
+    return re.sub(r"(?<=\d)e([+-]?\d+)\b", lambda found: "\u00b710" + str(int(found[1])).translate(POWERS), text)
 
 
 def unit_text(unit: str) -> str:
@@ -50,7 +54,7 @@ def num(value: float | None, digits: int = 3) -> str:
     text = f"{value:.{digits}g}"
     if "e" in text and 1e-4 <= abs(value) < 1e6:
         text = f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
-    return typeset(text).replace("-", MINUS)
+    return exponents(text).replace("-", MINUS)
 
 
 def signed(value: float | None, digits: int = 2) -> str:
@@ -88,6 +92,6 @@ def plus_minus(stderr: float | None) -> str:
 
 FILTERS = {
     "num": num, "signed": signed, "fixed": fixed, "scaled": scaled, "near": near, "plus_minus": plus_minus,
-    "unit": unit_text, "words": words, "typeset": typeset,
+    "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(text)),
 }  # fmt: skip
 """Name in a template -> function."""
