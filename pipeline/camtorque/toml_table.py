@@ -33,6 +33,10 @@ class Refusals(Refusal):
         super().__init__(problems[0] + tail)
         self.problems = problems
 
+    def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...]]]:
+        """Return what builds the refusal anew, so that it comes back whole from a worker process."""
+        return Refusals, (self.problems,)
+
 
 @dataclass
 class Problems:

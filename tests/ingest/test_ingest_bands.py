@@ -1,5 +1,6 @@
 """A slip of unit is refused with the value that was probably meant; nonsense numbers never pass; all errors at once."""
 
+import pickle
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,13 @@ def test_all_errors_are_said_at_once(tmp_path: Path):
     with pytest.raises(Refusals, match="and 2 more; 'camtorque check' lists them all") as caught:
         load_recording_config(write(tmp_path, text))
     assert len(caught.value.problems) == 3
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.problems) == (str(caught.value), caught.value.problems)
+
+
+def test_a_configuration_goes_to_a_worker_and_back(tmp_path: Path):
+    config = load_recording_config(write(tmp_path, TEXT))
+    assert pickle.loads(pickle.dumps(config)) == config
 
 
 @pytest.mark.parametrize(
