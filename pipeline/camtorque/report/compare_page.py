@@ -15,7 +15,7 @@ from camtorque.records import Array, freeze_arrays
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import png_of, svg_of
 from camtorque.report.files import write_json
-from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, signed, unit_text, words
+from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, unit_text, words
 from camtorque.report.page import ESCAPED, Drawing, live_charts, render
 from camtorque.report.phases import phases
 from camtorque.units import BAR, DEGREE
@@ -116,8 +116,12 @@ def compare_answer(document: Mapping[str, Any]) -> str:
 
 def _difference(row: Mapping[str, Any]) -> str:
     error = f" ± {plus_minus(row['stderr'])}" if row["stderr"] else ""
-    sign = "+" if (row["difference"] or 0.0) > 0.0 else ""
-    return f"{sign}{near(row['difference'], row['stderr'])}{error} {unit_text(row['unit'])}".strip()
+    return f"{_moved(row)}{error} {unit_text(row['unit'])}".strip()
+
+
+def _moved(row: Mapping[str, Any]) -> str:
+    """Return a difference with its sign and as many digits as its uncertainty has."""
+    return ("+" if (row["difference"] or 0.0) > 0.0 else "") + near(row["difference"], row["stderr"])
 
 
 def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -127,7 +131,7 @@ def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
     return [
         {
             "name": words(name), "verdict": row["verdict"], "before": near(row["before"], row["stderr"]),
-            "after": near(row["after"], row["stderr"]), "difference": signed(row["difference"], 3),
+            "after": near(row["after"], row["stderr"]), "difference": _moved(row),
             "error": plus_minus(row["stderr"]), "unit": unit_text(row["unit"]),
             "interval": " … ".join(near(end, row["stderr"]) for end in row["ci95"]) if row["stderr"] else UNKNOWN,
             "smallest": num(row.get("smallest_change"), 2),
