@@ -15,6 +15,7 @@ from camtorque.commands import COMMANDS, check, options, run, texts
 from camtorque.commands.arguments import SHELLS
 from camtorque.commands.outcome import Outcome
 from camtorque.records import Refusal
+from threadpoolctl import threadpool_info
 
 SEALED = {"SHA256SUMS", "ro-crate-metadata.json"}
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
@@ -301,3 +302,16 @@ def test_a_command_imports_what_it_needs_alone(module: str, unwanted: set[str]) 
     code = f"import sys, {module}; print(*(name for name in {sorted(unwanted)} if name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_every_command_keeps_the_numerical_libraries_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+
+    def counts(*_: object) -> Outcome:
+        seen.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        return Outcome("", {})
+
+    monkeypatch.setattr(check, "execute", counts)
+    assert cli.main(["check", "x"]) == 0
+    assert seen
+    assert set(seen) == {1}

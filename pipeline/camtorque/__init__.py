@@ -24,12 +24,15 @@ from camtorque.version import __version__
 
 if TYPE_CHECKING:
     from camtorque.api import (
+        AlignOptions,
         CamCycles,
         FitOptions,
+        Limit,
         Prediction,
         Recording,
         Refusal,
         Result,
+        RunOptions,
         Sensor,
         align,
         fit,
@@ -45,12 +48,15 @@ if TYPE_CHECKING:
 find_caches(Path(__file__).parent)
 
 __all__ = [
+    "AlignOptions",
     "CamCycles",
     "FitOptions",
+    "Limit",
     "Prediction",
     "Recording",
     "Refusal",
     "Result",
+    "RunOptions",
     "Sensor",
     "__version__",
     "align",

@@ -24,6 +24,7 @@ from camtorque.fit import FitOptions
 from camtorque.frames import to_pandas, to_xarray
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.limits import Limit
 from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
 from camtorque.records import CamCycles, Refusal
@@ -34,12 +35,15 @@ from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 
 __all__ = [
+    "AlignOptions",
     "CamCycles",
     "FitOptions",
+    "Limit",
     "Prediction",
     "Recording",
     "Refusal",
     "Result",
+    "RunOptions",
     "Sensor",
     "align",
     "fit",
@@ -210,7 +214,8 @@ def fit(
     Parameters
     ----------
     recording : from `read` or `Recording.from_arrays`, or a path
-    options : choices of alignment and fit, those of `camtorque run`
+    options : choices of alignment and fit, and limits, those of `camtorque run`:
+        ``RunOptions(align=AlignOptions(n_theta=1800), limits=(Limit("parameters.leakage.value", None, 0.6),))``
     progress : is told what is being done, such as ``print``
 
     Raises

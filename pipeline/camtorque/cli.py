@@ -59,9 +59,12 @@ def silent(text: str) -> None:
 
 def execute(parsed: argparse.Namespace) -> int:
     """Have one command done, print what it found and return the exit status."""
+    from camtorque.threads import on_one_thread
+
     # progress is for a person who waits; a log file or a pipe gets the result alone
     progress = tell if sys.stderr.isatty() and not parsed.quiet else silent
-    outcome: Outcome = import_module(COMMANDS[parsed.command].module).execute(parsed, progress)
+    command = import_module(COMMANDS[parsed.command].module)
+    outcome: Outcome = on_one_thread(command.execute)(parsed, progress)
     as_json = getattr(parsed, "json", False)
     for text, document in outcome.stream:
         print(_json(document) if as_json else text, flush=True)

@@ -11,11 +11,9 @@ from camtorque.commands.outcome import Outcome, Tell
 from camtorque.lmfit_way import changed, own_fit, read_changes
 from camtorque.plain import plain
 from camtorque.records import Refusal
-from camtorque.threads import on_one_thread
 from camtorque.units import did_you_mean
 
 
-@on_one_thread
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Fit and tell what lmfit tells."""
     changes = {} if arguments.parameters is None else read_changes(arguments.parameters)
