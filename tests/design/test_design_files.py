@@ -18,6 +18,7 @@ from camtorque.design.tolerances import shifted_follower, spreads
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism import closed_form_tables, solve_rigid
 from camtorque.mechanism.predict import cam_of, pressure_at
+from camtorque.records import Refusal
 from camtorque.units import RPM
 from design_cases import PAPER, design_file, shaft, task_of
 
@@ -155,6 +156,24 @@ def test_example_of_the_documentation_is_a_design_file(tmp_path):
     assert len(task.loads) == 2
     assert task.tolerances.lift_um == 2.0
     assert read_task(PAPER.parent / "paper_design.toml").points == 50
+
+
+def test_pump_with_a_lift_table_says_which_lobe_is_wanted(tmp_path):
+    # the cam of a bench pump is a table: angles and lift of the lobe have to be given, or be free
+    (tmp_path / "cam.csv").write_text((PAPER.parent / "cam_A.csv").read_text(encoding="utf-8"), encoding="utf-8")
+    head, tail = PAPER.read_text(encoding="utf-8").split("[cam]")
+    pump = tmp_path / "table_pump.toml"
+    pump.write_text(head + 'cam_table = "cam.csv"\n[mounting]' + tail.split("[mounting]")[1], encoding="utf-8")
+    with pytest.raises(Refusal, match=r"lift_mm: this key is missing, and the pump file does not give rise, dwell"):
+        task_of(tmp_path, pump=pump, free=FREE, aims=AIMS)
+    lift = '[lift]\nlaw = "modified_sine"\nlift_mm = 8\ntop_dwell_deg = 20\nreturn_deg = 55\n'
+    task = task_of(tmp_path, pump=pump, lift=lift, free=FREE, aims='hertz_gpa = "least"', more=FEW)
+    answer = solve_task(task, silent)
+    assert answer.chosen.design.values["lift_mm"] == 8.0
+    curve = PAPER.parent / "paper_pressure.csv"
+    load = f'[[load]]\nspeed_rpm = 500\npressure_file = "{curve}"\n'
+    carried = task_of(tmp_path, pump=pump, lift=lift, free=FREE, load=load, aims=AIMS).loads[0]
+    assert carried.pressures.max() == pytest.approx(6e7, rel=0.05)
 
 
 def test_several_pumps_share_a_shaft(tmp_path):

@@ -62,10 +62,11 @@ class Problem:
         return (*self.task.limits, *(limit for limit in always if limit.response not in own))
 
     def start(self) -> Array:
-        """Return the variables of the pump as it is, moved into the bounds."""
+        """Return the variables of the pump as it is, moved into the bounds; a lift table starts as a modified sine."""
         first = np.array([v.start for v in self.task.variables])
-        shape = self.family.start()
-        return np.concatenate([(first - self.low) / np.where(self.width > 0.0, self.width, 1.0), shape, shape])
+        sections = self.task.config.sections
+        kinds = (sections[0].kind, sections[2].kind) if len(sections) == 4 else ("", "")
+        return np.concatenate([(first - self.low) / self.width, *(self.family.start(kind) for kind in kinds)])
 
     def random_start(self, generator: np.random.Generator) -> Array:
         """Return a design anywhere within the bounds, its flanks near the first guess."""

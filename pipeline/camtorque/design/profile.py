@@ -95,12 +95,12 @@ class Family:
         real = np.diff(whole.x) > 0.0
         return PPoly(whole.c[:, real], np.append(whole.x[:-1][real], 1.0))
 
-    def start(self) -> Array:
-        """Return the free coefficients that come closest to a modified sine."""
+    def start(self, kind: str = "") -> Array:
+        """Return the free coefficients that come closest to a kind of flank, a modified sine where it is none."""
         if not self.degree:
             return np.empty(0)
         table, held = self.tables[0], self.held
-        goal = unit_flank("modified_sine")(NODES) - table[:, -held:].sum(axis=1)
+        goal = unit_flank(kind if kind in FLANKS else "modified_sine")(NODES) - table[:, -held:].sum(axis=1)
         free = np.linalg.lstsq(table[:, held:-held], goal, rcond=None)[0]
         return np.clip(np.maximum.accumulate(free), 0.0, 1.0)
 
