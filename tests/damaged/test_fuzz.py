@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from camtorque.ingest.formats import FORMATS
 from damaged.fuzz import fuzz, mutate, seed
+from damaged.logs import SUFFIXES, WRITERS
 
 CASES = {"xlsx": 5, "mf4": 12, "csv": 12, "lvm": 12}
 """Cases of the slower formats; 30 of the others."""
+
+
+def test_every_format_has_a_seed():
+    assert set(SUFFIXES) == set(WRITERS) == set(FORMATS)
 
 
 def test_a_mutation_is_repeatable_and_changes_something(tmp_path: Path):

@@ -2,6 +2,7 @@
 
 import resource
 import struct
+import zipfile
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -62,6 +63,34 @@ def test_a_mat_of_zeros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     packed = b"".join([*body, packer.flush()])
     file.write_bytes(file.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
     with pytest.raises(Refusal, match=r"unpacks to .* MB or more from .* MB, which no measured signal does"):
+        read_recording(folder)
+
+
+def test_a_workbook_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)
+    folder, file = folder_of(tmp_path, PLANS["xlsx"])
+    with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as book:
+        book.writestr("xl/media/zeros", bytes(20 * 2**20))
+    with pytest.raises(Refusal, match=r"unpacks to .* which no measured signal does"):
+        read_recording(folder)
+
+
+def test_a_workbook_that_claims_every_cell(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+    folder, file = folder_of(tmp_path, PLANS["xlsx"])
+    book = openpyxl.load_workbook(file)
+    book.active["XFD1000"] = 1.0  # the last column there is
+    book.save(file)
+    assert read_recording(folder).of("torque")[0].n_samples > 0
+
+
+def test_a_parquet_that_claims_more_rows_than_a_signal_packs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pyarrow = pytest.importorskip("pyarrow")
+    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)
+    folder, file = folder_of(tmp_path, PLANS["parquet"])
+    zeros = pyarrow.array(np.zeros(500_000))
+    pyarrow.parquet.write_table(pyarrow.table({"Time": zeros, "Torque": zeros}), file)
+    with pytest.raises(Refusal, match=r"500000 rows unpacks to .* which no measured signal does"):
         read_recording(folder)
 
 
