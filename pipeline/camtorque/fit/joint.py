@@ -7,14 +7,14 @@ share of the weights, and the lift table's, grow with the number of recordings.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.fit.leftout import HeldOut, left_out_predictions
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
-from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_rows, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import fitted_torque, parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES, rising_angles
 from camtorque.fit.single import Candidate, Fit, FitOptions, Prepared, pressure_gain_std
@@ -22,9 +22,12 @@ from camtorque.fit.solver import Solution, lifts_at, solve, try_at
 from camtorque.fit.uncertainty import covariance
 from camtorque.laws.chain import BINS
 from camtorque.records import Array, Finding, FittedTorque, LadderRung, ParameterEstimate, Refusal
+from camtorque.units import DEGREE
 
-MOST_ANCHORS = 4
-ANCHOR_LIMIT, ANCHOR_FACTOR = 10.0, 3.0
+MOST_ANCHORS = 8
+MOST_STARTS = 5
+SMOOTHINGS_DEG = (5.0, 1.5, 0.0)
+ANCHOR_LIMIT, ANCHOR_FACTOR = 3.0, 3.0
 """An anchor's inflation alone is below the larger of this and so many times the least one."""
 START_ITERATIONS = 6
 OWN_ITERATIONS = 6
@@ -99,13 +102,12 @@ def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
     return [with_rows(item, limits) for item in data]
 
 
-def anchors(prepared: Sequence[Prepared]) -> list[Candidate]:
-    """Return the recordings that are explained alone, best first."""
-    best = [item.candidates[0] for item in prepared]
-    inflation = [covariance(c.problem, c.solution).inflation for c in best]
+def anchors(prepared: Sequence[Prepared]) -> list[int]:
+    """Return the places of the recordings that are explained alone, best first."""
+    inflation = [covariance(item.candidates[0].problem, item.candidates[0].solution).inflation for item in prepared]
     limit = max(ANCHOR_LIMIT, ANCHOR_FACTOR * min(inflation))
-    order = sorted(range(len(best)), key=lambda k: inflation[k])
-    return [best[k] for k in order if inflation[k] <= limit][:MOST_ANCHORS]
+    order = sorted(range(len(inflation)), key=lambda k: inflation[k])
+    return [k for k in order if inflation[k] <= limit][:MOST_ANCHORS]
 
 
 def shared_starts(found: Sequence[Candidate]) -> list[dict[str, float]]:
@@ -125,33 +127,56 @@ def shared_starts(found: Sequence[Candidate]) -> list[dict[str, float]]:
     return [{name: top[name] / bottom[name] for name in top}, *each]
 
 
-def joint_solution(problem: Problem, start: Array, iterations: int) -> Solution:
+def joint_solution(problem: Problem, start: Array, iterations: int, smoothing: float = 0.0) -> Solution:
     """Return a joint minimum; the lift table's error is one for all recordings."""
     lifts = lifts_at(problem, start, float(np.sqrt(len(problem.data))))
-    return solve(problem, start, iterations, lifts)
+    return solve(problem, start, iterations, lifts, smoothing)
 
 
 def solve_joint(prepared: Sequence[Prepared]) -> tuple[Problem, Solution]:
-    """Return the joint minimum."""
+    """Return the joint minimum: that of the anchors first, then with every other recording searched anew."""
     count = len(prepared)
     data = with_common_rows([common_error(item.data, count) for item in prepared])
-    starts = shared_starts(anchors(prepared))
-    best: tuple[Problem, Solution] | None = None
-    for values in starts:
-        moved = [with_starts(item, {k: v for k, v in values.items() if k in item.rows}) for item in data]
-        moved = [own_fitted(item) for item in moved]
-        problem = build_problem(moved)
-        trial = joint_solution(problem, problem.start, START_ITERATIONS)
-        if best is None or trial.chi_square < best[1].chi_square:
-            best = problem, trial
-    assert best is not None
-    problem, solution = best
-    again = [started_at(problem, solution, k) for k in range(count)]
-    searched = [
-        searched_anew(item) if bad else item for item, bad in zip(again, misfits(problem, solution), strict=True)
+    chosen = anchors(prepared)
+    starts = shared_starts([prepared[k].candidates[0] for k in chosen])
+    problem, solution = _of_anchors([data[k] for k in chosen], starts[:MOST_STARTS])
+    shared = {s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording < 0}
+    items = [
+        started_at(problem, solution, chosen.index(k)) if k in chosen else searched_anew(with_known(data[k], shared))
+        for k in range(count)
     ]
-    problem = build_problem(searched)
-    return problem, joint_solution(problem, problem.start, 40)
+    problem = build_problem(items)
+    solution = joint_solution(problem, problem.start, 25)
+    again = [started_at(problem, solution, k) for k in range(count)]
+    bad = misfits(problem, solution)
+    if any(bad):
+        again = [searched_anew(item) if worse else item for item, worse in zip(again, bad, strict=True)]
+        problem = build_problem(again)
+        solution = joint_solution(problem, problem.start, 25)
+    return problem, solution
+
+
+def _of_anchors(data: Sequence[FitData], starts: Sequence[Mapping[str, float]]) -> tuple[Problem, Solution]:
+    """Return the joint minimum of the anchors from the best two of some shared starts."""
+    found: list[tuple[float, int, Problem, Solution]] = []
+    for values in starts:
+        problem = build_problem([searched_anew(with_known(item, values), (item.structure,)) for item in data])
+        start = problem.start
+        for smoothing in SMOOTHINGS_DEG:
+            trial = joint_solution(problem, start, START_ITERATIONS, smoothing * DEGREE)
+            start = trial.z
+        found.append((trial.chi_square, len(found), problem, trial))
+    found.sort(key=lambda entry: entry[:2])
+    ends = []
+    for _, _, problem, trial in found[:2]:
+        again = build_problem([started_at(problem, trial, k) for k in range(len(data))])
+        ends.append((again, joint_solution(again, again.start, 30)))
+    return min(ends, key=lambda pair: pair[1].chi_square)
+
+
+def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
+    """Return a recording that starts at shared values, those that it has rows for."""
+    return with_starts(item, {name: value for name, value in values.items() if name in item.rows})
 
 
 def started_at(problem: Problem, solution: Solution, index: int) -> FitData:
@@ -180,13 +205,11 @@ def own_fitted(item: FitData, iterations: int = OWN_ITERATIONS) -> FitData:
     return started_at(problem, solution, 0)
 
 
-def searched_anew(item: FitData) -> FitData:
+def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> FitData:
     """Return a recording in the structure and with the end of delivery that the shared values like best."""
     held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
     found: list[tuple[float, int, FitData]] = []
-    for structure in STRUCTURES:
-        if structure == "line":
-            continue
+    for structure in structures:
         other = replace(item, structure=structure)
         angles, lifts = rising_angles(other, SCAN_SHARES)
         name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)

@@ -26,6 +26,8 @@ SMALLEST_SHARE = 2.0e-4
 DISCREPANCY = 1.0e-3
 """Model error per torque that the weights admit; a larger one widens the intervals afterwards."""
 LOAD_SHARE = 0.1
+"""Share of the peak torque at which the rising flank counts as loaded."""
+STATED = "stated in recording.toml"
 CORRELATION = 6.0
 """Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
 INDEPENDENT = 360.0 / CORRELATION
@@ -109,7 +111,30 @@ def rig_rows(
     row = rows["valve_area"]
     area = float(np.clip(area, 2.0 * row.lower, 0.5 * row.upper))
     _set(rows, "valve_area", start=area, step=0.2 * area)
+    _set_stated(rows, config)
     return rows
+
+
+def _set_stated(rows: dict[str, ParameterRow], config: RecordingConfig) -> None:
+    """Take what the bench states of its fuel and its drive as priors, each with the width that such a figure has."""
+    fluid, drive = config.fluid, config.drive
+    stated = {
+        "bulk_modulus": (fluid.bulk_modulus, 0.05), "bulk_modulus_slope": (fluid.bulk_modulus_slope, 0.1),
+        "feed_pressure": (fluid.feed_pressure, 0.1),
+        "drive_admittance": (None if drive.inertia is None else 1.0 / drive.inertia, 0.15),
+        "shaft_compliance": (None if drive.shaft_stiffness is None else 1.0 / drive.shaft_stiffness, 0.15),
+    }  # fmt: skip
+    for name, (value, relative) in stated.items():
+        if value is not None:
+            _set_prior(rows, name, value, relative * value, STATED)
+    if drive.speed_loop is not None:
+        _set_prior(rows, "drive_bandwidth", float(np.log(2.0 * np.pi * drive.speed_loop)), 0.5, STATED)
+
+
+def _set_prior(rows: dict[str, ParameterRow], name: str, mean: float, std: float, source: str) -> None:
+    row = rows[name]
+    lower, upper = min(row.lower, mean - 3.0 * std), max(row.upper, mean + 3.0 * std)
+    _set(rows, name, start=mean, prior=(mean, std), lower=max(lower, row.lower), upper=upper, source=source)
 
 
 def loaded_lift(theta: Array, torque: Array, law: CamLaw) -> float:

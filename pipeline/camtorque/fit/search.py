@@ -36,9 +36,9 @@ SMOOTHINGS_DEG = (14.0, 7.0, 3.5, 1.5, 0.0)
 ITERATIONS = 8
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-DOUBTFUL, POOR, UNEXPLAINED = 35.0, 80.0, 1000.0
-"""Chi-square above which other shafts, a swinging hub, and a swinging hub from the beginning are tried."""
-COUPLINGS = tuple((hertz, soft) for hertz in np.geomspace(45.0, 380.0, 9) for soft in (200.0e-6, 800.0e-6))
+DOUBTFUL, UNEXPLAINED = 35.0, 1000.0
+"""Chi-square above which further rounds are made, and a swinging hub is tried from the beginning."""
+COUPLINGS = tuple((hertz, soft) for hertz in np.geomspace(50.0, 340.0, 6) for soft in (100.0e-6, 300.0e-6, 900.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
 SHAFTS = ((60.0e-6, 8.0), (400.0e-6, 2.0), (400.0e-6, 15.0))
 """Compliance of the shaft [rad/(N m)] and inertia between transducer and cam over that of the cam."""
@@ -199,25 +199,24 @@ def as_expected(start: Start) -> FitData:
 def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> dict[str, list[Start]]:
     """Return the best starts of each structure, least chi-square first.
 
-    Further rounds are for recordings that the rounds before do not explain: a swinging hub from the beginning, from
-    the best start, and other shafts from the beginning.
+    Further rounds are for recordings that the rounds before do not explain: a swinging hub from the best start, other
+    shafts and a swinging hub from the beginning.
     """
     rough = coarse(data)
     result = descend({name: candidates(rough, name) for name in structures}, SMOOTHINGS_DEG, True)
     result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
-    if least(result).chi_square > UNEXPLAINED:
-        fresh = {name: with_coupling(candidates(rough, name)[1]) for name in structures if name != "line"}
-        result = joined(result, descend(fresh, SMOOTHINGS_DEG, True))
-        result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
-    if least(result).chi_square > POOR:
+    if least(result).chi_square > DOUBTFUL:
         result = merged(result, lambda best, name: with_coupling(best.data) if name == best.data.structure else [],
                         SMOOTHINGS_DEG[1:])  # fmt: skip
+        result = merged(result, lambda best, name: [as_expected(start) for start in result[name][:2]]
+                        if name in likely(result) else [], SMOOTHINGS_DEG[1:])  # fmt: skip
+        result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
     if least(result).chi_square > DOUBTFUL:
         near = [name for name in likely(result) if name != "line"]
-        fresh = {name: [item for one in candidates(rough, name) for item in with_shaft(one)] for name in near}
+        hub = least(result).chi_square > UNEXPLAINED
+        fresh = {name: [item for one in candidates(rough, name) for item in with_shaft(one)]
+                 + (with_coupling(candidates(rough, name)[1]) if hub else []) for name in near}  # fmt: skip
         result = joined(result, descend(fresh, SMOOTHINGS_DEG, True))
-        result = merged(result, lambda best, name: [as_expected(best)] if name == best.data.structure else [],
-                        SMOOTHINGS_DEG[1:])  # fmt: skip
         result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
     return result
 

@@ -23,6 +23,8 @@ N_NONLINEAR = len(NONLINEAR_NAMES)
 RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 """An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
 LARGEST_DAMPING = 1.0e9
+LARGEST_INFORMATION = 1.0e30
+"""Beyond this a tangent has run away: the point is far from anything physical."""
 LIFT_CUT = 0.05
 """Modes of the lift correction weaker than this (in standard deviations of the residual) are left out."""
 
@@ -248,7 +250,7 @@ def solve(
     first = problem.n_nonlinear
     while True:
         data_matrix, vector, outputs = normal_equations(problem, trial, lifts, smooth)
-        if not np.all(np.isfinite(data_matrix)):
+        if not np.max(np.abs(data_matrix)) < LARGEST_INFORMATION:
             raise FloatingPointError("the derivative of the chain is not finite")
         matrix = data_matrix + np.diag(inverse)
         vector = vector - inverse * (trial.z - means) / steps
