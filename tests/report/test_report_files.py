@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from html.parser import HTMLParser
@@ -17,6 +18,7 @@ from camtorque.report import (
     CampaignEntry,
     CampaignResult,
     output_folder,
+    page,
     write_alignment,
     write_campaign,
     write_run,
@@ -278,3 +280,12 @@ def test_cam_angle_and_plunger_pressure_are_told_apart() -> None:
     np.testing.assert_allclose(curves["cam angle"], shifted - result.rigid.torque, atol=1e-11)
     both = curves["cam angle"] + curves["plunger pressure"]
     np.testing.assert_allclose(both, result.fitted.by_cause["pressure"] - result.rigid.torque, atol=1e-11)
+
+
+@pytest.mark.parametrize("folder", [Path(page.__file__).parent / "vendor", Path(__file__).parent / "vendor"])
+def test_foreign_scripts_are_those_that_were_taken_over(folder: Path) -> None:
+    rows = [line.split() for line in (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()]
+    assert rows
+    for digest, name in rows:
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest, name
+    assert list(folder.glob("*.LICENSE"))
