@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.laws import ROWS
-from camtorque.laws.chain import NONLINEAR_NAMES, SENSOR_NAMES, SHIFT_NAMES, cam_motion, chamber_of, evaluate
+from camtorque.laws.chain import (
+    NONLINEAR_NAMES,
+    SENSOR_NAMES,
+    SHIFT_NAMES,
+    cam_motion,
+    chamber_of,
+    drive_response,
+    evaluate,
+)
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, shaft_transfer, twist_basis
 from camtorque.laws.sensor import sensor_transfer
@@ -57,7 +65,7 @@ def test_chamber_has_the_tangents_that_it_states(exact, end, name):
 
     def pressure(value):
         moved = {**values, name: value}
-        return chamber_of(data, moved, cam_motion(data, moved), False)[0]
+        return chamber_of(data, moved, cam_motion(data, moved, drive_response(data, moved, False)), False)[0]
 
     found = central(pressure, values[name], 1e-3 * ROWS[name].step)
     assert np.max(np.abs(stated - found)) < 2e-4 * np.max(np.abs(found))
@@ -83,6 +91,11 @@ def test_without_a_chamber_only_the_pressure_zero_moves_the_pressure():
     np.testing.assert_allclose(stated, found, rtol=0.0, atol=1e-8 * np.max(np.abs(found)))
 
 
+def response(values, omega=OMEGA):
+    """Return C(s) and its derivatives side by side."""
+    return np.column_stack(compliance(omega, values))
+
+
 @pytest.mark.parametrize("name", COMPLIANCE_NAMES)
 def test_compliance_of_the_driveline(name):
     values = start_values()
@@ -91,15 +104,15 @@ def test_compliance_of_the_driveline(name):
     step = 1e-3 * ROWS[name].step
     found = central(lambda v: compliance(OMEGA, {**values, name: v})[0], values[name], step)
     assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
-    stated = shaft_transfer(OMEGA, 2e-4, values)[1][:, 1 + column]
-    found = central(lambda v: shaft_transfer(OMEGA, 2e-4, {**values, name: v})[0], values[name], step)
+    stated = shaft_transfer(OMEGA, 2e-4, response(values))[1][:, 1 + column]
+    found = central(lambda v: shaft_transfer(OMEGA, 2e-4, response({**values, name: v}))[0], values[name], step)
     assert np.max(np.abs(stated - found)) < 1e-6 * np.max(np.abs(found))
 
 
 def test_shaft_transfer_by_inertia():
     values = start_values()
-    stated = shaft_transfer(OMEGA, 2e-4, values)[1][:, 0]
-    found = central(lambda v: shaft_transfer(OMEGA, v, values)[0], 2e-4, 1e-8)
+    stated = shaft_transfer(OMEGA, 2e-4, response(values))[1][:, 0]
+    found = central(lambda v: shaft_transfer(OMEGA, v, response(values))[0], 2e-4, 1e-8)
     assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
 
 
@@ -109,9 +122,9 @@ def test_shift_of_the_cam_angle_and_its_rates(name):
     basis = twist_basis(data.shaft_torque, data.speed, data.trigger_angle)
     column = 1 + COMPLIANCE_NAMES.index(name)
     for part in range(3):
-        stated = angle_shifts(basis, values)[part][:, column]
+        stated = angle_shifts(basis, response(values, basis.omega))[part][:, column]
         found = central(
-            lambda v, part=part: angle_shifts(basis, {**values, name: v}, tangents=False)[part][:, 0],
+            lambda v, part=part: angle_shifts(basis, response({**values, name: v}, basis.omega))[part][:, 0],
             values[name], 1e-3 * ROWS[name].step,
         )  # fmt: skip
         assert np.max(np.abs(stated - found)) < 1e-6 * np.max(np.abs(found))

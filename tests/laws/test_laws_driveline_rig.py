@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.laws import ROWS
 from camtorque.laws.chain import angle_grid, filtered
-from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, twist_basis
+from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, twist_basis
 from camtorque.laws.sensor import sensor_transfer
 from rigs.cycles import as_cycles, nominal_times
 from rigs.families import bare
@@ -53,7 +53,7 @@ def test_cam_angle_is_the_rigs(case):
     speed = float(cycles["speed"].mean())
     basis = twist_basis(nominal(run, "torque"), speed, truth.trigger.nominal_angle)
     values = driveline_values(truth)
-    shift, rate, _ = angle_shifts(basis, values, tangents=False)
+    shift, rate, _ = angle_shifts(basis, compliance(basis.omega, values)[0][:, None])
     assert np.ptp(found) > 2e-3  # a tenth of a degree
     # a linear drive seen at nominal instead of true angles: the square of the shift is left out
     assert np.max(np.abs(shift[:, 0] - found)) < 0.01 * np.ptp(found)
@@ -92,7 +92,7 @@ def test_shift_is_zero_at_the_trigger_edge():
     run = simulate(bare(np.random.default_rng(2)), RPM, n_cycles=2, step=1e-5)
     edge = np.radians(20.0)
     basis = twist_basis(run.true_cycles("torque", N)[0], 94.0, edge)
-    shift = angle_shifts(basis, driveline_values(RigTruth()))[0]
+    shift = angle_shifts(basis, compliance(basis.omega, driveline_values(RigTruth()))[0][:, None])[0]
     place = round(N * 20 / 360)
     assert angle_grid(N)[place] == pytest.approx(edge)
     np.testing.assert_allclose(shift[place], 0.0, atol=1e-12 * np.abs(shift).max())

@@ -1,0 +1,87 @@
+"""Simulated rigs prepared for the fit, started at the truth: a minimum without a search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from camtorque.fit.prepare import fit_data, halves
+from camtorque.fit.problem import FitData, build_problem, with_starts
+from camtorque.fit.search import Start
+from camtorque.fit.single import Candidate, Prepared, followed
+from camtorque.fit.solver import lifts_at, solve
+from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from camtorque.mechanism.spectral import spectral_law
+from camtorque.records import CamCycles, Recording, RigidTorque
+from rig_bridge import cycles_of, recording_of
+from rigs.families import FAMILIES
+from rigs.rig import RigRun, end_angle, lift_of, simulate
+from rigs.truth import RigTruth
+
+LOAD = 0.8
+
+
+@cache
+def rig(family: str, draw: int = 0, rpm: float = 1000.0, load: float = LOAD) -> RigRun:
+    """Return 16 revolutions of a rig of a family."""
+    truth = FAMILIES[family](np.random.default_rng(100 + draw))
+    return simulate(truth, rpm, load, n_cycles=16, seed=draw, step=1e-5, record_deg=0.12)
+
+
+@cache
+def bridged(run_key: tuple, n_theta: int = 1800) -> tuple[Recording, CamCycles, RigidTorque]:
+    """Return recording, cycles and rigid torque of `rig(*run_key)`."""
+    run = rig(*run_key)
+    recording = recording_of(run, name="_".join(str(part) for part in run_key))
+    cycles = cycles_of(run, n_theta)
+    law = lift_law(recording.cam_table)
+    mounting = Mounting(rotation=recording.config.rotation)
+    rigid = solve_rigid(
+        recording.config.pump, law, cycles.theta, cycles.pressure.mean(axis=0), cycles.mean_speed, mounting=mounting
+    )
+    return recording, cycles, rigid
+
+
+def true_starts(truth: RigTruth, load: float = LOAD) -> dict[str, float]:
+    """Return the true values of the parameters that place the load [SI]."""
+    chamber = truth.chamber
+    ends = end_angle(truth, load)
+    starts = {
+        "trigger_offset": truth.trigger.angle_offset, "dead_volume": chamber.dead_volume,
+        "bulk_modulus": truth.fluid.modulus, "feed_pressure": chamber.feed_pressure, "leakage": chamber.leak,
+        "port_closing_lift": float(lift_of(truth, np.array([chamber.port_close_angle]))[0]),
+        "shaft_compliance": 1.0 / truth.driveline.shaft_stiffness,
+        "drive_admittance": 1.0 / truth.driveline.drive_inertia, "valve_area": truth.valve.area,
+        "valve_opening": truth.valve.opening_pressure, "retraction_volume": 1e-9,
+    }  # fmt: skip
+    if chamber.end == "spill":
+        return {**starts, "spill_lift": float(lift_of(truth, np.array([ends]))[0])}
+    return {**starts, "end_of_delivery": ends + chamber.close_width}
+
+
+@cache
+def quick_data(run_key: tuple, n_theta: int = 1800) -> FitData:
+    """Return a rig as the fit sees it, started at the truth."""
+    recording, cycles, _ = bridged(run_key, n_theta)
+    means = halves(cycles)
+    law = spectral_law(recording.cam_table)
+    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    truth = rig(*run_key).truth
+    data = replace(data, structure="spill" if truth.chamber.end == "spill" else "land")
+    return with_starts(data, true_starts(truth, rig(*run_key).load))
+
+
+@cache
+def quick(run_key: tuple, n_theta: int = 1800, iterations: int = 40) -> Candidate:
+    """Return the minimum next to the truth, without a search."""
+    data = quick_data(run_key, n_theta)
+    problem = build_problem([data])
+    return followed(data, Start(data, solve(problem, None, 1, lifts_at(problem, problem.start))), iterations)
+
+
+def quick_prepared(*run_key) -> Prepared:
+    """Return a rig prepared from the minimum next to the truth."""
+    recording, cycles, rigid = bridged(run_key)
+    found = quick(run_key)
+    return Prepared(recording, cycles, rigid, halves(cycles), (found,), found.data.chain.shaft_torque)

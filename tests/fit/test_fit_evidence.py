@@ -1,0 +1,120 @@
+"""Evidence: Savage-Dickey and boxes against closed forms; scenes with and without a loss."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from camtorque.fit.evidence import LOSSES, NEEDED, Gaussian, log_box, loss_evidence, savage_dickey
+from camtorque.fit.prepare import halves
+from camtorque.fit.problem import build_problem
+from camtorque.fit.single import chamber_evidence, structure_probabilities
+from camtorque.fit.uncertainty import Covariance, covariance
+from fit_cases import bridged, quick
+from scipy.special import ndtr
+from scipy.stats import multivariate_normal
+
+INFINITE = np.full(2, 1e9)
+
+
+def test_box_of_independent_parameters_is_the_product():
+    gaussian = Gaussian(np.array([0.3, -0.5]), np.diag([1.0, 4.0]), np.array([0.0, -1.0]), np.array([1.0, 3.0]))
+    expected = (ndtr(0.7) - ndtr(-0.3)) * (ndtr(1.75) - ndtr(-0.25))
+    assert log_box(gaussian) == pytest.approx(np.log(expected), abs=1e-9)
+    assert log_box(Gaussian(np.zeros(2), np.eye(2), -INFINITE, INFINITE)) == 0.0
+
+
+def test_box_of_mixed_parameters_is_that_of_scipy():
+    matrix = np.array([[1.0, 0.7], [0.7, 2.0]])
+    gaussian = Gaussian(np.array([0.2, -0.3]), matrix, np.zeros(2), np.full(2, 50.0))
+    # Pr(x > 0, y > 0) is a distribution function of the mirrored variable
+    expected = multivariate_normal(-gaussian.mean, matrix).cdf(np.zeros(2))
+    assert log_box(gaussian) == pytest.approx(np.log(expected), abs=0.06)  # 400 draws
+
+
+def tiny_problem():
+    found = quick(("closed_volume", 0, 1000.0))
+    return replace(found.problem, slots=found.problem.slots[:2])
+
+
+def test_savage_dickey_is_the_ratio_of_densities_at_zero():
+    problem = tiny_problem()
+    lower, upper = problem.bounds
+    middle, before = 0.5 * (lower + upper), np.array([0.02, 0.02]) * (upper - lower)
+    slots = tuple(
+        replace(slot, row=replace(slot.row, prior=(float(m), float(b)), lower=-1e30, upper=1e30))
+        for slot, m, b in zip(problem.slots, middle, before, strict=True)
+    )
+    problem = replace(problem, slots=slots)
+    std = 0.1 * before
+    mean = middle + 0.4 * before
+    cov = Covariance(np.diag(std**2), before, 1.0, 10.0, np.diag(std**2))
+    found = savage_dickey(problem, mean, cov, np.array([0]))
+
+    def density(at, sigma):
+        return -0.5 * (at / sigma) ** 2 - np.log(sigma)
+
+    expected = 2.0 * (density(middle[0], before[0]) - density(mean[0], std[0]))
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    result = {}
+    for family in ("closed_volume", "chamber_only"):
+        key = (family, 0, 1000.0)
+        found = quick(key)
+        means = halves(bridged(key)[1])
+        odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
+        cov = covariance(found.problem, found.solution)
+        result[family] = {row.name: row for row in loss_evidence(found.problem, found.solution, cov, odd_even)}
+    return result
+
+
+def test_losses_that_are_there_are_needed(scenes):
+    rows = scenes["closed_volume"]
+    assert set(rows) == set(LOSSES)
+    assert rows["friction"].verdict == "needed"
+    assert rows["friction"].two_ln_bayes_factor > NEEDED
+    assert rows["driveline"].verdict == "needed"
+    assert rows["driveline"].unit == "deg"
+    assert rows["driveline"].confirmed_by_refit
+    # some millijoule of a shaft's and a plunger's film beside drag and bearings: never claimed to be absent
+    assert rows["damping"].verdict != "not needed"
+    low, high = rows["friction"].size_ci95
+    assert low < rows["friction"].size < high
+    assert "need" in rows["friction"].text
+
+
+def test_losses_that_are_not_there_are_not_claimed(scenes):
+    for name, row in scenes["chamber_only"].items():
+        assert row.verdict in ("not needed", "cannot tell"), (name, row)
+    assert scenes["chamber_only"]["driveline"].size < 0.1
+    verdicts = [row.verdict for row in scenes["chamber_only"].values()]
+    assert "not needed" in verdicts
+
+
+def test_line_pressure_on_the_plunger_is_told_from_a_chamber():
+    found = quick(("closed_volume", 0, 1000.0))
+    none = chamber_evidence((found,), 1.0)
+    assert none.verdict == "cannot tell"
+    assert none.text == "not compared"
+    data = replace(found.data, structure="line", chain=replace(found.data.chain, uses_chamber=False))
+    residual = found.solution.residuals[0] + 3.0
+    worse = replace(found.solution, chi_square=found.solution.chi_square + 600.0, residuals=(residual,))
+    line = replace(found, data=data, problem=build_problem([data]), solution=worse)
+    row = chamber_evidence((found, line), 1.0)
+    assert row.verdict == "needed"
+    assert row.size == pytest.approx(float(np.sqrt(np.mean((3.0 / data.weight) ** 2))))
+    even = replace(line, solution=replace(worse, chi_square=found.solution.chi_square))
+    assert chamber_evidence((even, found), 1.0).verdict == "not needed"
+
+
+def test_probabilities_of_structures_follow_chi_square_under_inflation():
+    found = quick(("closed_volume", 0, 1000.0))
+    worse = replace(found, solution=replace(found.solution, chi_square=found.solution.chi_square + 8.0))
+    best, other = structure_probabilities((found, worse), 1.0)
+    assert best + other == pytest.approx(1.0)
+    assert other / best == pytest.approx(np.exp(-4.0))
+    assert structure_probabilities((found, worse), 4.0)[1] == pytest.approx(np.exp(-1.0) / (1.0 + np.exp(-1.0)))

@@ -1,0 +1,122 @@
+"""What a fit hands on: budget, knowledge, bumps, proposals, findings, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from camtorque.fit.next_run import proposals
+from camtorque.fit.prepare import bin_weights, halves, on_grid
+from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps
+from camtorque.fit.result import fitted_torque, prior_findings
+from camtorque.fit.single import FitOptions, fit_prepared
+from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
+from camtorque.records import Refusal
+from fit_cases import bridged, quick_prepared
+
+LAND = ("closed_volume", 0, 1000.0)
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fit_prepared(quick_prepared(*LAND), FitOptions(evidence=False))
+
+
+def test_budget_splits_the_whole_variance(fit):
+    spreads = {"other law": np.full(fit.problem.size, 1e-9)}
+    for row, std in zip(uncertainty_budget(fit.problem, fit.covariance, spreads), fit.covariance.std, strict=True):
+        assert row.total**2 == pytest.approx(sum(part**2 for part in row.contributions.values()), rel=1e-6)
+        assert row.total**2 == pytest.approx(std**2 + 1e-18, rel=2e-2)
+
+
+def test_a_prior_alone_leaves_the_prior(fit):
+    names = [slot.name for slot in fit.problem.slots]
+    for name in ("coupling_resonance", "drive_lag"):
+        k = names.index(name)
+        assert fit.covariance.std[k] == pytest.approx(fit.covariance.prior_std[k], rel=0.05)
+
+
+@pytest.mark.parametrize(("ratio", "word"), [(0.1, "measured"), (0.5, "narrowed"), (0.95, "from the sheet")])
+def test_words_for_what_the_data_added(ratio, word):
+    assert knowledge(ratio, 1.0) == word
+
+
+def test_intervals_stop_at_bounds():
+    assert confidence(1.0, 1.0, 0.0, 10.0) == pytest.approx((0.0, 2.959964))
+    assert confidence(0.0, 1.0, 0.0, 10.0) == pytest.approx((0.0, 1.959964))
+
+
+def test_variants_only_widen(fit):
+    assert np.all(fit.std >= fit.covariance.std)
+    assert "what the delivery valve does as it opens" in fit.shifts
+    assert any(np.any(shift) for shift in fit.shifts.values())
+
+
+def test_a_second_tooth_and_another_speed_narrow(fit):
+    found = dict(proposals(fit))
+    assert len(found) == 3
+    today = fit.covariance.std
+    names = [slot.name for slot in fit.problem.slots]
+    tooth = np.sqrt(np.diag(found["a second tooth 60 degrees after the first"]))
+    assert np.all(tooth <= today * (1.0 + 1e-6))
+    assert tooth[names.index("trigger_offset")] < 0.9 * today[names.index("trigger_offset")]
+    for title, matrix in found.items():
+        if "rpm" in title:
+            std = np.sqrt(np.diag(matrix))
+            assert std[names.index("dead_volume")] < today[names.index("dead_volume")]
+
+
+def test_nuisances_pulled_off_their_sheet_are_told(fit):
+    prepared = quick_prepared(*LAND)
+    record = fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+    assert prior_findings(record.parameters) == tuple(f for f in record.findings if f.code == "prior_pulled")
+    row = next(row for row in record.parameters if row.name == "cutoff")
+    pulled = replace(row, value=row.prior[0] + 4.0 * row.prior[1], at_bound=False)
+    (finding,) = prior_findings([pulled])
+    assert "4.0 standard deviations off" in finding.text
+    assert finding.where == "cutoff"
+
+
+def test_bumps_are_where_the_residual_stands_out():
+    n = 3600
+    theta = np.arange(n) * 2.0 * np.pi / n
+    rng = np.random.default_rng(0)
+    repeat = 0.02 * rng.standard_normal(n)
+    residual = 0.02 * rng.standard_normal(n) - 0.8 * np.exp(-(((theta - 1.0) / 0.02) ** 2))
+    lift = np.where(theta < np.pi, np.sin(theta) ** 2, 0.0)
+    flows = np.zeros((n, 4))
+    flows[:, 2] = np.where(np.abs(theta - 1.0) < 0.2, 1.0, 0.0)
+    motion = SimpleNamespace(lift=np.stack([lift, np.gradient(lift, theta)]))
+    fitted = SimpleNamespace(chain=SimpleNamespace(theta=theta), output=SimpleNamespace(motion=motion, flows=flows))
+    (bump,) = residual_bumps(residual, repeat, fitted)
+    assert bump.start < 1.0 < bump.stop
+    assert np.degrees(bump.stop - bump.start) < 4.0 * BUMP_WINDOW_DEG
+    assert bump.peak == pytest.approx(-0.8, abs=0.1)
+    assert bump.phase == "delivery"
+    assert residual_bumps(repeat[::-1].copy(), repeat, fitted) == ()
+
+
+def test_weights_know_scatter_and_the_admitted_model_error():
+    torque = np.linspace(-20.0, 100.0, 600)
+    plain, noisy = bin_weights(torque, 0.01), bin_weights(torque, 1.0)
+    assert np.all(noisy < plain)
+    assert plain[-1] < plain[100]  # more torque, more model error
+    assert 1.0 / noisy[100] == pytest.approx(np.sqrt(10.0) * 1.0, rel=0.01)
+
+
+def test_signals_keep_their_harmonics_on_another_grid():
+    theta = np.arange(3600) * 2.0 * np.pi / 3600
+    signal = 3.0 + np.sin(5.0 * theta) + 0.2 * np.cos(90.0 * theta)
+    np.testing.assert_allclose(on_grid(signal, 1800), signal[::2], atol=1e-9)
+
+
+def test_recordings_that_cannot_be_fitted_are_refused():
+    _, cycles, _ = bridged(LAND)
+    with pytest.raises(Refusal, match="no torque channel; use `camtorque align`"):
+        halves(replace(cycles, torque=None))
+    with pytest.raises(Refusal, match="expected at least 600"):
+        halves(bridged(LAND, 300)[1])
+    with pytest.raises(Refusal, match="at least 4 are needed"):
+        halves(replace(cycles, held_out=np.zeros_like(cycles.held_out)))
