@@ -7,6 +7,7 @@ apostrophe in front: names and notes come from files of strangers.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ BORDER = {
     "Pa": ("bar", 1.0 / BAR),
     "N m": ("nm", 1.0),
     "N": ("n", 1.0),
+    "m3": ("mm3", 1.0e9),
     "m": ("mm", 1.0e3),
     "m/rad": ("mm_per_rad", 1.0e3),
     "1": ("", 1.0),
@@ -34,6 +36,7 @@ BORDER = {
 VALUE_KEYS = ("value", "unit", "stderr", "stderr_statistical")
 PARAMETER_KEYS = (*VALUE_KEYS, "knowledge", "role", "at_bound", "identifiable", "meaning")
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+UNSAFE = re.compile(r"\W+")
 SHEET_COLUMNS = 16384
 """Columns of an Excel sheet."""
 Tables = Mapping[str, pd.DataFrame]
@@ -49,8 +52,8 @@ def report_tables(folder: Path, document: Mapping[str, Any]) -> dict[str, pd.Dat
 
     Returns
     -------
-    tables : ``torque``, ``pressure`` (one row per angle, one column per cycle), ``cycles`` (one row per cycle),
-        ``means`` (one row per angle: measured, models, causes, forces), ``parameters``, ``findings``
+    tables : ``torque``, ``pressure`` and further channels (one row per angle, one column per cycle), ``cycles`` (one
+        row per cycle), ``means`` (one row per angle: measured, models, causes, forces), ``parameters``, ``findings``
 
     Raises
     ------
@@ -62,12 +65,9 @@ def report_tables(folder: Path, document: Mapping[str, Any]) -> dict[str, pd.Dat
     with h5py.File(path) as file:
         index = file["cycles/index"][:]
         angle = file["theta"][:] / DEGREE
-        tables = {
-            "torque": _over_cycles(file["cycles/torque"], angle, index),
-            "pressure": _over_cycles(file["cycles/pressure"], angle, index),
-            "cycles": _per_cycle(file, index),
-            "means": _means(file, angle),
-        }
+        recorded = [name for name, data in file["cycles"].items() if data.ndim == 2]
+        tables = {name: _over_cycles(file[f"cycles/{name}"], angle, index) for name in recorded}
+        tables |= {"cycles": _per_cycle(file, index), "means": _means(file, angle)}
     tables["parameters"] = pd.DataFrame([_parameter(name, row) for name, row in document["parameters"].items()])
     tables["findings"] = pd.DataFrame(document["findings"], columns=["severity", "code", "text", "where"])
     return {name: _safe(table) for name, table in tables.items()}
@@ -78,16 +78,26 @@ def _parameter(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": name, **{key: row.get(key) for key in PARAMETER_KEYS}, "low95": low, "high95": high}
 
 
+def _border(data: h5py.Dataset) -> tuple[str, float]:
+    """Return the end of a column's name and the factor to its unit; a unit without a border unit stays."""
+    unit = data.attrs["units"]
+    return BORDER.get(unit, (UNSAFE.sub("_", unit), 1.0))
+
+
 def _over_cycles(data: h5py.Dataset, angle: Array, index: Array) -> pd.DataFrame:
-    suffix, factor = BORDER[data.attrs["units"]]
+    suffix, factor = _border(data)
     quantity = data.name.rpartition("/")[2]
     columns = {f"{quantity}_{number}_{suffix}": row for number, row in zip(index, factor * data[:], strict=True)}
     return pd.DataFrame({"cam_angle_deg": angle, **columns})
 
 
 def _per_cycle(file: h5py.File, index: Array) -> pd.DataFrame:
-    role = [text.decode() for text in file["cycles/role"][:]]
-    return pd.DataFrame({"cycle": index, "speed_rpm": file["cycles/speed"][:] / RPM, "role": role})
+    columns: dict[str, Any] = {"cycle": index, "role": [text.decode() for text in file["cycles/role"][:]]}
+    for name, data in file["cycles"].items():
+        if data.ndim == 1 and data.dtype.kind == "f":
+            suffix, factor = _border(data)
+            columns[f"{name}_{suffix}"] = factor * data[:]
+    return pd.DataFrame(columns)
 
 
 def _means(file: h5py.File, angle: Array) -> pd.DataFrame:
@@ -95,7 +105,7 @@ def _means(file: h5py.File, angle: Array) -> pd.DataFrame:
 
     def visit(path: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.shape == angle.shape and not path.startswith(("theta", "cycles")):
-            suffix, factor = BORDER[item.attrs["units"]]
+            suffix, factor = _border(item)
             columns[f"{path.replace('/', '_')}_{suffix}".rstrip("_")] = factor * item[:]
 
     file.visititems(visit)

@@ -48,7 +48,9 @@ def _parameters(result: RunResult) -> pd.DataFrame:
 
 def _cycles(cycles: CamCycles) -> pd.DataFrame:
     columns: dict[str, Any] = {"speed": cycles.speed, "held_out": cycles.held_out}
-    columns |= {"pressure_max": np.max(cycles.pressure, axis=1)}
+    columns |= {quantity: cycles.means(quantity) for quantity in cycles.channels}
+    if cycles.pressure.size:
+        columns |= {"pressure_max": np.max(cycles.pressure, axis=1)}
     if cycles.torque is not None:
         columns |= {"torque_max": np.max(cycles.torque, axis=1), "torque_min": np.min(cycles.torque, axis=1)}
     return pd.DataFrame(columns, index=pd.Index(cycles.index, name="cycle"))

@@ -97,6 +97,19 @@ def test_texts_of_a_report_are_made_safe(tmp_path: Path) -> None:
     assert tables["parameters"]["meaning"].tolist() == ['\'=HYPERLINK("http://x")']
 
 
+def test_further_channels_have_their_tables(tmp_path: Path) -> None:
+    result = run_result()
+    shape = result.cycles.pressure.shape
+    channels = {"fuel_temperature": np.full(shape, 320.0), "delivered_volume": np.full(shape, 5e-8)}
+    write_run(replace(result, cycles=replace(result.cycles, channels=channels)), tmp_path)
+    document = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    assert document["recording"]["fuel_temperature_c"] == pytest.approx(46.85)
+    tables = export.report_tables(tmp_path, document)
+    assert tables["delivered_volume"]["delivered_volume_1_mm3"].iloc[0] == pytest.approx(50.0)
+    assert tables["cycles"]["fuel_temperature_mean_K"].tolist() == pytest.approx([320.0] * shape[0])
+    assert tables["cycles"]["speed_rpm"].iloc[0] == pytest.approx(105.0 / (2.0 * np.pi) * 60.0)
+
+
 def test_a_report_without_its_cycles(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "result.json").write_bytes((report / "result.json").read_bytes())
     assert cli.main(["export", str(tmp_path)]) == 2

@@ -155,7 +155,9 @@ def _recording(result: RunResult) -> dict[str, Any]:
 
 def _conditions(result: RunResult) -> dict[str, Any]:
     """Return what a trend is drawn over beside the speed; None where the recording does not tell."""
-    config, warm = result.recording.config, result.recording.config.fluid.temperature
+    config, cycles = result.recording.config, result.cycles
+    measured = cycles.means("fuel_temperature") if "fuel_temperature" in cycles.channels else None
+    warm = config.fluid.temperature if measured is None else float(np.nanmean(measured))
     return {
         "date": None if config.date is None else config.date.isoformat(),
         "fuel_temperature_c": None if warm is None else warm - ZERO_CELSIUS,
