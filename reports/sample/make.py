@@ -24,14 +24,16 @@ def main() -> None:
         document = run_campaign(Path("raw_examples"), out)
         shutil.rmtree(SAMPLE / "campaign", ignore_errors=True)
         (SAMPLE / "campaign").mkdir()
-        shutil.copy(out / "campaign.html", SAMPLE / "campaign")
+        page = (out / "campaign.html").read_text(encoding="utf-8")
         for row in document["recordings"]:
-            report = SAMPLE / "campaign" / row["folder"]
-            report.mkdir(parents=True)
+            report = SAMPLE / "campaign" / row["name"]
+            report.mkdir()
             shutil.copy(out / row["folder"] / "report.html", report)
+            page = page.replace(row["folder"], row["name"])  # the key changes with the code, the name does not
             if row["name"] == SHOWN:
                 for name in FIGURES:
                     shutil.copy(out / row["folder"] / "figures" / name, SAMPLE)
+        (SAMPLE / "campaign" / "campaign.html").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
