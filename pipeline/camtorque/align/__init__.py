@@ -1,10 +1,13 @@
 """Recording -> CamCycles: trigger edges, clocks, cam angle, aligned cycles, cut-flow, angle error budget.
 
-pulses, jumps          edge times -> pulses, repaired and numbered; clock jumps
-clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure
-timebase               the three above for a whole recording
+sources                channels that tell the angle: trigger, encoder, counter -> pulses of each logger
+pulses, teeth          edge times -> pulses, repaired and counted, anew at every mark; numbering: by mark or index
+counter                a recorded angle -> pulses
+places                 where the teeth really are, how the speed varies within the turn
+clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure; jumps of a clock
+timebase, phase        all of the above for a recording; which turn of a crank wheel is which of the cam
 angle, resample        pulses -> cam angle -> uniform grid
-channels               one pass over each channel
+measured, channels     which channels are aligned; one pass over each
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
 quality, jitter        which cycles are used, and why not
 budget, summary        angle error budget; plain numbers for a file

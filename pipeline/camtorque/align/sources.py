@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.align.counter import counter_train
+from camtorque.align.numbering import number_counts, number_teeth
 from camtorque.align.options import AlignOptions
 from camtorque.align.pulses import PulseTrain, shifted
-from camtorque.align.teeth import mark_misfit, number_counts, number_teeth
+from camtorque.align.teeth import mark_misfit
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges

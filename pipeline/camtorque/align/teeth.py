@@ -1,8 +1,8 @@
-"""Edge times of a tooth wheel or encoder -> pulses with whole steps, counted anew at every mark.
+"""Edge times of a tooth wheel -> pulses with counted steps, anew at every mark.
 
-A mark is the gap of missing teeth, an extra tooth, or the pulse of an index channel. Between two marks a wheel has as
-many steps as it has teeth: where that is not so, the wheel slipped or teeth were lost, the revolution is not used and
-the count starts anew.
+A mark is the gap of missing teeth, an extra tooth, or the pulse of an index channel (`numbering`). Between two marks a
+wheel has as many steps as it has teeth: where that is not so, the wheel slipped or teeth were lost, the revolution is
+not used and the count starts anew.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.pulses import PulseTrain, clean_pulses
+from camtorque.align.pulses import PulseTrain
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Refusal
 from camtorque.signal.running import running_median
@@ -43,17 +43,6 @@ NEAREST_MARKS = Threshold(
 FAR_MARKS = Count(3, "turns", "convention", "A mark is confirmed by another one up to this many revolutions away.")
 
 
-LATE_INDEX = Threshold(
-    0.5, "steps", "convention",
-    "An index that comes this many steps after a mark still belongs to it."
-)  # fmt: skip
-INDEX_SPREAD = Threshold(
-    0.25, "steps", "simulated rigs",
-    "Standard deviation of the index pulse among the others [steps] beyond which it does not belong to "
-    "this wheel."
-)  # fmt: skip
-
-
 @dataclass(frozen=True)
 class Counted:
     """Pulses with their counted steps; ``marks`` are places in ``time``; ``broken`` as in `PulseTrain`."""
@@ -65,63 +54,6 @@ class Counted:
     n_extra: int = 0
     n_missed: int = 0
     n_slips: int = 0
-
-
-def number_teeth(
-    time: Array, pulse_width: float, spec: TriggerSpec, where: str, index: Array | None = None
-) -> PulseTrain:
-    """Return the pulses with ``step`` zero (mod pulses per cycle) at the reference of the nominal angle.
-
-    The reference is the first tooth after the gap, the first regular tooth after an extra one, or the pulse of an
-    index channel. Where the wheel turns several times per cycle, the first mark at or after the index pulse.
-
-    Parameters
-    ----------
-    time : edge times [s]
-    pulse_width : median width of a pulse [s]
-    index : edge times of the index channel [s], None without one
-
-    Raises
-    ------
-    Refusal
-        The wheel has no mark, or the mark is not found once per revolution.
-    """
-    train = _numbered(forward(time, where), pulse_width, spec, where, index)
-    return replace(train, phase_open=True) if spec.revolutions_per_cycle > 1 and index is None else train
-
-
-def _numbered(time: Array, pulse_width: float, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
-    if spec.pulses_per_rev == 1:
-        train = clean_pulses(time, pulse_width)
-        return train if index is None else numbered_by_index(train, index, spec, where)
-    if spec.double_tooth or spec.missing_teeth:
-        counted = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)
-        train = from_marks(counted, spec, where)
-        if index is None or (spec.revolutions_per_cycle == 1 and spec.reference != "index"):
-            return train
-        return numbered_by_index(train, index, spec, where)
-    if index is None:
-        raise _without_mark(spec, where)
-    return numbered_by_index(_train(even_steps(time)), index, spec, where)
-
-
-def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
-    """Return the pulses of an encoder whose two tracks told every step; where it stood the way is not proven."""
-    time = forward(time, where)
-    if index is None:
-        raise _without_mark(spec, where)
-    steps = np.rint(np.diff(time) / _pitch(time))
-    stood = np.r_[False, steps > 1.0]
-    counted = Counted(time, np.arange(time.size), stood, np.empty(0, dtype=np.int64))
-    return numbered_by_index(_train(counted), index, spec, where)
-
-
-def _without_mark(spec: TriggerSpec, where: str) -> Refusal:
-    return Refusal(
-        f"{where}: a wheel of {spec.pulses_per_rev} pulses per revolution without a mark does not tell which tooth "
-        "is at nominal_angle_deg; expected missing_teeth or double_tooth in [trigger], or a channel with "
-        'quantity = "index"'
-    )
 
 
 def forward(time: Array, where: str) -> Array:
@@ -136,13 +68,14 @@ def forward(time: Array, where: str) -> Array:
     return kept
 
 
-def _pitch(time: Array) -> Array:
+def pitch_of(time: Array) -> Array:
+    """Return the usual gap around each gap [s]."""
     return running_median(np.diff(time), PITCH_TEETH)
 
 
 def _steps(time: Array, most: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the steps of each gap, and which gaps are a standstill (counted as one step)."""
-    steps = np.maximum(1, np.rint(np.diff(time) / _pitch(time))).astype(np.int64)
+    steps = np.maximum(1, np.rint(np.diff(time) / pitch_of(time))).astype(np.int64)
     still = steps > max(STANDSTILL_STEPS, 2 * most)
     return np.where(still, 1, steps), still
 
@@ -160,7 +93,7 @@ def missing_tooth_steps(time: Array, missing: int) -> Counted:
 
 def double_tooth_steps(time: Array) -> Counted:
     """Return the steps of a wheel whose mark is one tooth more in the middle of a gap."""
-    ratio = np.diff(time) / _pitch(time)
+    ratio = np.diff(time) / pitch_of(time)
     halves = (np.abs(ratio[:-1] - 0.5) < 0.2) & (np.abs(ratio[1:] - 0.5) < 0.2)
     doubled = 1 + np.flatnonzero(halves)
     kept = np.delete(time, doubled)
@@ -181,7 +114,7 @@ def _without_close_teeth(time: Array) -> tuple[Array, int]:
     """Drop a tooth whose two gaps together make one pitch, and the later edge of a bounce."""
     n_before = time.size
     while time.size > 3:
-        gaps, pitch = np.diff(time), _pitch(time)
+        gaps, pitch = np.diff(time), pitch_of(time)
         both = gaps[:-1] + gaps[1:]
         least = np.minimum(pitch[:-1], pitch[1:])
         extra = (np.abs(both / least - 1.0) < ONE_PITCH) & (np.minimum(gaps[:-1], gaps[1:]) < SHORT_GAP * least)
@@ -210,7 +143,7 @@ def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
         )
     marks = confirmed(counted.step[counted.marks], n)
     found = resynced(replace(counted, marks=counted.marks[marks]), n, n - spec.missing_teeth)
-    return _train(found)
+    return train_of(found)
 
 
 def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
@@ -220,7 +153,7 @@ def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
     if not marks.size:
         return np.inf
     gaps, steps = np.diff(train.time), np.diff(train.step)
-    pitch = _pitch(train.time)[marks]
+    pitch = pitch_of(train.time)[marks]
     beside = [np.abs(np.log(gaps[marks + k] / (steps[marks + k] * pitch))) for k in (-2, -1, 0)]
     return float(np.median(np.sum(beside, axis=0)))
 
@@ -282,7 +215,8 @@ def _broken_before(broken: NDArray[np.bool_], kept: NDArray[np.bool_]) -> NDArra
     return (total[places + 1] - total[before]) > 0
 
 
-def _train(counted: Counted) -> PulseTrain:
+def train_of(counted: Counted) -> PulseTrain:
+    """Return counted pulses as a train."""
     none = np.zeros(counted.time.size, dtype=bool)
     counts = {
         "bounced": 0,
@@ -292,63 +226,3 @@ def _train(counted: Counted) -> PulseTrain:
         "slips": counted.n_slips,
     }
     return PulseTrain(counted.time, counted.step, none, counted.broken, 0.0, counts)
-
-
-def numbered_by_index(train: PulseTrain, index: Array, spec: TriggerSpec, where: str) -> PulseTrain:
-    """Return the train with its steps counted from the index pulse, anew at each one.
-
-    Raises
-    ------
-    Refusal
-        The index does not come once per turn of the cam, or wanders among the pulses.
-    """
-    n, per_rev = spec.pulses_per_cycle, spec.pulses_per_rev
-    place = np.interp(index, train.time, train.step.astype(np.float64), left=np.nan, right=np.nan)
-    place = place[np.isfinite(place)]
-    by_mark = bool(spec.missing_teeth or spec.double_tooth or per_rev == 1)
-    _refuse_odd_index(place, n, where)
-    if by_mark and spec.reference != "index":
-        # the index only tells which turn of the wheel; the nominal angle is that of the mark at or after it
-        late = min(LATE_INDEX, 0.1 * per_rev)
-        turn = np.ceil((_circular_mean(place, n) - late) / per_rev) * per_rev
-        return replace(train, step=train.step - int(turn))
-    fraction, spread = _fraction(place)
-    if spread > INDEX_SPREAD:
-        raise Refusal(
-            f"{where}: the index pulse wanders by {spread:.2g} of a pulse interval among the pulses, expected a place "
-            "that repeats; check that both channels belong to one encoder and pulses_per_rev"
-        )
-    counted = Counted(train.time, train.step, train.broken, np.empty(0, dtype=np.int64))
-    zeros = np.rint(place - fraction).astype(np.int64)
-    marks = np.searchsorted(train.step, zeros)
-    there = train.step[np.minimum(marks, train.step.size - 1)] == zeros
-    found = resynced(replace(counted, marks=np.unique(marks[there])), n, n)
-    kept = np.isin(train.time, found.time)
-    counts = {**train.counts, "slips": train.counts.get("slips", 0) + found.n_slips}
-    return PulseTrain(
-        found.time, found.step, train.repaired[kept], found.broken, train.repair_error, counts,
-        offset=fraction, offset_std=float(spread / np.sqrt(place.size)), by_index=True,
-    )  # fmt: skip
-
-
-def _refuse_odd_index(place: Array, n: int, where: str) -> None:
-    apart = float(np.median(np.diff(place))) if place.size > 1 else float(n)
-    if place.size and abs(apart / n - 1.0) < ONE_PITCH:
-        return
-    found = f"one every {apart:.1f} pulses" if place.size else "none beside the pulses"
-    raise Refusal(
-        f"{where}: found {place.size} index pulses, {found}, expected one every {n} (per turn of the cam); check "
-        "pulses_per_rev, revolutions_per_cycle and the index channel"
-    )
-
-
-def _circular_mean(place: Array, n: int) -> float:
-    return float(np.angle(np.mean(np.exp(2j * np.pi * place / n))) / (2.0 * np.pi) * n)
-
-
-def _fraction(place: Array) -> tuple[float, float]:
-    """Return where between two pulses the index lies (-0.5 to 0.5) and its robust spread [steps]."""
-    centre = _circular_mean(place, 1)
-    around = (place - centre + 0.5) % 1.0 - 0.5
-    middle = float(np.median(around))
-    return centre + middle, 1.4826 * float(np.median(np.abs(around - middle)))

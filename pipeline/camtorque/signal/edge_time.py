@@ -106,10 +106,11 @@ def crossings(edges: EdgeSamples) -> Crossings:
     """
     slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
     linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
-    duration = _flank_duration(edges.near)
+    duration, duration_std = _flank_duration(edges.near)
     if duration < SHORT_FLANK:
         unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
-        blur = RECTANGULAR * np.sqrt(unseen) * max(0.0, 1.0 - duration)
+        # a sample at height h puts the crossing h - 1/2 durations away: rms 1 / sqrt(12) over a flank
+        blur = RECTANGULAR * np.hypot(np.sqrt(unseen) * max(0.0, 1.0 - duration), duration_std)
         return Crossings(edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration, float(blur))
     usual = float(np.median(slope)) if slope.size else 1.0
     seen = bool(_on_flank(edges.near).any())
@@ -138,8 +139,8 @@ def _on_flank(near: Array) -> NDArray[np.bool_]:
     return (near > FLANK[0]) & (near < FLANK[1])
 
 
-def _flank_duration(near: Array) -> float:
-    """Return the duration of the whole flank in samples, inf where it is not known or not short.
+def _flank_duration(near: Array) -> tuple[float, float]:
+    """Return the duration of the whole flank and its standard error in samples, inf where it is not known or not short.
 
     Two samples of one edge on the flank give its slope; where the flank is shorter than a sample, the part of the edges
     that show a sample on it gives its duration, because edges fall anywhere between the samples.
@@ -151,9 +152,12 @@ def _flank_duration(near: Array) -> float:
         durations = 1.0 / (near[both, 2] - near[both, 1])
         usual = float(np.median(durations))
         spread = 1.4826 * float(np.median(np.abs(durations - usual)))
-        return usual if spread < SAME_DURATION * usual else np.inf
-    density = float(flank.sum()) / max(1, near.shape[0]) / span
-    return max(density, STEEPEST) if near.shape[0] >= LEAST_FOR_DENSITY and density < 1.6 else np.inf
+        return (usual, spread / np.sqrt(both.sum())) if spread < SAME_DURATION * usual else (np.inf, 0.0)
+    shown = flank.sum(axis=1)
+    density = float(shown.mean()) / span if shown.size else np.inf
+    if near.shape[0] < LEAST_FOR_DENSITY or density >= 1.6:
+        return np.inf, 0.0
+    return max(density, STEEPEST), float(np.std(shown)) / np.sqrt(shown.size) / span
 
 
 def _ramp_crossing(near: Array, linear: Array, duration: float) -> Array:
