@@ -107,7 +107,6 @@ class Key:
     choices : allowed words -> value
     attribute : field of the record; the name without its unit where not given
     own : True where the product adds the key to the bench's schema
-    unless : another key that makes this one unnecessary
     """
 
     name: str
@@ -119,7 +118,6 @@ class Key:
     choices: Mapping[str, Any] = field(default_factory=dict)
     attribute: str = ""
     own: bool = False
-    unless: str = ""
 
     def __post_init__(self) -> None:
         ending = f"_{self.unit}" if self.unit in KEY_UNITS else ""
@@ -177,8 +175,6 @@ def markdown_rows(schema: TableSchema) -> list[str]:
         else:
             allowed = {"flag": "`true`, `false`", "date": "2025-01-31"}.get(key.kind, "text")
         needed = "**required**" if key.required else f"*{_default(key)}*" + (", own" if key.own else "")
-        if key.unless:
-            needed = f"**required** unless `{key.unless}`"
         table = f"`{schema.header}`" if number == 0 and schema.header else ""
         rows.append(f"| {table} | `{key.name}` | {key.meaning} | {allowed} | {needed} |")
     return rows

@@ -122,8 +122,8 @@ class Table:
         Refusal : missing, of another type, or outside its band
         """
         if key.name not in self.values:
-            if not key.required or (key.unless and self.has(key.unless)):
-                return None if key.required else key.default
+            if not key.required:
+                return key.default
             hint = did_you_mean(key.name, tuple(self.values)).replace("did you mean", "is it")
             raise Refusal(f"{self.where(key.name)}: this key is missing{hint}; {key.meaning}")
         if self.values[key.name] == UNKNOWN:

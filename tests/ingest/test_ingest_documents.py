@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from camtorque.quantities import CHANNEL_QUANTITIES
-from camtorque.schemas import PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
+from camtorque.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
 from camtorque.toml_schema import TableSchema, markdown_rows
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recording_toml.md"
@@ -16,6 +16,8 @@ def tables() -> str:
     for schema in RECORDING_TABLES.values():
         lines += markdown_rows(schema)
     lines += ["", "A sensor sheet is a file with one table:", "", *HEAD, *markdown_rows(SHEET)]
+    lines += ["", "Its certificate is a table of points:", "", "| column | meaning |", "|---|---|"]
+    lines += [f"| `{name}` | {meaning} |" for name, meaning in CERTIFICATE_COLUMNS.items()]
     lines += ["", "What a channel may measure (`quantity`):", "", "| quantity | unit | meaning |", "|---|---|---|"]
     lines += [f"| `{name}` | {item.dimension} | {item.meaning} |" for name, item in CHANNEL_QUANTITIES.items()]
     return "\n".join(lines) + "\n"

@@ -11,7 +11,6 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.config import ChannelSpec
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 IN_MEMORY_BYTES = 64 * 2**20
@@ -69,10 +68,6 @@ class FileChannel:
     sample_rate: float | None
     time_channel: str
     source: SampleSource
-
-
-Reader = Callable[[Path, tuple[ChannelSpec, ...], str], RawFile]
-"""A reader receives the file, the channels wanted from it and the bench's hint about the dialect."""
 
 
 @contextmanager
