@@ -14,7 +14,7 @@ from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
 from camtorque.mechanism.flight import flights_at
-from camtorque.mechanism.friction import Friction
+from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
@@ -46,6 +46,7 @@ class Prediction:
     jump, jump_without_pressure : lowest speed at which the follower leaves the cam, with the pressure and without
     flat_pressure_angles : bounds of the flat check [rad]
     roller : as given or assumed
+    friction : of the pump file
     """
 
     theta: Array
@@ -59,6 +60,7 @@ class Prediction:
     flat_pressure_angles: tuple[float, float]
     roller: Roller
     findings: tuple[Finding, ...]
+    friction: Friction = NO_FRICTION
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -159,6 +161,7 @@ def predict(
             *cam_findings(tables.kinematics, law, roller, pressure is None),
             *flight_findings(flights, speed),
         ),
+        friction=friction,
     )
 
 
@@ -240,6 +243,7 @@ def prediction_document(prediction: Prediction) -> dict[str, Any]:
         "jump": _jump(prediction.jump),
         "jump_without_pressure": _jump(prediction.jump_without_pressure),
         "roller": {"mass_kg": roller.mass, "inertia_kg_m2": roller.inertia, "assumed": roller.assumed},
+        "friction": asdict(prediction.friction),
         "findings": [asdict(finding) for finding in prediction.findings],
         "curves": _curves(prediction),
     }

@@ -134,6 +134,7 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     return render(
         "predict.html", live_charts(drawings), phases(prediction.theta, prediction.kinematics.lift), title=title,
         drawings=drawings, findings=prediction.findings, contact=contact_text(prediction), steep=steep, back=-back,
+        rough=not prediction.friction.none,
         sweep=[(SWEEP[key], [_cell(row[key]) for row in rows]) for key in rows[0]],
         lost=any(row["contact_lost"] for row in rows),
     )  # fmt: skip
