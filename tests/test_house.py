@@ -24,8 +24,9 @@ PROCESS = {"caches", "stopping", "system", "workers"}
 SMALL = {"units", "records", "grid_choice", "plain", "limits", "progress", "results", "threads", "version"}
 LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
-FACES = ["compare", "arrays", "frames", "api", "export", "trend", "watch", "lmfit_way", "commands", "cli", "__init__"]
-ORDER = ["left", *ROOMS, "run", "campaign", "studies", *FACES]
+FLOWS = ["run", "campaign", "compare", "predict_from", "studies"]
+FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_way", "commands", "cli", "__init__"]
+ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf", "apread", "tkinter"}
 LAZY = {"dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
 """Heavy optional packages that may be imported inside a function."""

@@ -193,7 +193,17 @@ def verify(parser: argparse.ArgumentParser) -> None:
 def predict(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `predict`."""
     speeds = number(0.0, FASTEST_RPM, above=True)
-    parser.add_argument("pump", type=Path, metavar="PUMP", help="pump file, see docs/predict.md")
+    parser.add_argument("pump", type=Path, nargs="?", metavar="PUMP", help="pump file, see docs/predict.md")
+    text = "values of a fit: result.json, campaign.json, or the folder that holds it"
+    parser.add_argument("--from", dest="fit", type=Path, metavar="RESULT", help=text)
+    text = "recording or report whose line pressure is the load (default: the fitted one nearest in speed)"
+    parser.add_argument("--load-of", type=Path, metavar="RECORDING", help=text)
+    parser.add_argument(
+        "--pump", dest="other_pump", type=Path, metavar="FILE", help="another pump with the fit's losses"
+    )
+    parser.add_argument("--cam", type=Path, metavar="FILE", help="another lift table, of the columns of the fitted one")
+    text = "change of the plunger's clearance, such as +1um, or 3um+1um from a known one (default from 4 um)"
+    parser.add_argument("--clearance", default="", metavar="CHANGE", help=text)
     parser.add_argument("--speed", type=speeds, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
     parser.add_argument("--method", choices=METHODS, default="closed", metavar="NAME", help=" or ".join(METHODS))

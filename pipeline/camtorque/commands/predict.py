@@ -1,4 +1,4 @@
-"""`camtorque predict`: torque and forces of a pump from its sheet."""
+"""`camtorque predict`: torque and forces of a pump from its sheet, or of a run that was not made from a fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
 from camtorque.plain import plain
-from camtorque.report import check_output, write_prediction
+from camtorque.predict_from import predict_from
+from camtorque.records import Refusal
+from camtorque.report import check_output, output_folder, write_prediction
+from camtorque.report.forecast_page import write_forecast
 from camtorque.units import RPM
 
 
@@ -19,6 +22,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Predict a pump at some speeds; write a page where a folder is given."""
     if arguments.out is not None:
         check_output(arguments.out)
+    _refuse_mixed(arguments)
+    if arguments.fit is not None:
+        return _from_fit(arguments)
     prediction = _prediction(arguments)
     lines = [*finding_lines([asdict(row) for row in prediction.findings]), *_table(prediction)]
 
@@ -26,6 +32,38 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         write_prediction(prediction, arguments.pump.stem, arguments.out)
         lines.append(str(arguments.out / "predict.html"))
     return Outcome("\n".join(lines), plain(prediction_document(prediction)))
+
+
+def _refuse_mixed(arguments: argparse.Namespace) -> None:
+    """Refuse options of a fit without one, and none or both of pump file and fit."""
+    of_a_fit = ("load_of", "other_pump", "cam", "clearance")
+    named = [f"--{name.replace('other_', '').replace('_', '-')}" for name in of_a_fit if getattr(arguments, name)]
+    if arguments.fit is None and named:
+        raise Refusal(f"predict: found {', '.join(named)} without --from, expected a fit; name one with --from RESULT")
+    if (arguments.fit is None) == (arguments.pump is None):
+        found = "neither PUMP nor --from" if arguments.pump is None else "both PUMP and --from"
+        raise Refusal(f"predict: found {found}, expected one of them; another pump with the losses of a fit is --pump")
+
+
+def _from_fit(arguments: argparse.Namespace) -> Outcome:
+    found = predict_from(
+        arguments.fit, arguments.speed, pressure=arguments.pressure, load_of=arguments.load_of,
+        pump=arguments.other_pump, cam=arguments.cam, clearance=arguments.clearance,
+    )  # fmt: skip
+    lines = [f"{'rpm':>8}{'torque max':>20}{'mean':>18} N m{'chamber':>16} bar{'contact':>16} N{'Hertz':>16} GPa"]
+    for row in found.document["sweep"]:
+        keys = ("torque_max_nm", "torque_mean_nm", "chamber_peak_bar", "contact_max_n", "hertz_max_gpa")
+        cells = [f"{row[key]['value']:.4g} ± {2.0 * row[key]['stderr']:.2g}" for key in keys]
+        beyond = "  beyond the fitted speeds" if row["beyond_fitted_speeds"] else ""
+        lines.append(
+            f"{row['speed_rpm']:8.1f}{cells[0]:>20}{cells[1]:>18}{cells[2]:>20}{cells[3]:>20}{cells[4]:>18}{beyond}"
+        )
+    lines += [str(text) for text in found.document["assumed"]]
+    if arguments.out is not None:
+        with output_folder(arguments.out) as folder:
+            write_forecast(found.items, found.document, f"Predicted from {arguments.fit.name}", folder)
+        lines.append(str(arguments.out / "predict.html"))
+    return Outcome("\n".join(lines), found.document)
 
 
 def _prediction(arguments: argparse.Namespace) -> Prediction:

@@ -13,6 +13,8 @@ from camtorque.report.campaign_page import campaign_drawings, campaign_page
 from camtorque.report.campaign_view import campaign_view
 from camtorque.report.document import parameters_document
 from camtorque.report.files import findings_document, write_json
+from camtorque.report.fit_file import NAME as FIT_NAME
+from camtorque.report.fit_file import campaign_fit_document
 from camtorque.report.page import ESCAPED
 from camtorque.version import __version__
 
@@ -35,6 +37,9 @@ def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = 
         (figures / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
     page = campaign_page(doc, view, thumbnails, drawings)
     (folder / "campaign.html").write_text(page, encoding="utf-8", errors=ESCAPED)
+    fit = campaign_fit_document(result)
+    if fit is not None:
+        write_json(folder / FIT_NAME, plain(fit))
     write_json(folder / "campaign.json", doc)
     return doc
 

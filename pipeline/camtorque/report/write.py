@@ -14,6 +14,8 @@ from camtorque.report.document import result_document
 from camtorque.report.drawings import drawn, write_figures
 from camtorque.report.figures import FIGURES
 from camtorque.report.files import write_json
+from camtorque.report.fit_file import NAME as FIT_NAME
+from camtorque.report.fit_file import run_fit_document
 from camtorque.report.folder import output_folder
 from camtorque.report.page import ESCAPED, run_page
 from camtorque.report.phases import phases
@@ -41,6 +43,7 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     spent = time.perf_counter() - start
     timing = {**result.timing, "report": spent, "total": sum(result.timing.values()) + spent}
     doc["timing_s"] = plain(timing)
+    write_json(folder / FIT_NAME, plain(run_fit_document(result)))
     write_json(folder / "result.json", doc)
     return doc
 

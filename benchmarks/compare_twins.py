@@ -1,0 +1,143 @@
+"""Comparisons on simulated twins: detection of known changes, false alarms, and "not changed" said of a real change.
+
+    python benchmarks/compare_twins.py OUT.csv [--rigs 6] [--first 0] [--family closed_volume ...]
+
+Each rig is recorded before, twice again, and after known changes; every recording has its own noise, speed, load and
+zero drift. One line per comparison; the table at the end counts them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from camtorque.compare import compare_prepared
+from camtorque.fit import Prepared, prepare
+from camtorque.fit.prepare import halves
+from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from rig_bridge import cycles_of, recording_of
+from rigs.families import FAMILIES
+from rigs.rig import RigRun, simulate
+from rigs.truth import DEGREE, RigTruth, change
+
+CYCLES = 40
+FRICTION = ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag", "shaft_viscous", "plunger_viscous", "friction",
+            "damping", "packing_force", "packing_friction")  # fmt: skip
+EXPECTED: dict[str, tuple[str, ...]] = {
+    "again1": (), "again2": (), "clear05": ("leakage",), "clear1": ("leakage",),
+    "preload": ("spring_preload_error", "spring"),
+    "trigger": ("trigger_offset",), "friction": FRICTION,
+    "warm": ("leakage", "bulk_modulus", "shaft_viscous", "plunger_viscous", "damping", "friction"),
+}  # fmt: skip
+"""Change -> names of which one has to be told."""
+
+
+def changed(truth: RigTruth, kind: str) -> RigTruth:
+    """Return a rig after a known change."""
+    friction, chamber = truth.friction, truth.chamber
+    if kind in ("clear05", "clear1"):
+        return change(truth, chamber__leak=chamber.leak * (1.0 + float(kind[5:].replace("05", "0.5")) / 4.0) ** 3)
+    if kind == "preload":
+        return change(truth, pump__spring_preload=truth.pump.spring_preload)
+    if kind == "trigger":
+        return change(truth, trigger__angle_offset=truth.trigger.angle_offset + 0.3 * DEGREE)
+    if kind == "friction":
+        names = ("bearing_mu", "bearing_mu_static", "pin_mu", "guide_mu", "seal_force", "drag_torque")
+        return change(truth, **{f"friction__{name}": 1.25 * getattr(friction, name) for name in names})
+    if kind == "warm":
+        thin = {"plunger_viscous": 0.88 * friction.plunger_viscous, "shaft_viscous": 0.88 * friction.shaft_viscous}
+        return change(truth, chamber__leak=chamber.leak / 0.88, fluid__modulus=0.98 * truth.fluid.modulus,
+                      **{f"friction__{name}": value for name, value in thin.items()})  # fmt: skip
+    return truth
+
+
+def recorded(truth: RigTruth, speed: float, load: float, seed: int) -> RigRun:
+    """Return a run with its own noise, set speed, load and zero drift."""
+    rng = np.random.default_rng(seed)
+    drift = truth.torque_sensor.zero_residual + 0.03 * rng.standard_normal()
+    moved = change(truth, torque_sensor__zero_residual=drift)
+    return simulate(moved, speed * (1.0 + 0.001 * rng.standard_normal()), load * (1.0 + 0.01 * rng.standard_normal()),
+                    CYCLES, seed, step=1e-5, record_deg=0.15)  # fmt: skip
+
+
+def compared_side(run: RigRun, sheet: RigRun, kind: str) -> Prepared:
+    """Return a run with its means; sheets and lift table are those of the first recording."""
+    recording, cycles = recording_of(sheet, kind), cycles_of(run)
+    config = recording.config
+    rigid = solve_rigid(
+        config.pump, lift_law(recording.cam_table), cycles.theta, np.mean(cycles.pressure, axis=0), cycles.mean_speed,
+        mounting=Mounting(rotation=config.rotation),
+    )  # fmt: skip
+    return Prepared(recording, cycles, rigid, halves(cycles), (), np.zeros(0))
+
+
+def judged(kind: str, told: set[str]) -> str:
+    """Return the verdict on one comparison."""
+    if not EXPECTED[kind]:
+        return "false alarm" if told else "right"
+    if not told & set(EXPECTED[kind]):
+        return "missed" if not told else "misnamed"
+    return "found"
+
+
+def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
+    """Return the comparisons of one rig."""
+    rng = np.random.default_rng(1000 + seed)
+    truth = FAMILIES[family](rng)
+    clearance = 4.0 / 3.0
+    truth = change(truth, chamber__leak=max(truth.chamber.leak, 5e-15) * clearance)
+    speed, load = float(rng.uniform(450.0, 1100.0)), float(rng.uniform(0.55, 0.9))
+    sheet = recorded(truth, speed, load, 10 * seed)
+    side = compared_side(sheet, sheet, "before")
+    start = time.perf_counter()
+    before = prepare(side.recording, side.cycles, side.rigid)
+    fitting = time.perf_counter() - start
+    rows = []
+    for place, kind in enumerate(EXPECTED):
+        start = time.perf_counter()
+        moved = truth if kind != "preload" else change(truth, pump__spring_preload=0.94 * truth.pump.spring_preload)
+        after = compared_side(recorded(changed(moved, kind), speed, load, 10 * seed + place + 1), sheet, kind)
+        found = compare_prepared(before, after)
+        told = set(found.changed)
+        wrong = [row.name for row in (*found.parameters, *found.losses)
+                 if row.verdict == "not changed" and row.name in EXPECTED[kind] and not told]  # fmt: skip
+        rows.append({
+            "family": family, "seed": seed, "rpm": round(speed), "structure": before.data.structure, "change": kind,
+            "result": judged(kind, told), "told": " ".join(sorted(told)), "events": "+".join(found.found.best),
+            "probability": round(found.found.probabilities[0], 3), "inflation": round(found.found.inflation[1], 2),
+            "said_not_changed": " ".join(wrong), "fit_s": round(fitting, 1),
+            "compare_s": round(time.perf_counter() - start, 1),
+        })  # fmt: skip
+        print(rows[-1], flush=True)
+    return rows
+
+
+def main() -> None:
+    """Write one line per comparison and print the counts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--rigs", type=int, default=6)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--family", nargs="+", default=["closed_volume", "spill", "other_geometry", "soft_driveline"])
+    chosen = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    for seed in range(chosen.first, chosen.first + chosen.rigs):
+        rows += rig_rows(chosen.family[seed % len(chosen.family)], seed)
+        with chosen.out.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+    for kind in EXPECTED:
+        results = [row["result"] for row in rows if row["change"] == kind]
+        print(f"{kind:10}" + ", ".join(f"{results.count(name)} {name}" for name in dict.fromkeys(results)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Each recording of a campaign predicted from a joint fit of the others and its own line pressure.
+
+    python benchmarks/predict_left_out.py OUT.csv CAMPAIGN_DIR ...
+
+One line per recording: whether its speed lies inside those of the others, rms error and band width as shares of the
+peak, share of the revolution inside the pointwise 95 % band.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from camtorque.align import align
+from camtorque.fit import Prepared, prepare
+from camtorque.fit.forecast import Curve, FittedAt, KnownFit, ends_for, forecast
+from camtorque.fit.joint import solve_joint
+from camtorque.fit.prepare import on_grid
+from camtorque.fit.uncertainty import covariance
+from camtorque.ingest import read_recording
+from camtorque.predict_from import Rig, chain_of
+from camtorque.run import rigid_torque
+
+
+def known_fit(used: Sequence[Prepared]) -> KnownFit:
+    """Return the joint fit of some recordings as a prediction takes it."""
+    problem, solution = solve_joint(used)
+    found = covariance(problem, solution)
+    recordings = []
+    for k, item in enumerate(used):
+        residual = solution.residuals[k] / problem.data[k].weight
+        share = float(np.sqrt(np.mean(residual**2)) / np.max(np.abs(problem.data[k].torque)))
+        recordings.append(FittedAt(item.data.name, item.cycles.mean_speed, problem.data[k].structure, share, False))
+    return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, found.matrix, tuple(recordings))
+
+
+def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared) -> dict[str, object]:
+    """Return how well a recording that is not in the fit is predicted."""
+    config = left.recording.config
+    rig = Rig(config.pump, left.recording.cam_table, config.rotation, config.trigger.nominal_angle)
+    speed = left.cycles.mean_speed
+    curve = Curve(left.cycles.theta, left.means.pressure_all, speed)
+    source = known.nearest(speed)
+    near = next(item for item in used if item.data.name == source.id)
+    chain = chain_of(rig, speed, curve)
+    template = Curve(near.cycles.theta, near.means.pressure_all, near.cycles.mean_speed)
+    ends = ends_for(known, source, template, chain, curve)
+    item = forecast(known, chain, source, ends, {})
+    measured = on_grid(left.means.torque_all, item.theta.size)
+    error = measured - item.torque
+    zero = float(np.mean(error))
+    error = error - zero
+    speeds = [one.speed for one in known.recordings]
+    peak = float(np.max(measured))
+    return {
+        "left_out": left.data.name, "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
+        "structure": source.structure, "rms_percent": round(100.0 * float(np.std(error)) / peak, 3),
+        "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.torque_std**2))) / peak, 3),
+        "covered_percent": round(100.0 * float(np.mean(np.abs(error) < 1.96 * item.torque_std)), 1),
+        "peak_error_percent": round(100.0 * float(np.max(item.torque) + zero - peak) / peak, 3),
+        "zero_nm": round(zero, 3),
+    }  # fmt: skip
+
+
+def left_out_rows(prepared: Sequence[Prepared]) -> list[dict[str, object]]:
+    """Return every recording predicted by the others."""
+    rows = []
+    for k, left in enumerate(prepared):
+        used = [item for j, item in enumerate(prepared) if j != k]
+        rows.append(predicted(known_fit(used), used, left))
+        print(rows[-1], flush=True)
+    return rows
+
+
+def main() -> None:
+    """Write one line per left-out recording."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("campaigns", type=Path, nargs="+")
+    chosen = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    for folder in chosen.campaigns:
+        prepared = []
+        for file in sorted(folder.glob("*/recording.toml")):
+            recording = read_recording(file)
+            cycles = align(recording)
+            prepared.append(prepare(recording, cycles, rigid_torque(recording, cycles)))
+        rows += left_out_rows(prepared)
+        with chosen.out.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()

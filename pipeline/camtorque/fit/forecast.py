@@ -1,0 +1,289 @@
+"""A run that was not made: torque, chamber and load from the values of a fit, with bands.
+
+Values are drawn about the fit by a share of its covariance and each draw is evaluated whole: bands of torque, causes,
+chamber and load are those of the linearised model, whose correlations bounds would spoil. What the laws get wrong is
+added: as large as predictions of left-out recordings were off, growing beyond the fitted speeds as they grew. The twist
+needs the torque itself, which is found by a fixed point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, SPILL_NAMES
+from camtorque.laws import ROWS
+from camtorque.laws.causes import cam_torques, measured_torques
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
+from camtorque.records import Array, Refusal, freeze_arrays
+
+DRAWS = 80
+FRACTION = 0.2
+"""Draws are this share of the covariance's standard deviations away; their scatter is scaled up again."""
+ROUNDS = 4
+"""Fixed-point steps for torque, twist and cam angle."""
+GROWTH = 0.02
+"""Error as a share of the peak per unit of ln speed away from the fitted speeds, where no left-out run teaches it."""
+FLOOR = 0.15
+"""Share of the law's error that is spread over the revolution whatever the torque is."""
+MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
+"""Time before and after an end of delivery over which the slope of the line pressure is compared [s]; points."""
+END_STD = np.radians(0.5)
+"""Standard deviation of an end of delivery that was found by the shape of the line pressure."""
+
+
+@dataclass(frozen=True)
+class FittedAt:
+    """One recording that a fit rests on.
+
+    share : rms error of its prediction as a share of the peak: left out where the fit is joint, else on held-out cycles
+    left_out : whether ``share`` is that of a left-out prediction
+    """
+
+    id: str
+    speed: float
+    structure: str
+    share: float
+    left_out: bool
+
+
+@dataclass(frozen=True)
+class KnownFit:
+    """Values and covariance of a fit [SI], and the recordings behind it."""
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    recordings: tuple[FittedAt, ...]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    def nearest(self, speed: float) -> FittedAt:
+        """Return the recording nearest in speed."""
+        return min(self.recordings, key=lambda item: abs(np.log(item.speed / speed)))
+
+    def own(self, recording: str) -> dict[str, int]:
+        """Return the place of every parameter that acts in a recording: shared ones and its own."""
+        plain = {name: k for k, name in enumerate(self.names) if SEPARATOR not in name}
+        mine = {n.split(SEPARATOR)[0]: k for k, n in enumerate(self.names) if n.endswith(f"{SEPARATOR}{recording}")}
+        return {**plain, **mine}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Line pressure over cam angle, (n,) [rad], [Pa], and the speed that it was taken at [rad/s]."""
+
+    theta: Array
+    pressure: Array
+    speed: float
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """A predicted run at one speed.
+
+    Attributes
+    ----------
+    speed : [rad/s]
+    theta : (n,) [rad]
+    torque, torque_std : (n,) shaft torque [N m], total standard uncertainty
+    by_cause, by_cause_std : cause -> (n,) [N m]; the law's error is not split over causes
+    pressure, pressure_std : (n,) on the plunger [Pa]
+    contact, contact_std : (n,) contact force along the follower [N]
+    true_angle : (n,) [rad]
+    law_share : rms of the law's error as a share of the peak
+    beyond : distance from the fitted speeds in ln speed, 0 inside
+    assumed : sentences on what was assumed
+    """
+
+    speed: float
+    theta: Array
+    torque: Array
+    torque_std: Array
+    by_cause: Mapping[str, Array]
+    by_cause_std: Mapping[str, Array]
+    pressure: Array
+    pressure_std: Array
+    contact: Array
+    contact_std: Array
+    true_angle: Array
+    law_share: float
+    beyond: float
+    assumed: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+def law_share(known: KnownFit, speed: float) -> tuple[float, float]:
+    """Return the rms error of the laws at a speed as a share of the peak, and how far beyond the fitted speeds it is.
+
+    Inside: the rms of the inner left-out predictions. Outside: what the outermost ones say of the growth per ln speed.
+    """
+    ordered = sorted(known.recordings, key=lambda item: item.speed)
+    speeds = np.log([item.speed for item in ordered])
+    shares = np.array([item.share for item in ordered])
+    beyond = float(max(speeds[0] - np.log(speed), np.log(speed) - speeds[-1], 0.0))
+    if len(ordered) < 3 or not all(item.left_out for item in ordered):
+        return float(
+            np.sqrt(np.mean(shares**2)) + GROWTH * max(beyond, abs(np.log(speed / known.nearest(speed).speed)))
+        ), beyond
+    inside = float(np.sqrt(np.mean(shares[1:-1] ** 2)))
+    gaps = np.array([speeds[1] - speeds[0], speeds[-1] - speeds[-2]])
+    growth = float(np.max(np.maximum(shares[[0, -1]] - inside, 0.0) / np.maximum(gaps, 0.05)))
+    return inside + growth * beyond, beyond
+
+
+def law_std(torque: Array, share: float) -> Array:
+    """Return the law's error over the angle, (n,) [N m]: rms ``share`` of the peak, mostly where the torque is."""
+    square = torque**2
+    shape = np.sqrt((1.0 - FLOOR) * square + FLOOR * np.mean(square)) / np.sqrt(np.mean(square))
+    return np.asarray(share * np.max(np.abs(torque)) * shape)
+
+
+def slope_around(curve: Curve, angle: float) -> Array:
+    """Return the slope of the line pressure around an angle, over its greatest size there."""
+    times = np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS)
+    slope = np.gradient(curve.pressure, curve.theta)
+    found = np.interp(angle + times * curve.speed, curve.theta, slope, period=2.0 * np.pi)
+    return np.asarray(found / (np.max(np.abs(found)) + 1e-12))
+
+
+def matched_end(template: Curve, angle: float, curve: Curve, rising: Array) -> float:
+    """Return the angle at which a line pressure looks as another one does around an end of delivery [rad].
+
+    Parameters
+    ----------
+    template, angle : line pressure whose end is known
+    curve : the other one
+    rising : (m,) angles among which the end is [rad]
+    """
+    wanted = slope_around(template, angle)
+    errors = [float(np.sum((slope_around(curve, float(place)) - wanted) ** 2)) for place in rising]
+    return float(rising[int(np.argmin(errors))])
+
+
+def forecast(
+    known: KnownFit, chain: ChainInput, source: FittedAt, ends: Mapping[str, float], changes: Mapping[str, float]
+) -> Forecast:
+    """Return a run at the speed and line pressure of a chain.
+
+    Parameters
+    ----------
+    chain : pump, cam, speed and line pressure; its torque is ignored
+    source : fitted recording whose own parameters stand in
+    ends : own parameters that are known otherwise, such as the end of delivery [SI]
+    changes : parameter -> factor, such as a leakage after wear
+    """
+    places = known.own(source.id)
+    mean = {name: float(known.values[k]) for name, k in places.items()}
+    mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **ends})
+    best = _scaled(mean, changes, source)
+    chain = settled(chain, best)
+    center = _parts(chain, best)
+    drawn = [_parts(chain, _scaled(item, changes, source)) for item in _draws(known, places, mean, ends)]
+    std = {
+        name: np.sqrt(np.mean([(item[name] - center[name]) ** 2 for item in drawn], axis=0)) / FRACTION
+        for name in center
+    }
+    share, beyond = law_share(known, chain.speed)
+    torque = center["torque"]
+    total = np.hypot(std["torque"], law_std(torque, share))
+    causes = [name for name in center if name.startswith("cause ")]
+    return Forecast(
+        speed=chain.speed, theta=chain.theta, torque=torque, torque_std=total,
+        by_cause={name[6:]: center[name] for name in causes}, by_cause_std={name[6:]: std[name] for name in causes},
+        pressure=center["pressure"], pressure_std=std["pressure"], contact=center["contact"],
+        contact_std=std["contact"], true_angle=center["angle"], law_share=share, beyond=beyond,
+    )  # fmt: skip
+
+
+def _scaled(values: Mapping[str, float], changes: Mapping[str, float], source: FittedAt) -> dict[str, float]:
+    """Return every parameter of the chain; ends that the structure does not have are switched off."""
+    full = {name: (0.0 if name in COLUMN_NAMES else ROWS[name].start) for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
+    full.update({name: value for name, value in values.items() if name in full})
+    off = {"land": SPILL_NAMES, "spill": END_NAMES}.get(source.structure, (*END_NAMES, *SPILL_NAMES))
+    full.update({name: NEUTRAL[name] for name in off})
+    return {name: value * changes.get(name, 1.0) for name, value in full.items()}
+
+
+def _draws(
+    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], ends: Mapping[str, float]
+) -> list[dict[str, float]]:
+    """Return drawn values within the bounds of the rows."""
+    index = list(places.values())
+    block = known.covariance[np.ix_(index, index)]
+    scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]
+    normal = np.random.default_rng(0).standard_normal((DRAWS, len(index)))
+    result = []
+    for k, step in enumerate(FRACTION * normal @ root.T):
+        item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
+        item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
+        for name in ends:
+            item[name] = mean[name] + FRACTION * (END_STD if name == "end_of_delivery" else 0.0) * float(normal[k, 0])
+        result.append(
+            {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
+        )
+    return result
+
+
+def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:
+    """Return the chain whose twist is that of its own torque, with time steps fine where the valve moves.
+
+    Raises
+    ------
+    Refusal : the torque runs away
+    """
+    linear = np.array([values[name] for name in COLUMN_NAMES])
+    for _ in range(ROUNDS):
+        output = evaluate(chain, values)
+        torque = output.torque + output.linear @ linear
+        if not np.all(np.isfinite(torque)):
+            raise Refusal(
+                f"predict: the model has no finite torque at {chain.speed * 30.0 / np.pi:.0f} rpm, expected a speed "
+                "near the fitted ones; ask for other speeds"
+            )
+        centres = (np.arange(torque.size) + 0.5) * 2.0 * np.pi / torque.size
+        shaft = np.interp(chain.theta, centres, torque, period=2.0 * np.pi)
+        chain = replace(chain, shaft_torque=shaft, substeps=with_substeps(chain, output, values))
+    return chain
+
+
+def _parts(chain: ChainInput, values: Mapping[str, float]) -> dict[str, Array]:
+    """Return torque, causes, pressure, contact force and cam angle of one set of values, (n,) each."""
+    linear = np.array([values[name] for name in COLUMN_NAMES])
+    output: ChainOutput = evaluate(chain, values)
+    cam = cam_torques(chain, values, output, linear, np.zeros(chain.theta.size))
+    causes = measured_torques(chain, values, cam, 0.0)
+    named = {f"cause {name}": part for name, part in causes.items() if name not in ("torque_zero", "lift_table")}
+    torque = np.asarray(np.sum(list(causes.values()), axis=0))
+    return {
+        **named, "torque": torque, "pressure": output.pressure, "contact": output.load, "angle": output.motion.theta,
+    }  # fmt: skip
+
+
+def rising_angles(chain: ChainInput) -> Array:
+    """Return the angles of the rising flank at which a delivery may end [rad]."""
+    lift = np.asarray(chain.law.evaluate(chain.theta, 0))
+    top = int(np.argmax(lift >= 0.999 * np.max(lift)))
+    return chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
+
+
+def ends_for(known: KnownFit, source: FittedAt, template: Curve, chain: ChainInput, curve: Curve) -> dict[str, float]:
+    """Return where delivery ends under another line pressure, found by the shape that it has at a known end."""
+    places = known.own(source.id)
+    if source.structure == "land":
+        angle = float(known.values[places["end_of_delivery"]])
+        return {"end_of_delivery": matched_end(template, angle, curve, rising_angles(chain))}
+    if source.structure == "spill":
+        rising = rising_angles(chain)
+        lift = np.asarray(chain.law.evaluate(rising, 0))
+        angle = float(np.interp(known.values[places["spill_lift"]], lift, rising))
+        found = matched_end(template, angle, curve, rising)
+        return {"spill_lift": float(np.interp(found, rising, lift))}
+    return {}

@@ -1,0 +1,262 @@
+"""Runs that were not made, from a finished fit: where values, sheets and load come from.
+
+from camtorque.predict_from import predict_from
+found = predict_from("reports/campaign", [600, 900, 1500], load_of="raw/other")
+found.items[0].torque, found.items[0].torque_std
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from camtorque.align import align
+from camtorque.config_pump import PumpConfig
+from camtorque.config_toml import load_recording_config
+from camtorque.fit.forecast import Curve, FittedAt, Forecast, KnownFit, ends_for, forecast
+from camtorque.fit.prepare import FIT_GRID, on_grid
+from camtorque.ingest import read_recording
+from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.laws.chain import ChainInput
+from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
+from camtorque.mechanism.friction import Friction
+from camtorque.mechanism.mounting import assumed_roller
+from camtorque.mechanism.predict import pressure_at
+from camtorque.mechanism.spectral import spectral_law
+from camtorque.records import Array, CamTable, Forces, Refusal
+from camtorque.report.fit_file import NAME, SCHEMA
+from camtorque.report.forecast_page import forecast_document
+from camtorque.results import read_result
+from camtorque.threads import on_one_thread
+from camtorque.units import RPM
+
+CLEARANCE = 4.0e-6
+"""Clearance that a change is counted from where none is given [m]."""
+CYCLES = "cycles.h5"
+
+
+@dataclass(frozen=True)
+class Found:
+    """Predicted runs with their forces, and the document of them."""
+
+    items: tuple[Forecast, ...]
+    forces: tuple[Forces, ...]
+    document: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What sheets say of a pump: data, lift table, direction of running, nominal trigger angle [rad]."""
+
+    pump: Any
+    table: CamTable
+    rotation: int
+    trigger_angle: float
+
+
+def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
+    """Return the fit beside a result.json or campaign.json (or in such a folder), its folder, and its recordings.
+
+    Raises
+    ------
+    Refusal : there is none, or it is of another schema
+    """
+    folder = path if path.is_dir() else path.parent
+    file = folder / NAME
+    if not file.is_file():
+        raise Refusal(
+            f"{path}: found no {NAME} beside it, expected the report of `camtorque run` or of a campaign with a joint "
+            "fit; make the report again"
+        )
+    try:
+        doc = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise Refusal(f"{file}: is not valid JSON ({error}), expected what `camtorque run` writes") from error
+    if not isinstance(doc, dict) or doc.get("schema") != SCHEMA:
+        raise Refusal(f"{file}: expected schema {SCHEMA}; make the report again")
+    std = np.array(doc["stderr"], dtype=np.float64)
+    covariance = np.array(doc["correlation"], dtype=np.float64) * np.outer(std, std)
+    recordings = tuple(_fitted_at(row) for row in doc["recordings"])
+    known = KnownFit(tuple(doc["names"]), np.array(doc["values"], dtype=np.float64), covariance, recordings)
+    return known, folder, doc["recordings"]
+
+
+def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
+    modes = row["left_out_rms_percent"] or {}
+    share = modes.get("own_zero_and_end")
+    used = row["rms_percent_of_peak"] if share is None else share
+    return FittedAt(row["id"], row["speed_rpm"] * RPM, row["structure"], used / 100.0, share is not None)
+
+
+def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
+    """Return the pump of a report's recording, or another pump or cam in its place.
+
+    Raises
+    ------
+    Refusal : the recording's sheets are gone and no pump file stands in
+    """
+    inputs = [Path(item["path"]) for item in read_result(report / "result.json")["inputs"]]
+    sheet = next((item for item in inputs if item.name == "recording.toml"), None)
+    if sheet is None or not sheet.is_file():
+        raise Refusal(
+            f"{report}: its recording {sheet or ''} is not there any more, expected the sheets of pump and trigger; "
+            "put the recording back where it was"
+        )
+    config = load_recording_config(sheet)
+    data, rotation, table = config.pump, config.rotation, None
+    if pump is not None:
+        other: PumpConfig = read_pump(pump)[0]
+        if other.cam_table is None and cam is None:
+            raise Refusal(f"{pump}: its cam is given by sections, expected a lift table; name one with --cam")
+        data, rotation, table = other.pump, other.rotation, other.cam_table
+    if cam is not None:
+        data, table = replace(data, cam_table_path=cam), None
+    table = read_cam_table(data)[0] if table is None else table
+    return Rig(data, table, rotation, config.trigger.nominal_angle)
+
+
+def curve_of(report: Path, speed: float) -> Curve:
+    """Return the mean line pressure of a report."""
+    with h5py.File(report / CYCLES) as file:
+        return Curve(
+            np.asarray(file["theta"], dtype=np.float64), np.asarray(file["mean/pressure"], dtype=np.float64), speed
+        )
+
+
+def load_curve(path: Path) -> Curve:
+    """Return the mean line pressure of a recording or of its report.
+
+    Raises
+    ------
+    Refusal : it is neither, or has no pressure
+    """
+    if (path / CYCLES).is_file():
+        return curve_of(path, read_result(path / "result.json")["recording"]["speed_rpm"] * RPM)
+    cycles = align(read_recording(path))
+    if not cycles.pressure.size:
+        raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
+    return Curve(cycles.theta, np.mean(cycles.pressure, axis=0), cycles.mean_speed)
+
+
+def leakage_factor(text: str) -> float:
+    """Return by how much a change of clearance such as ``+1um`` or ``3um+1um`` multiplies the leakage.
+
+    Raises
+    ------
+    Refusal : not such a text, or no clearance is left
+    """
+    match = re.fullmatch(r"(?:([\d.]+)\s*um)?\s*([+-][\d.]+)\s*um", text.replace("µ", "u").strip())
+    if match is None:
+        raise Refusal(f"--clearance: found {text!r}, expected a change such as +1um, or 3um+1um from a known clearance")
+    base = float(match[1]) * 1e-6 if match[1] else CLEARANCE
+    factor = 1.0 + float(match[2]) * 1e-6 / base
+    if factor <= 0.0:
+        raise Refusal(f"--clearance: {text} leaves no clearance of {base * 1e6:g} um; give a smaller change")
+    return factor**3
+
+
+def predict_from(
+    fit: Path | str,
+    speeds_rpm: Sequence[float],
+    *,
+    pressure: Path | None = None,
+    load_of: Path | str | None = None,
+    pump: Path | None = None,
+    cam: Path | None = None,
+    clearance: str = "",
+) -> Found:
+    """Return runs at some speeds with the values of a fit.
+
+    Parameters
+    ----------
+    fit : result.json, campaign.json, or a folder that holds one
+    pressure : CSV file of the line pressure over cam angle; the end of delivery is looked for in its shape
+    load_of : recording or report whose line pressure is used; neither: that of the fitted recording nearest in speed
+    pump, cam : another pump file, another lift table
+    clearance : change of the plunger's clearance, such as ``+1um``
+
+    Raises
+    ------
+    Refusal : see `read_fit`, `rig_of`, `load_curve`, `leakage_factor`
+    """
+    known, folder, rows = read_fit(Path(fit))
+    changes = {"leakage": leakage_factor(clearance)} if clearance else {}
+    given = _given(pressure, load_of)
+    items, forces = [], []
+    for value in speeds_rpm:
+        source = known.nearest(value * RPM)
+        report = folder / next(row["folder"] for row in rows if row["id"] == source.id)
+        rig = rig_of(report, pump, cam)
+        item, force = _predicted(known, source, report, rig, value * RPM, given, changes)
+        assumed = _assumptions(source, pressure, load_of, clearance, pump or cam)
+        items.append(replace(item, assumed=assumed))
+        forces.append(force)
+    origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
+    return Found(tuple(items), tuple(forces), forecast_document(items, forces, origin))
+
+
+def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
+    if load_of is not None:
+        return load_curve(Path(load_of))
+    if pressure is None:
+        return None
+    theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
+    return Curve(theta, pressure_at(read_pressure_curve(pressure), theta), float("nan"))
+
+
+@on_one_thread
+def _predicted(
+    known: KnownFit, source: FittedAt, report: Path, rig: Rig, speed: float, given: Curve | None,
+    changes: Mapping[str, float],
+) -> tuple[Forecast, Forces]:  # fmt: skip
+    template = curve_of(report, source.speed)
+    curve = template if given is None else given
+    chain = chain_of(rig, speed, curve)
+    shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
+    ends = {} if given is None else ends_for(known, source, template, chain, shaped)
+    item = forecast(known, chain, source, ends, changes)
+    places = known.own(source.id)
+    arms = [
+        float(known.values[places[n]]) if n in places else 0.0 for n in ("guide_friction", "bearing_arm", "pin_arm")
+    ]
+    tables = closed_form_tables(
+        rig.pump, lift_law(rig.table), item.true_angle, Mounting(rotation=rig.rotation), Friction(*arms)
+    )
+    return item, forces_of(rig.pump, tables, item.pressure, speed)
+
+
+def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
+    """Return the chain of a pump at a speed and a line pressure; its torque is still zero."""
+    theta: Array = np.arange(FIT_GRID) * np.float64(2.0 * np.pi / FIT_GRID)
+    pressure: Array = on_grid(curve.pressure, FIT_GRID)
+    return ChainInput(
+        theta=theta, speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
+        trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
+        offset=rig.pump.follower_offset * rig.rotation, roller_inertia=assumed_roller(rig.pump).inertia,
+    )  # fmt: skip
+
+
+def _assumptions(
+    source: FittedAt, pressure: Path | None, load_of: Path | str | None, clearance: str, other: Path | None
+) -> tuple[str, ...]:
+    load = f"the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle as it was recorded"
+    if load_of is not None:
+        load = f"the line pressure of {Path(load_of).name}"
+    if pressure is not None:
+        load = f"the line pressure of {pressure.name}, at every speed"
+    texts = [f"Load: {load}.", "The torque's zero is not in the torque.",
+             "The error of the laws is that of left-out recordings, spread as the torque is."]  # fmt: skip
+    if clearance:
+        base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
+        texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
+    if other is not None:
+        texts.append(f"Pump or cam of {other.name}; losses and chamber are those of the fitted pump.")
+    return tuple(texts)

@@ -1,0 +1,63 @@
+"""fit.json beside a report: values and covariance of a fit, for predictions of runs that were not made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from camtorque.laws import ROWS
+from camtorque.records import FittedTorque
+from camtorque.report.bundle import CampaignResult, RunResult
+from camtorque.units import RPM
+
+NAME = "fit.json"
+SCHEMA = "camtorque.fit/1"
+SEPARATOR = "__"
+"""Joins an own parameter and its recording, as in a joint fit."""
+
+
+def run_fit_document(result: RunResult) -> dict[str, Any]:
+    """Return fit.json of one recording; its report is the folder itself."""
+    fitted = result.fitted
+    share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
+    row = _recording(result.recording.config.id, ".", result.cycles.mean_speed / RPM, fitted, share)
+    return _document([fitted], [row])
+
+
+def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
+    """Return fit.json of a joint fit, None where there is none."""
+    joint = result.joint
+    if joint is None:
+        return None
+    left = {(item.name, item.mode): item.metrics.rms_percent_of_peak for item in joint.held_out}
+    entries = {entry.id: entry for entry in result.entries if entry.status == "ok"}
+    rows = []
+    for name, fitted in zip(joint.names, joint.fitted, strict=True):
+        share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
+        row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], fitted, share)
+        modes = {mode: left.get((name, mode)) for mode in ("own_zero_and_end", "blind")}
+        rows.append({**row, "left_out_rms_percent": modes})
+    return _document(joint.fitted, rows)
+
+
+def _recording(name: str, folder: str, speed: object, fitted: FittedTorque, share: float) -> dict[str, Any]:
+    return {
+        "id": name, "folder": folder, "speed_rpm": speed, "structure": fitted.details.get("delivery", ""),
+        "rms_percent_of_peak": share, "left_out_rms_percent": None, "explained": fitted.explained,
+    }  # fmt: skip
+
+
+def _document(fitted: Sequence[FittedTorque], recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    rows = {row.name: row for item in fitted for row in item.parameters}
+    names = [name for name in fitted[0].correlation_names if name in rows]
+    kept = [fitted[0].correlation_names.index(name) for name in names]
+    scale = np.array([ROWS[name.split(SEPARATOR)[0]].per_unit for name in names])
+    std = np.array([rows[name].stderr_statistical for name in names], dtype=np.float64) * scale
+    correlation = np.asarray(fitted[0].correlation)[np.ix_(kept, kept)]
+    values = [rows[name].value * factor for name, factor in zip(names, scale, strict=True)]
+    return {
+        "schema": SCHEMA, "names": names, "units": "SI", "values": values, "stderr": std.tolist(),
+        "correlation": correlation.tolist(), "recordings": recordings,
+    }  # fmt: skip

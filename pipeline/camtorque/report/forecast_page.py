@@ -1,0 +1,133 @@
+"""The page and the document of runs predicted with the values of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from camtorque.fit.forecast import Forecast
+from camtorque.plain import now, plain
+from camtorque.records import Array, Forces
+from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
+from camtorque.report.drawings import svg_of
+from camtorque.report.files import write_json
+from camtorque.report.numbers import num, plus_minus, words
+from camtorque.report.page import ESCAPED, Drawing, live_charts, render
+from camtorque.report.tones import CYCLE
+from camtorque.units import BAR, DEGREE, RPM
+from camtorque.version import __version__
+
+SCHEMA = "camtorque.predict_from/1"
+COVER = 1.959964
+KEPT = 600
+SAME_SPEED = 0.02
+"""Distance in ln speed that is still a fitted speed."""
+TITLES = {
+    "speed_rpm": "speed [rpm]", "torque_max_nm": "torque, largest [N m]", "torque_min_nm": "torque, smallest [N m]",
+    "torque_mean_nm": "torque, mean [N m]", "chamber_peak_bar": "chamber pressure, largest [bar]",
+    "contact_max_n": "contact force, largest [N]", "hertz_max_gpa": "Hertz pressure, largest [GPa]",
+    "law_error_percent": "error of the laws, percent of the peak",
+}  # fmt: skip
+"""Key of a row of the sweep -> what the page calls it."""
+
+
+def sweep_row(item: Forecast, forces: Forces) -> dict[str, Any]:
+    """Return the extremes of one speed, each with its standard uncertainty."""
+    top, low = int(np.argmax(item.torque)), int(np.argmin(item.torque))
+    peak, load = int(np.argmax(item.pressure)), int(np.argmax(item.contact))
+    hertz = float(np.nanmax(forces.hertz)) / 1e9
+    relative = float(item.contact_std[load] / max(abs(item.contact[load]), 1e-9))
+    causes = {name: float(np.mean(values)) for name, values in item.by_cause.items()}
+    return {
+        "speed_rpm": item.speed / RPM,
+        "torque_max_nm": _value(item.torque[top], item.torque_std[top]),
+        "torque_min_nm": _value(item.torque[low], item.torque_std[low]),
+        "torque_mean_nm": _value(float(np.mean(item.torque)), float(np.mean(item.torque_std)) / 2.0),
+        "chamber_peak_bar": _value(item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
+        "contact_max_n": _value(item.contact[load], item.contact_std[load]),
+        "hertz_max_gpa": _value(hertz, 0.5 * relative * hertz),
+        "law_error_percent": 100.0 * item.law_share, "beyond_fitted_speeds": item.beyond > SAME_SPEED,
+        "mean_by_cause_nm": causes,
+    }  # fmt: skip
+
+
+def _value(value: float, std: float) -> dict[str, Any]:
+    return {
+        "value": float(value),
+        "stderr": float(std),
+        "ci95": [float(value - COVER * std), float(value + COVER * std)],
+    }
+
+
+def forecast_document(items: Sequence[Forecast], forces: Sequence[Forces], source: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the predicted runs as JSON-ready values in border units.
+
+    Parameters
+    ----------
+    source : where the values come from: ``fit``, ``recordings``, ``inputs``
+    """
+    return plain({
+        "schema": SCHEMA, "version": __version__, "created": now(), **source,
+        "assumed": sorted({text for item in items for text in item.assumed}),
+        "sweep": [sweep_row(item, force) for item, force in zip(items, forces, strict=True)],
+        "curves": [
+            {
+                "theta_deg": _thin(item.theta / DEGREE), "torque_nm": _thin(item.torque),
+                "torque_stderr_nm": _thin(item.torque_std), "pressure_bar": _thin(item.pressure / BAR),
+                "pressure_stderr_bar": _thin(item.pressure_std / BAR), "contact_n": _thin(item.contact),
+                "contact_stderr_n": _thin(item.contact_std),
+                "by_cause_nm": {name: _thin(values) for name, values in item.by_cause.items()},
+                "by_cause_stderr_nm": {name: _thin(values) for name, values in item.by_cause_std.items()},
+            }
+            for item in items
+        ],
+    })  # fmt: skip
+
+
+def _thin(values: Array) -> Array:
+    return values[:: max(1, values.size // KEPT)]
+
+
+def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title: str, folder: Path) -> None:
+    """Write predict.json and predict.html of predicted runs into an existing folder."""
+    drawings = [_drawing(f"speed_{k + 1}", item) for k, item in enumerate(items)]
+    rows = document["sweep"]
+    beyond = [f"{row['speed_rpm']:.0f}" for row in rows if row["beyond_fitted_speeds"]]
+    answer = " ".join(f"{num(row['speed_rpm'], 4)} rpm: {_cell(row['torque_max_nm'])} N m at most." for row in rows)
+    if beyond:
+        answer += f" {', '.join(beyond)} rpm lie beyond the fitted speeds; the bands are widened."
+    html = render(
+        "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer, beyond=bool(beyond),
+        assumed=document["assumed"], sweep=[(TITLES[key], [_cell(row[key]) for row in rows]) for key in TITLES],
+    )  # fmt: skip
+    (folder / "predict.html").write_text(html, encoding="utf-8", errors=ESCAPED)
+    write_json(folder / "predict.json", document)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{num(value['value'], 4)} ± {plus_minus(COVER * value['stderr'])}"
+    return num(value, 4)
+
+
+def _drawing(name: str, item: Forecast) -> Drawing:
+    def panel(title: str, label: str, values: Array, std: Array, height: float) -> Panel:
+        band = Band("95 %", values - COVER * std, values + COVER * std, "chamber")
+        return Panel(title, (Line(label, values, "fitted", 1.6),), (band,), height)
+
+    causes = tuple(
+        Line(words(cause), values, CYCLE[k % len(CYCLE)], 1.2)
+        for k, (cause, values) in enumerate(item.by_cause.items()) if np.any(np.abs(values) > 1e-9)
+    )  # fmt: skip
+    panels = (
+        panel("torque [N m]", "torque", item.torque, item.torque_std, 200.0),
+        Panel("by cause [N m]", causes, height=140.0),
+        panel("chamber [bar]", "pressure on the plunger", item.pressure / BAR, item.pressure_std / BAR, 120.0),
+    )
+    chart = Curves(item.theta / DEGREE, CAM_ANGLE, panels)
+    heading = f"Torque at {num(item.speed / RPM, 4)} rpm"
+    return Drawing(name, heading, "", "curves", True, chart, Markup(svg_of(chart, heading)))

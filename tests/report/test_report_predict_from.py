@@ -1,0 +1,103 @@
+"""Predictions from a fit: what widens them, how a load's end is found, what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.cli import build_parser
+from camtorque.commands.predict import execute
+from camtorque.fit.forecast import Curve, FittedAt, KnownFit, law_share, law_std, matched_end
+from camtorque.predict_from import leakage_factor, read_fit
+from camtorque.records import Refusal
+from camtorque.report.fit_file import run_fit_document
+from report_cases import run_result
+
+
+def known(shares: list[float], left_out: bool = True) -> KnownFit:
+    speeds = 50.0 * 1.25 ** np.arange(len(shares))
+    recordings = [FittedAt(f"r{k}", float(s), "land", share, left_out)
+                  for k, (s, share) in enumerate(zip(speeds, shares, strict=True))]  # fmt: skip
+    return KnownFit(("leakage", "end_of_delivery__r1"), np.array([1.0, 2.0]), np.eye(2), tuple(recordings))
+
+
+def test_error_beyond_the_fitted_speeds_grows_as_left_out_ends_were_off() -> None:
+    fit = known([0.010, 0.002, 0.002, 0.006])
+    inside, beyond = law_share(fit, 60.0)
+    assert (inside, beyond) == (pytest.approx(0.002), 0.0)
+    share, beyond = law_share(fit, fit.recordings[-1].speed * 1.25)
+    assert beyond == pytest.approx(np.log(1.25))
+    assert share == pytest.approx(0.010), "one gap beyond is as bad as the worse end one gap beyond the others"
+
+
+def test_one_recording_teaches_no_growth_and_is_widened_all_the_same() -> None:
+    fit = known([0.001], left_out=False)
+    assert law_share(fit, 50.0)[0] == pytest.approx(0.001)
+    assert law_share(fit, 100.0)[0] > 0.01
+
+
+def test_error_of_the_laws_has_the_stated_size_and_follows_the_torque() -> None:
+    torque = 40.0 * np.maximum(np.sin(np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False)), 0.0)
+    std = law_std(torque, 0.01)
+    assert np.sqrt(np.mean(std**2)) == pytest.approx(0.4)
+    assert std[150] > 2.0 * std[450] > 0.0
+
+
+def test_own_parameters_are_those_of_the_recording() -> None:
+    assert known([0.1, 0.1, 0.1]).own("r1") == {"leakage": 0, "end_of_delivery": 1}
+    assert known([0.1, 0.1, 0.1]).own("r0") == {"leakage": 0}
+
+
+def test_an_end_of_delivery_is_found_by_the_shape_of_the_line_pressure() -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
+
+    def curve(end: float, speed: float) -> Curve:
+        fall = 1.0 / (1.0 + np.exp((theta - end) / (2e-4 * speed)))
+        return Curve(theta, 1e7 + 4e7 * fall * np.minimum(theta, 1.0), speed)
+
+    rising = theta[(theta > 0.3) & (theta < 1.4)]
+    found = matched_end(curve(0.7, 60.0), 0.7, curve(0.9, 90.0), rising)
+    assert found == pytest.approx(0.9, abs=0.006)
+
+
+def test_clearance_changes_leakage_by_its_third_power() -> None:
+    assert leakage_factor("+1um") == pytest.approx(1.25**3)
+    assert leakage_factor("2um+1µm") == pytest.approx(1.5**3)
+    with pytest.raises(Refusal, match="expected a change such as"):
+        leakage_factor("1mm")
+    with pytest.raises(Refusal, match="leaves no clearance"):
+        leakage_factor("-5um")
+
+
+def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> None:
+    doc = run_fit_document(run_result())
+    assert doc["names"] == ["feed_pressure", "dead_volume"]
+    assert doc["values"][0] == pytest.approx(1.7e5)
+    (tmp_path / "fit.json").write_text(json.dumps({**doc, "stderr": [1e4, 1e-9]}))
+    fit, folder, _ = read_fit(tmp_path / "result.json")
+    assert folder == tmp_path
+    assert fit.covariance[0, 1] == pytest.approx(0.4 * 1e4 * 1e-9)
+    assert fit.recordings[0].id == "case"
+
+
+@pytest.mark.parametrize(("content", "text"), [
+    (None, r"found no fit\.json"), ("{", "not valid JSON"), ('{"schema": "other"}', "expected schema camtorque.fit/1"),
+])  # fmt: skip
+def test_a_fit_that_cannot_be_read_is_refused(tmp_path: Path, content: str | None, text: str) -> None:
+    if content is not None:
+        (tmp_path / "fit.json").write_text(content)
+    with pytest.raises(Refusal, match=text):
+        read_fit(tmp_path)
+
+
+@pytest.mark.parametrize(("words", "text"), [
+    ([], "found neither PUMP nor --from"), (["pump.toml", "--from", "report"], "found both PUMP and --from"),
+    (["pump.toml", "--clearance", "+1um"], "found --clearance without --from"),
+    (["pump.toml", "--load-of", "x", "--pump", "y"], "found --load-of, --pump without --from"),
+])  # fmt: skip
+def test_options_that_do_not_go_together_are_refused(words: list[str], text: str) -> None:
+    parsed = build_parser().parse_args(["predict", *words, "--speed", "500"])
+    with pytest.raises(Refusal, match=text):
+        execute(parsed, lambda line: None)
