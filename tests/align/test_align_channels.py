@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from align_truth import Rig, Samples, angle_error_deg, make, pressure_of, sampled, torque_of
 from camtorque.align import align
 from camtorque.config import LoggerSpec
 from camtorque.records import Channel
+from camtorque.report import write_alignment
+from wheel_truth import Wheel, wheel_recording
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1e5)
 
@@ -76,3 +79,18 @@ def test_channel_of_another_time_is_left_out_and_told() -> None:
     cycles = align(replace(recording, channels=(*recording.channels, late)))
     assert not cycles.channels
     assert "channel_not_covering" in {finding.code for finding in cycles.findings}
+
+
+def test_files_hold_what_was_aligned(tmp_path: Path) -> None:
+    wheel = Wheel(duration=2.0)
+    recording = wheel_recording(wheel)
+    channels = tuple(c for c in recording.channels if c.quantity != "pressure")
+    warm = replace(extra("housing_temperature", np.linspace(320.0, 321.0, 40), 20.0), calibration=None)
+    recording = replace(recording, channels=(*channels, warm), lift_table=None)
+    doc = write_alignment(recording, align(recording), "2026-01-01T00:00:00+00:00", tmp_path)
+    with h5py.File(tmp_path / "aligned.h5") as file:
+        assert file["cycles/housing_temperature"].attrs["units"] == "K"
+        assert file["cycles/housing_temperature_mean"].shape == (doc["cycles_used"],)
+        assert file["mean/angle_deviation"].attrs["units"] == "rad"
+        assert "cycles/pressure" not in file
+    assert "housing temperature [K]" in (tmp_path / "align.html").read_text(encoding="utf-8")

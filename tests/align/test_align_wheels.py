@@ -235,3 +235,25 @@ def test_angle_that_does_not_turn_is_refused() -> None:
         align(wheel_recording(wheel, still))
     with pytest.raises(Refusal, match="the angle does not change"):
         align(wheel_recording(wheel, replace(still, source=Samples(np.zeros(wheel.times.size)))))
+
+
+def test_index_as_reference_of_a_wheel_with_a_gap() -> None:
+    # the index stands 7.3 pitches after the first tooth; the nominal angle is declared for it
+    wheel = replace(WHEELS["60-2"], index=True, index_at=7.3)
+    recording = wheel_recording(wheel)
+    trigger = recording.config.trigger
+    at_index = replace(trigger, reference="index", nominal_angle=trigger.nominal_angle + 7.3 * TWO_PI / 60)
+    cycles = align(replace(recording, config=replace(recording.config, trigger=at_index)))
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+    (row,) = (row for row in cycles.angle_errors if row.source == "place of the index")
+    assert 0.0 < row.std_deg < 0.1
+    # as declared without reference the mark counts
+    assert abs(angle_error_deg(align(recording).torque, torque_of, cycles.theta)) < 0.05
+
+
+@pytest.mark.parametrize(("side", "words"), [("cam", "not corrected here"), ("motor", "sits on the motor's side")])
+def test_side_of_the_trigger_is_told_in_the_budget(side: str, words: str) -> None:
+    recording = wheel_recording(WHEELS["36-1"])
+    trigger = replace(recording.config.trigger, side=side)
+    cycles = align(replace(recording, config=replace(recording.config, trigger=trigger)))
+    assert words in next(row.text for row in cycles.angle_errors if row.source == "shaft twist")
