@@ -16,25 +16,11 @@ CHART_LIST = read_charts(FOLDER / "speed_accuracy.json")
 MAP_LIST = read_maps(FOLDER / "stability.json")
 
 
-@pytest.mark.parametrize("chart", [c for c in CHART_LIST if c.name != "scenes"], ids=lambda chart: chart.name)
+@pytest.mark.parametrize("chart", CHART_LIST, ids=lambda chart: chart.name)
 def test_defaults_lie_within_the_factor_of_the_front(chart):
     defaults = [point for point in chart.points if point.default]
     assert defaults
     assert [point.family for point in defaults if front_factor(chart, point) > FRONT_FACTOR] == []
-
-
-def test_chosen_effects_predict_as_well_as_any_rung():
-    chart = next(c for c in CHART_LIST if c.name == "scenes")
-    recordings = {point.family for point in chart.points}
-    assert len(recordings) == 5
-    for name in recordings:
-        line = [point for point in chart.points if point.family == name]
-        chosen = next(point for point in line if point.default)
-        best = min(line, key=lambda point: point.error)
-        # held-out cycles share every systematic error with the fitted ones, so more effects always look a little
-        # better; the score asks for evidence. Given up for up to seven parameters: ten percent, a hundredth of the gain
-        assert chosen.error <= 1.12 * best.error
-        assert chosen.cost <= best.cost
 
 
 def test_no_default_fails_silently():
@@ -42,7 +28,7 @@ def test_no_default_fails_silently():
 
 
 def test_every_map_has_been_written_and_judges_a_default():
-    assert [part.name for part in MAP_LIST if part.name in MAPS] == list(MAPS)
+    assert [part.name for part in MAP_LIST] == list(MAPS)
     assert all(any(item.default for item in part.cells) for part in MAP_LIST)
 
 
