@@ -201,7 +201,7 @@ def align(recording: records.Recording | Path | str, n_theta: int = 3600) -> Cam
 
     Raises
     ------
-    Refusal : no pressure, no pulses, no usable cycle
+    Refusal : no pulses, no usable cycle
     """
     return _align(_recording(recording), AlignOptions(n_theta=n_theta))
 

@@ -60,3 +60,11 @@ def test_places_that_the_architecture_names_exist() -> None:
 def test_the_tutorial_is_kept_without_outputs() -> None:
     book = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text(encoding="utf-8"))
     assert not [cell for cell in book["cells"] if cell.get("outputs")]
+
+
+def test_a_docstring_keeps_its_meanings_on_the_site() -> None:
+    pytest.importorskip("griffe")
+    change = runpy.run_path(str(ROOT / "docs" / "site" / "docstrings.py"))["with_meanings"]
+    head, notes = "Do.\n\nParameters\n----------\n", "\n\nNotes\n-----\nx : y\n\nRaises\n------\n"
+    given = f"{head}a, b : both\n    go on\nc : one{notes}E : why"
+    assert change(given) == f"{head}a, b\n    both\n    go on\nc\n    one{notes}E\n    why"
