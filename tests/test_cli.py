@@ -11,10 +11,15 @@ from pathlib import Path
 
 import pytest
 from camtorque import __version__, cli
+from camtorque.align import align
 from camtorque.commands import COMMANDS, check, options, run, texts
 from camtorque.commands.arguments import SHELLS
 from camtorque.commands.outcome import Outcome
+from camtorque.fit.prepare import halves
+from camtorque.ingest import read_recording
 from camtorque.records import Refusal
+from damaged.build import PLANS
+from damaged.logs import clean_log, write_folder
 from threadpoolctl import threadpool_info
 
 SEALED = {"SHA256SUMS", "ro-crate-metadata.json"}
@@ -215,6 +220,14 @@ def test_check_shows_the_cut_flow_and_what_the_recording_is_enough_for(capsys: p
     doc = json.loads(capsys.readouterr().out)
     assert doc["usable"] == ["align", "run"]
     assert {"missed_trigger", "misfire"} <= {row["reason"] for row in doc["cut_flow"]}
+
+
+def test_check_says_what_a_recording_of_three_cycles_lacks_for_run(tmp_path: Path) -> None:
+    recording = read_recording(write_folder(tmp_path / "r", [clean_log(revolutions=4.2)], PLANS["hdf5"]))
+    cycles = align(recording)
+    assert check.missing_for_run(recording, cycles) == ["4 used cycles, odd and even ones"]
+    with pytest.raises(Refusal, match=f"at least {check.LEAST_CYCLES} are needed"):
+        halves(cycles)
 
 
 def test_check_lists_every_error(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:

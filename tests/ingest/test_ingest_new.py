@@ -143,3 +143,22 @@ def test_a_file_without_anything_known_is_refused(tmp_path: Path):
     found = look_into([file])
     with pytest.raises(Refusal, match="no channel looks like torque, pressure or trigger"):
         new_recording(tmp_path, found, None)
+
+
+@pytest.mark.parametrize(("step", "rate"), [(1e-4, 1e4), (0.1, None)])
+def test_a_time_without_a_unit_is_only_taken_where_it_can_be_nothing_but_seconds(tmp_path: Path, step: float, rate):
+    file = tmp_path / "log.csv"
+    file.write_text("time,torque\n" + "".join(f"{n * step:.4f},{n % 9}\n" for n in range(500)))
+    (item,) = look_into([file])
+    assert item.channel.sample_rate == (None if rate is None else pytest.approx(rate))
+
+
+def test_two_loggers_are_asked_for_their_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    pytest.importorskip("asammdf")
+    logs = [shutil.copy(path, tmp_path) for path in sorted((EXAMPLES / "A_0750rpm").glob("*.mf4"))]
+    assert cli.main(["new", *map(str, logs), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == ["clock", "clock"]
+    toml = tmp_path / "recording.toml"
+    toml.write_text(toml.read_text().replace('clock = "?"', 'clock = "independent"'))
+    assert cli.main(["check", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["usable"] == ["align", "run"]

@@ -19,6 +19,8 @@ from camtorque.units import RPM
 
 SCHEMA = "camtorque.check/1"
 ERRORS, REFUSED = 1, 2
+LEAST_CYCLES = 4
+"""Two to fit, two to score; a test holds it to the fit's own."""
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -35,11 +37,17 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     cycles, refusal = _aligned(recording)
     findings = [asdict(row) for row in (*summary.findings, *(cycles.findings if cycles else ()))]
     found = "\n".join(finding_lines(findings)) or "  nothing wrong was found"
-    doc = {"schema": SCHEMA, **asdict(summary), "findings": findings, "usable": _usable(recording, cycles)}
-    doc["cut_flow"] = [asdict(row) for row in cycles.cut_flow] if cycles else []
-    doc["refused"] = [refusal] if refusal else []
+    lacks = missing_for_run(recording, cycles) if cycles else []
+    doc = {
+        "schema": SCHEMA,
+        **asdict(summary),
+        "findings": findings,
+        "cut_flow": [asdict(row) for row in cycles.cut_flow] if cycles else [],
+        "usable": ["align"] * (cycles is not None) + ["run"] * (cycles is not None and not lacks),
+        "refused": [refusal] if refusal else [],
+    }
     status = ERRORS if any(row["severity"] == "error" for row in findings) else 0
-    end = cut_flow_lines(cycles, doc["usable"]) if cycles else [f"refused   {refusal}"]
+    end = cut_flow_lines(cycles, lacks) if cycles else [f"refused   {refusal}"]
     text = "\n".join([_head(summary, cycles), found, *end])
     return Outcome(text, plain(doc), REFUSED if refusal else status)
 
@@ -51,21 +59,25 @@ def _aligned(recording: Recording) -> tuple[CamCycles | None, str]:
         return None, str(refusal)
 
 
-def _usable(recording: Recording, cycles: CamCycles | None) -> list[str]:
-    """Return the commands that this recording has enough for."""
-    if cycles is None:
-        return []
-    complete = cycles.torque is not None and recording.lift_table is not None and bool(recording.of("pressure"))
-    return ["align", "run"] if complete else ["align"]
+def missing_for_run(recording: Recording, cycles: CamCycles) -> list[str]:
+    """Return what `run` would refuse this recording for although it can be aligned."""
+    missing = {
+        "torque": cycles.torque is None,
+        "pressure": not recording.of("pressure"),
+        "[pump] with its lift table": recording.lift_table is None,
+        f"{LEAST_CYCLES} used cycles, odd and even ones": (
+            cycles.index.size < LEAST_CYCLES or bool(cycles.held_out.all()) or not cycles.held_out.any()
+        ),
+    }
+    return [what for what, lacks in missing.items() if lacks]
 
 
-def cut_flow_lines(cycles: CamCycles, usable: list[str]) -> list[str]:
-    """Return the cut-flow as a table and what the recording can be used for."""
+def cut_flow_lines(cycles: CamCycles, lacks: list[str]) -> list[str]:
+    """Return the cut-flow as a table and what the recording can be used for; ``lacks`` is what `run` misses."""
     lines = [f"{cycles.index.size} of {cycles.cycles_found} cycles used"]
     for row in cycles.cut_flow:
         lines.append(f"  {row.reason:24}{row.cycles_single:>6} fail {row.cycles_left:>6} left   {row.text}")
-    missing = "" if "run" in usable else " ('run' needs torque, pressure and [pump] with its lift table)"
-    return [*lines, f"enough for: {', '.join(usable)}{missing}"]
+    return [*lines, f"enough for: align; run needs {', '.join(lacks)}" if lacks else "enough for: align, run"]
 
 
 def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:

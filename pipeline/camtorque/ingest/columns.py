@@ -15,6 +15,8 @@ from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, unit_factor
 
+SECONDS = (500.0, 5.0e5)
+"""A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
 RATE_SAMPLES = 10_000
 """Time stamps looked at to tell the rate of a file that nobody has described yet."""
 
@@ -57,8 +59,10 @@ def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -
     time = layout.time_column("")
     rate = layout.header_rate
     if time is not None:
-        factor = 1.0 if layout.stamp_kind(time) else unit_factor(layout.units[time] or "s", "time", f"{path} time")
-        rate = usual_rate(sources[time], factor)
+        unit = layout.units[time]
+        rate = usual_rate(sources[time], unit_factor(unit, "time", f"{path} time") if unit else 1.0)
+        if not unit and not layout.stamp_kind(time) and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
+            rate = None  # seconds or milliseconds: a person has to say
     return tuple(
         FileChannel("", layout.names[number], layout.units[number], source.n_samples, rate, "", source)
         for number, source in sources.items()
