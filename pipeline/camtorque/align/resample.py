@@ -87,7 +87,7 @@ def _fill_until(border, start, step, k, origin, a, b, c, d, out):  # type: ignor
 
 @numba.njit(cache=True, nogil=True)
 def align_block(volts, rate, shift, cycles, angle, polynomials, rule, gain, zero, limits, rows, damage, extremes):  # type: ignore[no-untyped-def]
-    """Resample consecutive cycles from one block of samples, and count their damage.
+    """Resample consecutive cycles from one block of samples, and count their damage by the rules of `signal.damage`.
 
     Sample position = rate x time + shift (one shift per cycle). ``rows`` (m, n_theta), ``damage`` (m, 5: that of
     `damage_of`, and the samples in all) and ``extremes`` (m, 2: smallest, largest value) are filled.
