@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import comb
 
 import numpy as np
@@ -71,7 +71,7 @@ def find_front(task: Task, tell: Tell) -> Front:
     for problem, rows in zip(problems, ends, strict=True):
         if rows:
             points += list(_between(problem, scale, rows, _share(task, sum(map(bool, ends))), tell))
-    kept = _best(points)
+    kept = _filled(_best(points), scale, task.points)
     return Front(kept, scale, _choice(task, kept))
 
 
@@ -209,6 +209,30 @@ def _best(points: list[FrontPoint]) -> tuple[FrontPoint, ...]:
         if not beaten and not twice:
             kept.append(point)
     return tuple(sorted(kept, key=lambda point: float(point.aims[0])))
+
+
+def _filled(points: tuple[FrontPoint, ...], scale: Scale, count: int) -> tuple[FrontPoint, ...]:
+    """Return a front of two aims with points put into its widest gaps until there are as many as were asked for.
+
+    Where the front runs along an axis, or families take turns, fewer points are left than were searched.
+    """
+    found, hopeless = list(points), set()
+    for _ in range(count):
+        if len(found) >= count or not points or points[0].aims.size != 2:
+            break
+        gaps = [float(np.max(np.abs(b.aims - a.aims))) for a, b in pairwise(found)]
+        open_gaps = [k for k in range(len(gaps)) if gaps[k] > 4.0 * SAME and id(found[k]) not in hopeless]
+        if not open_gaps:
+            break
+        at = max(open_gaps, key=lambda k: gaps[k])
+        here, there = found[at : at + 2]
+        near = [point for point in (here, there) if point.problem is here.problem]
+        new = _approach(here.problem, scale, 0.5 * (here.aims + there.aims), near)
+        better = _best([*found, new]) if new is not None else tuple(found)
+        if len(better) <= len(found):
+            hopeless.add(id(found[at]))
+        found = list(better)
+    return tuple(found)
 
 
 def _choice(task: Task, points: tuple[FrontPoint, ...]) -> int:
