@@ -251,6 +251,12 @@ def test_index_as_reference_of_a_wheel_with_a_gap() -> None:
     assert abs(angle_error_deg(align(recording).torque, torque_of, cycles.theta)) < 0.05
 
 
+def test_leading_edge_of_an_index_beside_a_coil_counts() -> None:
+    wheel = replace(WHEELS["60-2 inductive"], missing=0, index=True)
+    cycles = align(wheel_recording(wheel))
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+
+
 @pytest.mark.parametrize(("side", "words"), [("cam", "not corrected here"), ("motor", "sits on the motor's side")])
 def test_side_of_the_trigger_is_told_in_the_budget(side: str, words: str) -> None:
     recording = wheel_recording(WHEELS["36-1"])

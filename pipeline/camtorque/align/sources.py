@@ -173,11 +173,16 @@ def _thinned(train: PulseTrain, every: int) -> PulseTrain:
 
 
 def _index(recording: Recording, channel: Channel, options: AlignOptions) -> Array | None:
-    """Return the edge times of the index channel that shares a channel's clock."""
+    """Return the edge times of the index channel that shares a channel's clock.
+
+    The declared edge holds for it too; beside a coil, whose edge is the way of its crossing, the leading one counts.
+    """
     own = {logger.id for logger in recording.config.loggers if logger.clock == "independent"}
+    spec = recording.config.trigger
+    edge = "rising" if spec.sensor == "inductive" else spec.edge
     for index in recording.of("index"):
         if index.logger == channel.logger or not own & {index.logger, channel.logger}:
-            return find_edges(index, recording.config.trigger.edge, options.block_samples).time
+            return find_edges(index, edge, options.block_samples).time
     return None
 
 
