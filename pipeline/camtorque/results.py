@@ -22,7 +22,9 @@ def find_results(path: Path) -> list[Path]:
     """
     if path.is_file():
         return [path]
-    found = sorted(path.rglob(NAME)) if path.is_dir() else []
+    files = sorted(path.rglob(NAME)) if path.is_dir() else []
+    # a folder that begins with a point is one that is being written, or was left behind
+    found = [file for file in files if not any(part.startswith(".") for part in file.relative_to(path).parts)]
     if not found:
         raise Refusal(f"{path}: found no {NAME} in or below it, expected a report of `camtorque run`; check the path")
     return found

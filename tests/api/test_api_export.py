@@ -116,6 +116,14 @@ def test_a_report_without_its_cycles(report: Path, tmp_path: Path, capsys: pytes
     assert "cycles.h5: no such file; expected it beside result.json" in capsys.readouterr().err
 
 
+def test_a_report_stays_as_it_was_written(report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = sorted(report.rglob("*"))
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["export", str(report)]) == 0
+    assert sorted(report.rglob("*")) == before
+    assert (tmp_path / "tables" / "case_means.csv").is_file()
+
+
 def test_reports_of_one_name_do_not_overwrite_each_other(
     report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ from camtorque import cli
 from camtorque.limits import Limit, judge, overall, read_limits
 from camtorque.records import Refusal
 from camtorque.report import write_run
+from camtorque.results import find_results
 from report.report_cases import run_result
 
 HEAD = 'schema = "camtorque-limits/1"\n'
@@ -123,6 +124,13 @@ def test_no_report_and_foreign_json(tmp_path: Path, capsys: pytest.CaptureFixtur
             (tmp_path / "r" / "result.json").write_text(content, encoding="utf-8")
         assert cli.main(["limits", str(path), str(tmp_path / "r")]) == 2
         assert told in capsys.readouterr().err
+
+
+def test_unfinished_reports_are_left_out(tmp_path: Path) -> None:
+    for name in (".a.partial-7", "b/deep"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "result.json").touch()
+    assert find_results(tmp_path) == [tmp_path / "b" / "deep" / "result.json"]
 
 
 def test_limits_stand_in_the_result_of_a_run(tmp_path: Path) -> None:

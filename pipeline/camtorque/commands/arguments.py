@@ -128,7 +128,9 @@ def _results(parser: argparse.ArgumentParser) -> None:
 def export(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `export`."""
     _results(parser)
-    _out(parser, required=False, otherwise="beside the report")
+    parser.add_argument(
+        "--out", type=Path, default=Path("tables"), metavar="DIR", help="folder to be written (default tables)"
+    )
     parser.add_argument("--format", choices=FORMATS, default="csv", help="of the tables (default csv)")
     parser.add_argument("--trend", action="store_true", help="one row per report, and a figure over date and speed")
 

@@ -30,8 +30,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write the tables of each report, or one trend over all."""
     require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "tables")
     documents = read_results(arguments.results)
-    if arguments.out is not None:
-        check_writable(arguments.out)
+    check_writable(arguments.out)
     paths = _trend(arguments, documents) if arguments.trend else _tables(arguments, documents, tell)
     text = "\n".join(str(path) for path in paths)
     return Outcome(text, {"schema": "camtorque.export/1", "files": [str(path) for path in paths]})
@@ -42,8 +41,7 @@ def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: T
     for name, stem in _stems(documents).items():
         folder = Path(name)
         tell(f"tables of {stem}")
-        out = arguments.out or folder / "tables"
-        paths += write_tables(report_tables(folder, documents[name]), out / stem, arguments.format)
+        paths += write_tables(report_tables(folder, documents[name]), arguments.out / stem, arguments.format)
     return paths
 
 
@@ -55,9 +53,7 @@ def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any]) -> list[Path]:
-    out = arguments.out or arguments.results[0]
-    check_writable(out)
-    table = trend_table(documents)
+    table, out = trend_table(documents), arguments.out
     paths = write_tables({"trend": table}, out / "reports", arguments.format)
     told = dict(list(told_parameters(documents).items())[:MOST_PARAMETERS])
     drawn = {name: label for name, label in {**DRAWN, **told}.items() if table[name].notna().any()}
