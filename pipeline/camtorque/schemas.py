@@ -22,8 +22,8 @@ def words(*names: str) -> dict[str, str]:
 
 ROTATIONS = {"positive": 1, "negative": -1}
 STEEL = "from plastics to tungsten carbide"
-SENSE = "an operator's reading of an output of at most 15 V"
-IDLE = "longer than any recording"
+SENSE = "amplifiers put out at most 15 V"
+IDLE = "no recording is longer"
 ANGLE = Band(-720.0, 720.0, "two revolutions at most")
 
 ID = Key("schema", "text", "which schema the file follows")
@@ -38,7 +38,8 @@ DURATION = Key("duration_s", "number", "how long a log should be; one that diffe
 RECORDING = TableSchema("[recording]", "what was recorded", (
     Key("id", "text", "name of the recording"),
     Key("pump_id", "text", "name of the pump; recordings of one pump are fitted together", default=""),
-    Key("nominal_speed_rpm", "number", "cam speed, roughly", "rpm", band=Band(1.0, 60_000.0, "no pump turns so")),
+    Key("nominal_speed_rpm", "number", "cam speed, roughly", "rpm",
+        band=Band(1.0, 60_000.0, "slower or faster turns no pump")),
     Key("file_format", "text", "format of the logs; found by their content where left out", default=""),
     Key("csv_dialect", "text", 'a hint such as "semicolon, decimal comma"; the file decides', default=""),
     Key("acquisition", "text", "how it was logged", default=""),
@@ -68,16 +69,16 @@ PUMP = TableSchema("[pump]", "catalogue values of the pump; `run` needs them, `a
         band=Band(0.0005, 0.5, "rollers are 0.5 mm to 0.5 m wide")),
     Key("follower_offset_m", "number", "distance of the follower's line from the cam axis", "m", 0.0,
         Band(-0.2, 0.2, "an offset is smaller than the cam")),
-    Key("cam_mass_kg", "number", "mass of the cam", "kg", band=Band(1e-3, 2000.0, "from a toy to a ship's camshaft")),
+    Key("cam_mass_kg", "number", "mass of the cam", "kg", band=Band(1e-3, 2000.0, "from a model to a ship's camshaft")),
     Key("cam_inertia_kg_m2", "number", "moment of inertia of the cam about its axis", "kg_m2",
-        band=Band(1e-9, 20.0, "more than a ship's camshaft has")),
+        band=Band(1e-9, 20.0, "a ship's camshaft has less")),
     Key("follower_mass_kg", "number", "all sliding parts, roller and a third of the spring included", "kg",
-        band=Band(1e-4, 300.0, "more than a ship's follower weighs")),
+        band=Band(1e-4, 300.0, "a ship's follower weighs less")),
     Key("follower_mass_note", "text", "what the mass holds", default=""),
     Key("spring_stiffness_N_per_m", "number", "rate of the return spring", "N_per_m",
         band=Band(200.0, 2e7, "return springs have 0.2 to 20 000 N/mm", or_zero=True)),
     Key("spring_preload_N", "number", "its force at zero lift", "N",
-        band=Band(0.0, 2e5, "no follower spring is preloaded so")),
+        band=Band(0.0, 2e5, "follower springs are preloaded less")),
     Key("plunger_diameter_m", "number", "diameter of the plunger", "m",
         band=Band(0.001, 0.1, "plungers measure 1 to 100 mm")),
     Key("youngs_modulus_cam_Pa", "number", "of the cam", "Pa", band=Band(1e9, 1.2e12, STEEL)),
@@ -87,7 +88,7 @@ PUMP = TableSchema("[pump]", "catalogue values of the pump; `run` needs them, `a
     Key("roller_mass_kg", "number", "literature values are used where it is not given", "kg", None,
         Band(1e-6, 100.0, "a roller is lighter than its follower", or_zero=True), own=True),
     Key("roller_inertia_kg_m2", "number", "about its pin; literature values where not given", "kg_m2", None,
-        Band(1e-12, 5.0, "more than a ship's roller has", or_zero=True), own=True),
+        Band(1e-12, 5.0, "a ship's roller has less", or_zero=True), own=True),
 ), required=False)  # fmt: skip
 
 TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
@@ -98,25 +99,25 @@ TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
     Key("meaning", "text", "what happens at that angle", default=""),
     Key("edge", "choice", "the edge that counts", default="rising", choices=words("rising", "falling")),
     Key("pulses_per_rev", "whole", "teeth, missing ones counted as if present", default=1,
-        band=Band(1, 100_000, "no encoder has so many lines")),
+        band=Band(1, 100_000, "encoders have fewer lines")),
     Key("level_V", "number", "height of the pulse; the logs tell it where left out", "V", None,
-        Band(0.0, 500.0, "no sensor gives so many volts"), attribute="level_volts"),
+        Band(0.0, 500.0, "sensors give fewer volts"), attribute="level_volts"),
     Key("switching_delay_typ_s", "number", "delay of the switch", "s", 0.0,
         Band(0.0, 5e-3, "proximity switches take microseconds to a few milliseconds"), attribute="switching_delay"),
     Key("missing_teeth", "whole", "teeth left out at the mark of a tooth wheel", default=0,
-        band=Band(0, 1000, "a mark of so many teeth is no mark"), own=True),
+        band=Band(0, 1000, "a mark has fewer teeth"), own=True),
     Key("double_tooth", "flag", "one extra tooth marks the revolution", default=False, own=True),
     Key("sensor", "choice", "how it senses: logic pulses, an inductive coil (amplitude grows with speed), or Hall",
         default="digital", choices=words("digital", "inductive", "hall"), own=True),
     Key("revolutions_per_cycle", "whole", "turns of the wheel per turn of the cam (2 for a crank wheel)", default=1,
-        band=Band(1, 16, "no gear of a pump drive is so high"), own=True),
+        band=Band(1, 16, "gears of pump drives are lower"), own=True),
     Key("side", "choice", "on the camshaft, or on the motor's side of the shaft", default="cam",
         choices=words("cam", "motor"), own=True),
     Key("reference", "choice", "`index`: the nominal angle is that of the `index` channel's pulse", default="",
         choices=words("index"), own=True),
 ))  # fmt: skip
 
-ACCURACY = Band(1e-4, 50.0, "no sensor is better than 1 ppm or worse than half its range")
+ACCURACY = Band(1e-4, 50.0, "sensors are worse than 1 ppm and better than half their range")
 SHEET_KEYS = (
     Key("type", "text", "maker and model", default=""),
     Key("unit", "text", "unit of range and sensitivity", default=""),
@@ -134,7 +135,7 @@ SHEET_KEYS = (
     Key("accuracy_class", "number", "percent of the range", default=None, band=ACCURACY),
     Key("accuracy_percent_fs", "number", "percent of the range", default=None, band=ACCURACY),
     Key("cutoff_hz", "number", "-3 dB frequency of the low-pass", "hz", None,
-        Band(1.0, 1e8, "slower than a revolution, or no low-pass"), attribute="cutoff_hz"),
+        Band(1.0, 1e8, "low-passes of amplifiers"), attribute="cutoff_hz"),
     Key("filter", "text", 'kind and order, such as "low-pass, 2nd order"', default=""),
     Key("natural_frequency_hz", "number", "of the sensing element", "hz", None,
         Band(1.0, 1e9, "of any sensor"), attribute="natural_frequency_hz"),
@@ -184,7 +185,7 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
     Key("unit", "text", "`V`, `mV`, ... or a unit of the quantity where the logger has scaled already"),
     Key("logger", "text", "whose clock it is on; the only logger where left out", default=""),
     Key("sample_rate_hz", "number", "held against what the file says", "hz",
-        band=Band(0.01, 1e9, "slower than a shaft turns, or faster than any logger"), attribute="sample_rate"),
+        band=Band(0.01, 1e9, "shafts turn faster, loggers sample slower"), attribute="sample_rate"),
     Key("sensor", "text", "serial number, held against the sensor table", default=""),
     Key("time_channel", "text", "column, variable or channel that holds its times", default="", own=True),
     Key("start_time_s", "number", "time of its first sample where the file has none", "s", None,
