@@ -15,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.align import align
-from camtorque.fit import Prepared, prepare
+from camtorque.fit import Fit, Prepared, prepare
 from camtorque.fit.forecast import Curve, FittedAt, KnownFit, ends_for, forecast
 from camtorque.fit.joint import solve_joint
+from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.uncertainty import covariance
 from camtorque.ingest import read_recording
@@ -29,11 +30,15 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
     """Return the joint fit of some recordings as a prediction takes it."""
     problem, solution = solve_joint(used)
     found = covariance(problem, solution)
-    recordings = []
-    for k, item in enumerate(used):
-        residual = solution.residuals[k] / problem.data[k].weight
-        share = float(np.sqrt(np.mean(residual**2)) / np.max(np.abs(problem.data[k].torque)))
-        recordings.append(FittedAt(item.data.name, item.cycles.mean_speed, problem.data[k].structure, share, False))
+    none = tuple(np.zeros((0, item.data.chain.theta.size)) for item in used)
+    measured = tuple(item.measured for item in used)
+    fit = Fit(problem, solution, found, {}, none, (), (), (), measured, tuple(0.0 for _ in used))
+    held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in left_out_predictions(used, fit)
+            if row.mode == "own_zero_and_end"}  # fmt: skip
+    recordings = [
+        FittedAt(item.data.name, item.cycles.mean_speed, data.structure, held[item.data.name], True)
+        for item, data in zip(used, problem.data, strict=True)
+    ]
     return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, found.matrix, tuple(recordings))
 
 

@@ -1,20 +1,22 @@
-"""THE FLOW for a comparison: two recordings of one pump, before and after."""
+"""THE FLOW for a comparison: recordings of one pump, before and after."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from camtorque.align import align
+from camtorque.config_toml import load_recording_config
 from camtorque.fit import Prepared, prepare
-from camtorque.fit.changes import Attribution, attribution
-from camtorque.fit.difference import Pair, evaluated, pair_of
+from camtorque.fit.changes import Attribution, attribution, together
+from camtorque.fit.difference import SAME_SPEED, Pair, evaluated, pair_of
 from camtorque.fit.prepare import halves
-from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences
+from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
 from camtorque.records import Array, Refusal
 from camtorque.report import ComparedCurves, ComparePage, output_folder, write_compare
@@ -26,7 +28,7 @@ from camtorque.units import RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.compare/1"
-RECORDING = "recording.toml"
+RECORDING, CAMPAIGN = "recording.toml", "campaign.json"
 
 
 @dataclass(frozen=True)
@@ -37,21 +39,65 @@ class Compared:
     after: Prepared
     pair: Pair
     found: Attribution
-    parameters: tuple[Difference, ...]
-    losses: tuple[Difference, ...]
+
+    @property
+    def parameters(self) -> tuple[Difference, ...]:
+        """Differences of the pump's parameters."""
+        return parameter_differences(self.pair, self.found)
+
+    @property
+    def losses(self) -> tuple[Difference, ...]:
+        """Differences of the losses."""
+        return loss_differences(self.pair, self.found)
 
     @property
     def changed(self) -> tuple[str, ...]:
         """Names of parameters and losses that are told as changed."""
         return tuple(row.name for row in (*self.parameters, *self.losses) if row.verdict == "changed")
 
-    @property
-    def verdict(self) -> str:
-        """The verdict on the whole."""
-        if self.changed:
-            return "changed"
-        kinds = {row.verdict for row in (*self.parameters, *self.losses)}
-        return "not changed" if kinds == {"not changed"} else "cannot tell"
+
+def whole_verdict(rows: Sequence[Difference]) -> str:
+    """Return the verdict on the whole list."""
+    kinds = {row.verdict for row in rows}
+    return "changed" if "changed" in kinds else "not changed" if kinds == {"not changed"} else "cannot tell"
+
+
+def matched(before: Path, after: Path) -> list[tuple[Path, Path]]:
+    """Return the pairs of recordings of one speed that two paths name.
+
+    Raises
+    ------
+    Refusal : no recording of one side has the speed of one of the other
+    """
+    sides = [_recordings(path) for path in (before, after)]
+    if all(len(side) == 1 for side in sides):
+        return [(sides[0][0], sides[1][0])]
+    speeds = [[load_recording_config(path).nominal_speed for path in side] for side in sides]
+    pairs = []
+    for path, speed in zip(sides[0], speeds[0], strict=True):
+        apart = [abs(other / speed - 1.0) for other in speeds[1]]
+        nearest = int(np.argmin(apart))
+        if apart[nearest] <= SAME_SPEED:
+            pairs.append((path, sides[1][nearest]))
+    if not pairs:
+        told = ["; ".join(f"{speed / RPM:.0f}" for speed in side) for side in speeds]
+        raise Refusal(
+            f"compare: {before} holds {told[0]} rpm and {after} {told[1]} rpm, expected some speed in both; compare "
+            "recordings of the same speeds"
+        )
+    return pairs
+
+
+def _recordings(path: Path) -> list[Path]:
+    """Return the recordings that a path names: one, its report's, those of a campaign's report, or those below it."""
+    campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
+    if campaign.is_file():
+        rows = json.loads(campaign.read_text(encoding="utf-8"))["recordings"]
+        return [recording_path(campaign.parent / row["folder"]) for row in rows if row["status"] == "ok"]
+    if path.is_dir() and not any((path / name).is_file() for name in (RECORDING, NAME)):
+        below = [item.parent for item in sorted(path.rglob(RECORDING))]
+        return below or [recording_path(path)]
+    return [recording_path(path)]
 
 
 def recording_path(path: Path) -> Path:
@@ -93,7 +139,7 @@ def compare_prepared(before: Prepared, after: Prepared, progress: Progress = sil
     state = evaluated(pair, values, values)
     progress("weighing what may have changed")
     found, pair = attribution(pair, state)
-    return Compared(before, after, pair, found, parameter_differences(pair, found), loss_differences(pair, found))
+    return Compared(before, after, pair, found)
 
 
 def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
@@ -120,36 +166,57 @@ def aligned(path: Path, options: RunOptions, progress: Progress) -> Prepared:
     return Prepared(recording, cycles, rigid_torque(recording, cycles), halves(cycles), (), np.zeros(0))
 
 
-def compare_document(compared: Compared) -> dict[str, Any]:
-    """Return the content of compare.json."""
-    before, after = compared.before, compared.after
-    one, two = (side.means.torque_all for side in (before, after))
-    odd_even = float(np.sqrt(np.mean((before.means.torque - before.means.held_torque) ** 2)))
-    found = compared.found
+def compare_document(compared: Sequence[Compared], names: tuple[str, str]) -> dict[str, Any]:
+    """Return the content of compare.json.
+
+    Parameters
+    ----------
+    compared : pairs whose attributions belong together
+    names : what both sides are called where there are several pairs
+    """
+    parameters = _over_pairs([item.parameters for item in compared])
+    losses = _over_pairs([item.losses for item in compared])
+    rows = (*parameters, *losses)
+    found = compared[0].found
+    apart = [item.after.means.torque_all - item.before.means.torque_all for item in compared]
+    repeat = [item.before.means.torque - item.before.means.held_torque for item in compared]
     return {
         "schema": SCHEMA, "version": __version__, "created": now(),
-        "before": _side(before), "after": _side(after),
-        "verdict": compared.verdict, "changed": list(compared.changed),
+        "before": _side([item.before for item in compared], names[0]),
+        "after": _side([item.after for item in compared], names[1]),
+        "verdict": whole_verdict(rows), "changed": [row.name for row in rows if row.verdict == "changed"],
         "events": [
             {"groups": list(item.groups), "probability": probability}
             for item, probability in zip(found.hypotheses, found.probabilities, strict=True) if probability > 0.01
         ],
-        "inflation": {"mean": found.inflation[0], "difference": found.inflation[1]},
-        "parameters": _rows(compared.parameters), "losses": _rows(compared.losses),
+        "inflation": {"mean": [item.found.inflation[0] for item in compared],
+                      "difference": [item.found.inflation[1] for item in compared]},
+        "parameters": _rows(parameters), "losses": _rows(losses),
         "torque": {
-            "rms_difference_nm": float(np.sqrt(np.mean((two - one) ** 2))),
-            "max_difference_nm": float(np.max(np.abs(two - one))), "odd_even_rms_nm": odd_even,
+            "rms_difference_nm": float(np.sqrt(np.mean(np.concatenate(apart) ** 2))),
+            "max_difference_nm": float(np.max(np.abs(np.concatenate(apart)))),
+            "odd_even_rms_nm": float(np.sqrt(np.mean(np.concatenate(repeat) ** 2))),
         },
     }  # fmt: skip
 
 
-def _side(side: Prepared) -> dict[str, Any]:
-    recording = side.recording
+def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:
+    """Return the differences of all pairs by name, pooled where there are several."""
+    by_name: dict[str, list[Difference]] = {}
+    for pair in rows:
+        for row in pair:
+            by_name.setdefault(row.name, []).append(row)
+    return tuple(found[0] if len(found) == 1 else pooled(found) for found in by_name.values())
+
+
+def _side(sides: Sequence[Prepared], name: str) -> dict[str, Any]:
+    speeds = [side.cycles.mean_speed / RPM for side in sides]
+    inputs = {row["path"]: row for side in sides for row in inputs_document(side.recording)}
+    single = len(sides) == 1
     return {
-        "name": recording.config.id,
-        "speed_rpm": side.cycles.mean_speed / RPM,
-        "inputs": inputs_document(recording),
-    }
+        "name": sides[0].recording.config.id if single else name, "speed_rpm": speeds[0] if single else None,
+        "speeds_rpm": speeds, "inputs": list(inputs.values()),
+    }  # fmt: skip
 
 
 def _rows(differences: Sequence[Difference]) -> dict[str, Any]:
@@ -183,7 +250,7 @@ def compare(
 
     Parameters
     ----------
-    before, after : recordings, or reports of recordings
+    before, after : recordings, reports of recordings, campaigns, or folders of recordings (paired by speed)
     out : folder to be written; nothing is left of it when a recording is refused
     options, progress : see `camtorque.run.analyse`
 
@@ -192,11 +259,18 @@ def compare(
     Refusal : a recording cannot be used, or they are not one pump at one speed
     """
     options = options or RunOptions()
-    paths = [recording_path(path) for path in (before, after)]
+    paths = matched(before, after)
     with output_folder(out) as folder:
-        one, two = (aligned(path, options, progress) for path in paths)
-        _refuse_other_pump(one, two)
-        progress(f"fitting {one.recording.config.id}")
-        compared = compare_prepared(prepare(one.recording, one.cycles, one.rigid), two, progress)
+        found = [_one_pair(*pair, options, progress) for pair in paths]
+        joined = together([item.found for item in found])
+        found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]
         progress("writing the comparison")
-        return write_compare(ComparePage(compare_document(compared), (compared_curves(compared),)), folder)
+        document = compare_document(found, (before.name, after.name))
+        return write_compare(ComparePage(document, tuple(compared_curves(item) for item in found)), folder)
+
+
+def _one_pair(before: Path, after: Path, options: RunOptions, progress: Progress) -> Compared:
+    one, two = (aligned(path, options, progress) for path in (before, after))
+    _refuse_other_pump(one, two)
+    progress(f"fitting {one.recording.config.id}")
+    return compare_prepared(prepare(one.recording, one.cycles, one.rigid), two, progress)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
-from camtorque.compare import recording_path
-from camtorque.fit.changes import CHANGES, Evidence, hypothesis, weighed
-from camtorque.fit.verdicts import verdict
+from camtorque.compare import matched, recording_path
+from camtorque.fit.changes import CHANGES, Evidence, hypothesis, two_ln_odds, weighed
+from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
 from camtorque.records import Refusal
 
@@ -57,6 +58,34 @@ def test_not_changed_asks_for_a_small_interval() -> None:
     assert verdict(False, (0.0, 0.3), 1.0) == "cannot tell"
 
 
+def test_pairs_of_one_pump_add_what_they_know() -> None:
+    rows = [Difference("leakage", 1.0, 1.2, 0.2, 0.1, "", "cannot tell", 0.43, 0.3),
+            Difference("leakage", 1.0, 1.0, 0.0, 0.1, "", "cannot tell", 0.43, 0.3)]  # fmt: skip
+    found = pooled(rows)
+    assert (found.difference, found.stderr) == (pytest.approx(0.1), pytest.approx(0.1 / np.sqrt(2.0)))
+    assert found.smallest_change == pytest.approx(0.43 / np.sqrt(2.0))
+    assert found.verdict == "cannot tell"
+
+
+def test_rare_events_have_longer_odds() -> None:
+    assert two_ln_odds(("leakage", "port")) == pytest.approx(2.0 * np.log(0.1 / 0.9) + 2.0 * np.log(0.02 / 0.98))
+
+
+def test_folders_of_recordings_are_paired_by_speed(tmp_path: Path) -> None:
+    source = next(iter(sorted((Path(__file__).parents[2] / "raw_examples").glob("*/recording.toml")))).parent
+    text = (source / "recording.toml").read_text()
+    speed = next(line for line in text.splitlines() if line.startswith("nominal_speed_rpm"))
+    for side, speeds in (("old", (500, 900)), ("new", (905, 300))):
+        for value in speeds:
+            folder = tmp_path / side / str(value)
+            shutil.copytree(source, folder, ignore=shutil.ignore_patterns("*.csv", "*.mf4", "*.tdms", "*.h5"))
+            (folder / "recording.toml").write_text(text.replace(speed, f"nominal_speed_rpm = {value}.0"))
+    found = matched(tmp_path / "old", tmp_path / "new")
+    assert [(a.name, b.name) for a, b in found] == [("900", "905")]
+    with pytest.raises(Refusal, match="expected some speed in both"):
+        matched(tmp_path / "old" / "500", tmp_path / "new")
+
+
 def test_every_event_moves_parameters_that_exist() -> None:
     assert {name for names in CHANGES.values() for name in names} <= set(ROWS)
 
@@ -85,7 +114,8 @@ def test_a_report_stands_for_its_recording(tmp_path: Path) -> None:
 def test_terminal_tells_changes_first_and_names_the_unknown() -> None:
     row = {"before": 1.0, "after": 1.5, "difference": 0.5, "stderr": 0.1, "smallest_change": 0.4, "unit": "um"}
     doc = {
-        "before": {"name": "A", "speed_rpm": 900.0}, "after": {"name": "B", "speed_rpm": 901.0}, "verdict": "changed",
+        "before": {"name": "A", "speeds_rpm": [900.0]}, "after": {"name": "B", "speeds_rpm": [901.0]},
+        "verdict": "changed",
         "parameters": {"pin_arm": {**row, "verdict": "cannot tell"}, "bearing_arm": {**row, "verdict": "not changed"},
                        "leakage": {**row, "verdict": "changed"}},
         "losses": {},

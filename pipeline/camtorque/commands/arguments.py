@@ -164,9 +164,9 @@ def campaign(parser: argparse.ArgumentParser) -> None:
 
 def compare(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `compare`."""
-    text = "folder with recording.toml, or a report of it"
+    text = "recording or report of one; campaign or folder of recordings (paired by speed)"
     parser.add_argument("before", type=Path, metavar="BEFORE", help=text)
-    parser.add_argument("after", type=Path, metavar="AFTER", help="the same pump at the same speed, later")
+    parser.add_argument("after", type=Path, metavar="AFTER", help="the same pump at the same speeds, later")
     _out(parser)
 
 

@@ -20,9 +20,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 def compare_table(doc: Mapping[str, Any]) -> str:
     """Return the content of compare.json as a compact table: what changed first, what is only unknown left out."""
     before, after = doc["before"], doc["after"]
+    speeds = [", ".join(f"{speed:.1f}" for speed in side["speeds_rpm"]) for side in (before, after)]
     lines = [
-        f"{before['name']} ({before['speed_rpm']:.1f} rpm) against {after['name']} ({after['speed_rpm']:.1f} rpm): "
-        f"{doc['verdict']}",
+        f"{before['name']} ({speeds[0]} rpm) against {after['name']} ({speeds[1]} rpm): {doc['verdict']}",
         "",
         f"{'':24}{'before':>12}{'after':>12}{'difference':>22}{'would be seen':>16}",
     ]

@@ -9,7 +9,7 @@ of the list.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -177,9 +177,8 @@ def hypothesis(found: Evidence, groups: tuple[str, ...]) -> Hypothesis:
     inverse = np.linalg.inv(matrix)
     solved = inverse @ vector
     chi = found.constant - float(vector @ solved)
-    odds = sum(np.log((p := PRIOR if group in USUAL else PRIOR_RARE) / (1.0 - p)) for group in groups)
     scaled = found.widths[:, None] * basis
-    evidence = -chi - float(np.linalg.slogdet(matrix)[1]) + 2.0 * odds
+    evidence = -chi - float(np.linalg.slogdet(matrix)[1]) + two_ln_odds(groups)
     return Hypothesis(groups, evidence, scaled @ solved, scaled @ inverse @ scaled.T)
 
 
@@ -238,19 +237,39 @@ def _least(pair: Pair, tried: Mapping[tuple[str, ...], PairState]) -> tuple[str,
 def _mixed(
     found: Evidence, hypotheses: tuple[Hypothesis, ...], factors: tuple[float, float], state: PairState
 ) -> Attribution:
-    evidence = np.array([item.two_ln_evidence for item in hypotheses])
-    weight = np.exp(0.5 * (evidence - evidence[0]))
-    weight /= np.sum(weight)
-    kept = weight > 1e-6
-    mean = sum(w * item.mean for w, item in zip(weight[kept], np.array(hypotheses, dtype=object)[kept], strict=True))
-    covariance = sum(
-        w * (item.covariance + np.outer(item.mean - mean, item.mean - mean))
-        for w, item in zip(weight[kept], np.array(hypotheses, dtype=object)[kept], strict=True)
-    )
+    weight, mean, covariance = _mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
     every = tuple(name for name in CHANGES if name != "temperature" and any(n in found.names for n in CHANGES[name]))
     free = hypothesis(found, every)
     free_std = np.sqrt(np.maximum(np.diag(free.covariance), 0.0))
-    return Attribution(
-        found.names, hypotheses, tuple(weight.tolist()), np.asarray(mean), np.asarray(covariance), free.mean, free_std,
-        factors, state,
-    )  # fmt: skip
+    return Attribution(found.names, hypotheses, weight, mean, covariance, free.mean, free_std, factors, state)
+
+
+def _mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[float, ...], Array, Array]:
+    """Return the probabilities of some hypotheses, and mean and covariance over them."""
+    weight = np.exp(0.5 * (evidence - np.max(evidence)))
+    weight /= np.sum(weight)
+    kept = [(float(w), item) for w, item in zip(weight, hypotheses, strict=True) if w > 1e-6]
+    mean = np.sum([w * item.mean for w, item in kept], axis=0)
+    parts = [w * (item.covariance + np.outer(item.mean - mean, item.mean - mean)) for w, item in kept]
+    return tuple(weight.tolist()), np.asarray(mean), np.asarray(np.sum(parts, axis=0))
+
+
+def together(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
+    """Return the attributions of several pairs of one pump when the same events are behind all of them."""
+    each = [{item.groups: item for item in one.hypotheses} for one in found]
+    common = set.intersection(*(set(one) for one in each))
+    score = {g: sum(one[g].two_ln_evidence for one in each) - (len(each) - 1) * two_ln_odds(g) for g in common}
+    order = sorted(common, key=lambda groups: (-score[groups], groups))
+    evidence = np.array([score[groups] for groups in order])
+    result = []
+    for one, table in zip(found, each, strict=True):
+        hypotheses = tuple(table[groups] for groups in order)
+        weight, mean, covariance = _mixture(hypotheses, evidence)
+        result.append(replace(one, hypotheses=hypotheses, probabilities=weight, mean=mean, covariance=covariance))
+    return tuple(result)
+
+
+def two_ln_odds(groups: Sequence[str]) -> float:
+    """Return twice the logarithm of the prior odds of a set of groups."""
+    prior = [PRIOR if group in USUAL else PRIOR_RARE for group in groups]
+    return 2.0 * float(sum(np.log(p / (1.0 - p)) for p in prior))

@@ -30,7 +30,7 @@ FLOOR = 0.15
 """Share of the law's error that is spread over the revolution whatever the torque is."""
 MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
 """Time before and after an end of delivery over which the slope of the line pressure is compared [s]; points."""
-END_STD = np.radians(0.5)
+END_STD = np.radians(0.06)
 """Standard deviation of an end of delivery that was found by the shape of the line pressure."""
 
 
@@ -219,13 +219,13 @@ def _draws(
     scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
     values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]
-    normal = np.random.default_rng(0).standard_normal((DRAWS, len(index)))
+    normal, found = np.split(np.random.default_rng(0).standard_normal((DRAWS, len(index) + 1)), [len(index)], axis=1)
     result = []
     for k, step in enumerate(FRACTION * normal @ root.T):
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
         item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
-        for name in ends:
-            item[name] = mean[name] + FRACTION * (END_STD if name == "end_of_delivery" else 0.0) * float(normal[k, 0])
+        if "end_of_delivery" in ends:
+            item["end_of_delivery"] += FRACTION * END_STD * float(found[k, 0])
         result.append(
             {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
         )

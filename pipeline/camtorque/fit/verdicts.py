@@ -7,7 +7,7 @@ and that is smaller than what matters. Everything else cannot be told.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,6 +93,20 @@ def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, .
         result.append(Difference(name, before, before + mean, mean, std, row.unit, verdict(told, free, matters),
                                  SEEN * free[1], matters))  # fmt: skip
     return tuple(result)
+
+
+def pooled(rows: Sequence[Difference]) -> Difference:
+    """Return one difference of several pairs, weighted by what each knows."""
+    weight = np.array([1.0 / max(row.stderr, 1e-30) ** 2 for row in rows])
+    weight /= np.sum(weight)
+    mean = [float(weight @ [getattr(row, key) for row in rows]) for key in ("before", "difference")]
+    std = float(1.0 / np.sqrt(np.sum([1.0 / max(row.stderr, 1e-30) ** 2 for row in rows])))
+    smallest = float(1.0 / np.sqrt(np.sum([1.0 / max(row.smallest_change, 1e-30) ** 2 for row in rows])))
+    told = any(row.verdict == "changed" for row in rows)
+    kind = verdict(told, (mean[1], smallest / SEEN), rows[0].matters)
+    return Difference(
+        rows[0].name, mean[0], mean[0] + mean[1], mean[1], std, rows[0].unit, kind, smallest, rows[0].matters
+    )
 
 
 def _alone(found: Attribution, name: str) -> bool:
