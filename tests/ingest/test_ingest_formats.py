@@ -261,6 +261,13 @@ def test_feather_is_read_like_parquet(tmp_path: Path):
     assert_is_the_log(recording(tmp_path / "r", Plan("parquet", writer_options={"feather": True})))
 
 
+def test_an_lvm_that_ends_with_a_row_too_early_is_told_by_its_header(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["lvm"])
+    text = log_file(folder).read_bytes()
+    log_file(folder).write_bytes(b"\r\n".join(text.split(b"\r\n")[:2000]) + b"\r\n")
+    assert "samples_missing" in {finding.code for finding in read_recording(folder).findings}
+
+
 def test_lvm_without_a_time_column_takes_start_and_step_of_its_header(tmp_path: Path):
     assert_is_the_log(recording(tmp_path / "r", Plan("lvm", writer_options={"x_columns": "No"})), 5.1e-7)
 
