@@ -16,7 +16,7 @@ from camtorque.design.quantities import QUANTITIES
 from camtorque.design.responses import RESPONSES
 from camtorque.design.tolerances import shifted_follower, spreads
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
-from camtorque.mechanism import closed_form_tables, solve_rigid
+from camtorque.mechanism import PumpUnit, closed_form_tables, solve_rigid, solve_shaft
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Refusal
 from camtorque.units import RPM
@@ -184,6 +184,22 @@ def test_several_pumps_share_a_shaft(tmp_path):
     assert values[0] == pytest.approx(2.0 * values[1], rel=0.05)
     design = problem.evaluated(np.array([1.0]))
     assert "phases_deg = [0.0, 180.0]" in pump_text(design)
+
+
+def test_torque_of_unequal_phases_is_that_of_the_shaft(tmp_path):
+    task = task_of(tmp_path, pump=shaft(tmp_path, 3), free="phase_2_deg = [0, 100]\nphase_3_deg = [0, 100]",
+                   aims='peak_torque_nm = "least"')  # fmt: skip
+    problem = Problem(task, task.families[0])
+    design = problem.evaluated(np.array([0.25, 0.4]))
+    theta, law = np.linspace(0.0, 2.0 * np.pi, 14401), design.lobe.law()
+    units = [PumpUnit(task.config.pump, law, np.deg2rad(phase)) for phase in (0.0, 25.0, 40.0)]
+    rows = []
+    for unit in units:
+        lift, slope, _ = law.derivatives(theta - unit.phase, 2)
+        rows.append(np.where(slope > 0.0, design.loads[0].on_rise(lift), 0.0))
+    torque = solve_shaft(units, theta, np.stack(rows), design.loads[0].speed).torque
+    assert RESPONSES["peak_torque_nm"].value(design) == pytest.approx(torque.max(), rel=2e-3)
+    assert RESPONSES["torque_ripple_nm"].value(design) == pytest.approx(np.ptp(torque), rel=2e-3)
 
 
 def test_pressure_over_angle_is_carried_by_the_lift(tmp_path):
