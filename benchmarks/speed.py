@@ -155,13 +155,13 @@ def stage_lines() -> Iterator[str]:
     """Yield where the fit of one recording spends its time."""
     quick_prepared(*CASE)  # compiled
     recording, cycles, rigid = bridged(CASE)
-    whole, prepared = once(lambda: prepare(recording, cycles, rigid))
+    prepared = prepare(recording, cycles, rigid)
     data = prepared.data
     searching, found = once(lambda: search(data, single.STRUCTURES))
     polishing, _ = once(lambda: single.polished(data, found))
     plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))
     told, _ = once(lambda: fit_prepared(prepared, FitOptions()))
-    total = whole + told
+    total = searching + polishing + told
     yield "| stage of the fit | processor time | share |"
     yield "|---|---|---|"
     for name, cost in (
