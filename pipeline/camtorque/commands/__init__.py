@@ -37,6 +37,7 @@ COMMANDS: dict[str, Command] = {
     "compare": Command(
         "camtorque.commands.compare", "two recordings of one pump, before and after: what changed", takes.compare
     ),
+    "plan": Command("camtorque.commands.plan", "the cheapest next recordings for one number", takes.plan),
     "watch": Command("camtorque.commands.watch", "a look at each block of a test while it runs", takes.watch),
     "limits": Command("camtorque.commands.limits", "reports held against bands: pass or fail", takes.limits),
     "export": Command("camtorque.commands.export", "tables of a report for other programs; trends", takes.export),

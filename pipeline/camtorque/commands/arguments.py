@@ -219,6 +219,14 @@ def design(parser: argparse.ArgumentParser) -> None:
     _out(parser)
 
 
+def plan(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `plan`."""
+    text = "campaign.json, result.json, or the folder that holds it"
+    parser.add_argument("fit", type=Path, metavar="RESULT", help=text)
+    text = "number and wanted standard uncertainty, such as 'chamber_peak 0.5 %%' or 'leakage 0.05'"
+    parser.add_argument("--target", required=True, metavar="TEXT", help=text)
+
+
 def study(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `study`."""
     parser.add_argument("name", choices=STUDIES, metavar="NAME", help=" or ".join(STUDIES))

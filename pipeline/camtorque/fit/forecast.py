@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -181,10 +182,10 @@ def forecast(
     places = known.own(source.id)
     mean = {name: float(known.values[k]) for name, k in places.items()}
     mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **ends})
-    best = _scaled(mean, changes, source)
+    best = values_of(mean, source, changes)
     chain = settled(chain, best)
     center = _parts(chain, best)
-    drawn = [_parts(chain, _scaled(item, changes, source)) for item in _draws(known, places, mean, ends)]
+    drawn = [_parts(chain, values_of(item, source, changes)) for item in _draws(known, places, mean, ends)]
     std = {
         name: np.sqrt(np.mean([(item[name] - center[name]) ** 2 for item in drawn], axis=0)) / FRACTION
         for name in center
@@ -201,7 +202,9 @@ def forecast(
     )  # fmt: skip
 
 
-def _scaled(values: Mapping[str, float], changes: Mapping[str, float], source: FittedAt) -> dict[str, float]:
+def values_of(
+    values: Mapping[str, float], source: FittedAt, changes: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, float]:
     """Return every parameter of the chain; ends that the structure does not have are switched off."""
     full = {name: (0.0 if name in COLUMN_NAMES else ROWS[name].start) for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
     full.update({name: value for name, value in values.items() if name in full})

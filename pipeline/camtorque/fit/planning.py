@@ -1,0 +1,163 @@
+"""Which recordings to make next so that one number is known well enough: information of runs that were not made.
+
+A run's expected information is J' W J at the values of the fit, its own zeros and end of delivery integrated out, with
+the weights that it would have: scatter of as many cycles as it lasts, and the error of the laws, which is the same in
+all runs and therefore counts as often as there are runs. Runs are chosen one by one, the most gain per minute first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.fit.forecast import FittedAt, KnownFit, settled, values_of
+from camtorque.fit.next_run import TOOTH_ANGLE, TOOTH_STD
+from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
+from camtorque.fit.uncertainty import inverse
+from camtorque.laws import ROWS
+from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, evaluate
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.records import Array, freeze_arrays
+
+SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
+"""What it costs to set a point and to fit a second tooth."""
+MOST_RUNS = 6
+LEAST_GAIN = 0.02
+"""A run that narrows the number by less than this share is not worth making."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A run that could be made: speed [rad/s], load by the name of a recording, duration [s], a second tooth or not."""
+
+    speed: float
+    load: str
+    duration: float
+    tooth: bool
+
+    @property
+    def minutes(self) -> float:
+        """What it costs, with a tooth that is not there yet."""
+        return SETUP_MINUTES + self.duration / 60.0 + (TOOTH_MINUTES if self.tooth else 0.0)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One speed and load evaluated: columns by the fit's shared parameters, by the run's own ones, twist at a tooth."""
+
+    speed: float
+    load: str
+    torque: Array
+    shared: Array
+    own: Array
+    tooth: Array
+    scatter: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A chosen run and the standard uncertainty expected after it (and those before it)."""
+
+    offer: Offer
+    std: float
+
+
+def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, scatter: float) -> Point:
+    """Return one speed and load.
+
+    Parameters
+    ----------
+    chain : pump, cam, speed, line pressure
+    source : recording whose own parameters stand in
+    scatter : standard deviation of one cycle's torque [N m]
+    """
+    places = known.own(source.id)
+    values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
+    chain = settled(chain, values)
+    output = evaluated(chain, values)
+    both = np.column_stack([output.derivative, output.linear])  # type: ignore[list-item]
+    order = {name: k for k, name in enumerate((*NONLINEAR_NAMES, *COLUMN_NAMES))}
+    shared = np.zeros((BINS, len(known.names)))
+    tooth = np.zeros(len(known.names))
+    angle = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi)
+    own = []
+    for name, k in places.items():
+        if ROWS[name].role == "own":
+            own.append(both[:, order[name]] * _spread(name))
+            continue
+        shared[:, k] = both[:, order[name]]
+        if name in SHIFT_NAMES and name != "trigger_offset":
+            column = output.motion.shifts[0][:, SHIFT_NAMES.index(name)]
+            tooth[k] = np.interp(angle, chain.theta, column, period=2.0 * np.pi)
+    torque = output.torque + output.linear @ np.array([values[name] for name in COLUMN_NAMES])
+    return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, scatter)
+
+
+def evaluated(chain: ChainInput, values: Mapping[str, float]) -> ChainOutput:
+    """Return the chain with its derivatives."""
+    return evaluate(chain, values, np.array([values[name] for name in COLUMN_NAMES]), tangents=True)
+
+
+def _spread(name: str) -> float:
+    row = ROWS[name]
+    return row.prior[1] if row.prior else (row.upper - row.lower) / np.sqrt(12.0)
+
+
+def information(point: Point, offer: Offer, runs: int) -> Array:
+    """Return what a run tells of the fit's parameters, (k, k) [1/SI^2], when it is one of so many."""
+    cycles = max(offer.duration * offer.speed / (2.0 * np.pi), 4.0)
+    law = (SMALLEST_SHARE * np.max(np.abs(point.torque))) ** 2 + (DISCREPANCY * np.abs(point.torque)) ** 2
+    weight = 1.0 / np.sqrt((point.scatter**2 / cycles + runs * law) * BINS / INDEPENDENT)
+    shared, own = point.shared * weight[:, None], point.own * weight[:, None]
+    cross = shared.T @ own
+    block = own.T @ own + np.eye(own.shape[1])
+    found = shared.T @ shared - cross @ np.linalg.solve(block, cross.T)
+    return np.asarray(found + (np.outer(point.tooth, point.tooth) / TOOTH_STD**2 if offer.tooth else 0.0))
+
+
+def plan(
+    known: KnownFit, target: Array, wanted: float, points: Sequence[Point], durations: Sequence[float]
+) -> tuple[Step, ...]:
+    """Return the runs that bring the standard uncertainty of ``target @ values`` to ``wanted`` [SI], cheapest first.
+
+    Parameters
+    ----------
+    target : (k,) gradient of the wanted number by the fit's parameters
+    durations : that may be chosen [s]
+    """
+    total = inverse(known.covariance)
+    std, steps = float(np.sqrt(target @ known.covariance @ target)), list[Step]()
+    offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in (False, True)]
+    while std > wanted and len(steps) < MOST_RUNS:
+        runs = len(known.recordings) + len(steps) + 1
+        tried = []
+        for point, offer in offers:
+            after = inverse(total + information(point, offer, runs))
+            new = float(np.sqrt(target @ after @ target))
+            if new <= (1.0 - LEAST_GAIN) * std:
+                tried.append((np.log(std / new) / offer.minutes, new, point, offer))
+        if not tried:
+            break
+        _, new, point, offer = max(tried, key=lambda item: item[0])
+        total, std = total + information(point, offer, runs), new
+        steps.append(Step(offer, new))
+    return tuple(steps)
+
+
+def chamber_peak(known: KnownFit, chain: ChainInput, source: FittedAt) -> tuple[float, Array]:
+    """Return the highest chamber pressure at a point [Pa] and its gradient by the fit's parameters, (k,)."""
+    places = known.own(source.id)
+    values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
+    output = evaluated(settled(chain, values), values)
+    top = int(np.argmax(output.pressure))
+    gradient = np.zeros(len(known.names))
+    assert output.pressure_tangents is not None
+    for place, name in enumerate((*CHAMBER_NAMES, *SHIFT_NAMES)):
+        if name in places:
+            gradient[places[name]] = output.pressure_tangents[top, place]
+    return float(output.pressure[top]), gradient

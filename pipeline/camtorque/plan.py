@@ -1,0 +1,130 @@
+"""The cheapest next recordings of a campaign for one number that has to be known better."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from camtorque.fit.forecast import KnownFit
+from camtorque.fit.planning import Step, chamber_peak, plan, point_of
+from camtorque.laws import ROWS
+from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
+from camtorque.records import Array, Refusal
+from camtorque.threads import on_one_thread
+from camtorque.units import BAR, RPM, did_you_mean
+
+CHAMBER_PEAK = "chamber_peak"
+SPEED_FACTORS = (0.7, 0.85, 1.0, 1.2, 1.45)
+"""Speeds on offer, as shares of the middle of the fitted ones."""
+DURATIONS = (20.0, 60.0, 180.0)
+MOST_LOADS = 3
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number: name, unit, value, SI per unit, wanted standard uncertainty [SI], gradient by the parameters."""
+
+    name: str
+    unit: str
+    value: float
+    per_unit: float
+    wanted: float
+    gradient: Array
+
+
+def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
+    """Return name, number and whether it is relative, of a text such as ``chamber_peak 0.5 %``.
+
+    Raises
+    ------
+    Refusal : another text, an unknown name, a number that is not positive
+    """
+    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+(?:e-?\d+)?)\s*(%?)\s*", text)
+    if match is None or not float(match[2]) > 0.0:
+        raise Refusal(
+            f"plan: found --target {text!r}, expected a name and a standard uncertainty such as 'chamber_peak 0.5 %' "
+            "or 'leakage 0.05' (in the unit of the report)"
+        )
+    if match[1] not in names:
+        raise Refusal(f"plan: {match[1]!r} is no number of this fit{did_you_mean(match[1], tuple(names))}; there are "
+                      f"{', '.join(names)}")  # fmt: skip
+    return match[1], float(match[2]), bool(match[3])
+
+
+@on_one_thread
+def plan_runs(fit: Path | str, target: str) -> dict[str, Any]:
+    """Return the next recordings that bring a number of a fit to a wanted standard uncertainty, as a document.
+
+    Parameters
+    ----------
+    fit : campaign.json, result.json, or the folder that holds one
+    target : such as ``chamber_peak 0.5 %``
+
+    Raises
+    ------
+    Refusal : see `wanted_number`, `camtorque.predict_from.read_fit`
+    """
+    known, folder, rows = read_fit(Path(fit))
+    shared = [name for name in known.names if name in ROWS and ROWS[name].role == "shared"]
+    name, size, relative = wanted_number(target, [CHAMBER_PEAK, *shared])
+    reports = {row["id"]: folder / row["folder"] for row in rows}
+    goal = _target(known, reports, name, size, relative)
+    middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
+    points = []
+    for item in _loads(known):
+        rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
+        for factor in SPEED_FACTORS:
+            chain = chain_of(rig, middle * factor, curve)
+            points.append(point_of(known, chain, item, item.id, _scatter(reports[item.id])))
+    steps = plan(known, goal.gradient, goal.wanted, points, DURATIONS)
+    return _document(known, goal, steps)
+
+
+def _loads(known: KnownFit) -> list[Any]:
+    ordered = sorted(known.recordings, key=lambda item: item.speed)
+    places = sorted({0, len(ordered) // 2, len(ordered) - 1})
+    return [ordered[k] for k in places[:MOST_LOADS]]
+
+
+def _scatter(report: Path) -> float:
+    """Return the standard deviation of one cycle's torque [N m]."""
+    with h5py.File(report / CYCLES) as file:
+        return float(np.sqrt(np.mean(np.asarray(file["mean/torque_std"]) ** 2)))
+
+
+def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float, relative: bool) -> Target:
+    if name == CHAMBER_PEAK:
+        item = max(known.recordings, key=lambda one: one.speed)
+        chain = chain_of(rig_of(reports[item.id], None, None), item.speed, curve_of(reports[item.id], item.speed))
+        value, gradient = chamber_peak(known, chain, item)
+        unit, per = "bar", BAR
+    else:
+        gradient = np.eye(len(known.names))[known.names.index(name)]
+        value, unit, per = float(known.values[known.names.index(name)]), ROWS[name].unit, ROWS[name].per_unit
+    wanted = size / 100.0 * abs(value) if relative else size * per
+    return Target(name, unit, value, per, wanted, gradient)
+
+
+def _document(known: KnownFit, goal: Target, steps: Sequence[Step]) -> dict[str, Any]:
+    now = float(np.sqrt(goal.gradient @ known.covariance @ goal.gradient))
+    last = steps[-1].std if steps else now
+    return {
+        "schema": "camtorque.plan/1", "target": goal.name, "unit": goal.unit, "value": goal.value / goal.per_unit,
+        "stderr_now": now / goal.per_unit, "stderr_wanted": goal.wanted / goal.per_unit,
+        "reached": last <= goal.wanted,
+        "runs": [
+            {
+                "speed_rpm": step.offer.speed / RPM, "load_of": step.offer.load, "duration_s": step.offer.duration,
+                "second_tooth": step.offer.tooth, "minutes": step.offer.minutes,
+                "stderr_after": step.std / goal.per_unit,
+            }
+            for step in steps
+        ],
+        "minutes": sum(step.offer.minutes for step in steps),
+    }  # fmt: skip

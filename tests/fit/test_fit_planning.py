@@ -1,0 +1,70 @@
+"""Plans on a problem with a known answer: what a run tells, when to stop, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from camtorque.commands.plan import plan_table
+from camtorque.fit.forecast import FittedAt, KnownFit
+from camtorque.fit.planning import Offer, Point, information, plan
+from camtorque.laws.chain import BINS
+from camtorque.plan import wanted_number
+from camtorque.records import Refusal
+
+ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
+KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), np.diag([1.0, 1.0]),
+                 (FittedAt("a", 100.0, "land", 0.01, False),))  # fmt: skip
+LEAKAGE = np.array([1.0, 0.0])
+
+
+def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -> Point:
+    """Return a point whose torque of 40 N m tells of leakage only."""
+    shared = np.column_stack([leak * np.sin(ANGLE), np.zeros(BINS)])
+    return Point(speed, "a", 40.0 * np.sin(ANGLE), shared, np.ones((BINS, 1)), np.array([tooth, 0.0]), scatter)
+
+
+def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
+    told = [information(point(100.0, 0.1), Offer(100.0, "a", t, False), 2)[0, 0] for t in (2.0, 20.0, 2e4, 2e6)]
+    assert told[1] > 1.3 * told[0]
+    assert told[3] == pytest.approx(told[2], rel=0.01)
+
+
+def test_what_the_runs_own_zero_explains_tells_nothing() -> None:
+    flat = Point(100.0, "a", 40.0 * np.sin(ANGLE), np.column_stack([np.ones(BINS), np.zeros(BINS)]),
+                 1e3 * np.ones((BINS, 1)), np.zeros(2), 0.2)  # fmt: skip
+    assert information(flat, Offer(100.0, "a", 60.0, False), 2)[0, 0] < 1e-5
+
+
+def test_the_speed_that_tells_of_the_number_is_chosen_and_no_run_more_than_needed() -> None:
+    steps = plan(KNOWN, LEAKAGE, 0.5, [point(50.0, 0.001), point(150.0, 0.3)], (20.0, 180.0))
+    assert [step.offer.speed for step in steps] == [150.0]
+    assert steps[0].std < 0.5
+    assert not steps[0].offer.tooth
+
+
+def test_a_tooth_is_bought_where_the_torque_tells_nothing() -> None:
+    steps = plan(KNOWN, LEAKAGE, 0.5, [point(100.0, 0.0, tooth=0.01)], (20.0,))
+    assert [step.offer.tooth for step in steps] == [True]
+
+
+def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
+    assert plan(KNOWN, np.array([0.0, 1.0]), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
+    doc = {"target": "bearing_arm", "unit": "um", "value": 1.0, "stderr_now": 1.0, "stderr_wanted": 0.5, "runs": [],
+           "reached": False, "minutes": 0.0}  # fmt: skip
+    assert "NOT reached" in plan_table(doc)
+
+
+@pytest.mark.parametrize(("text", "found"), [
+    ("leakage 5 %", ("leakage", 5.0, True)), ("chamber_peak 3.5", ("chamber_peak", 3.5, False)),
+])  # fmt: skip
+def test_targets_are_read(text: str, found: tuple[str, float, bool]) -> None:
+    assert wanted_number(text, ("leakage", "chamber_peak")) == found
+
+
+@pytest.mark.parametrize(("text", "told"), [
+    ("leakage", "expected a name and a standard uncertainty"), ("leakage 0", "expected a name"),
+    ("leakge 5 %", "is no number of this fit"),
+])  # fmt: skip
+def test_other_targets_are_refused(text: str, told: str) -> None:
+    with pytest.raises(Refusal, match=told):
+        wanted_number(text, ("leakage", "chamber_peak"))
