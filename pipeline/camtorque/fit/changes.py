@@ -35,7 +35,7 @@ CHANGES: dict[str, tuple[str, ...]] = {
     "dead_volume": ("dead_volume",),
     "valve_opening": ("valve_opening",),
     "valve": ("retraction_volume", "valve_damping", "seat_gain", "valve_area"),
-    "shaft": ("shaft_compliance", "shaft_damping"),
+    "shaft": ("shaft_compliance", "shaft_damping_ratio"),
     "drive": ("drive_admittance", "drive_bandwidth"),
 }
 """Event -> parameters that it moves."""

@@ -94,8 +94,6 @@ def rig_rows(
     _set(rows, "torque_zero", prior=(0.0, max(torque.zero_std, 1e-4)))
     _set(rows, "pressure_zero", prior=(0.0, max(pressure.zero_std, 1e3)))
     _set(rows, "delay_error", prior=(0.0, max(torque.delay_std, 1e-7)))
-    inertia = max(pump.cam_inertia, 1e-6)
-    _set(rows, "cam_side_inertia", lower=inertia, start=1.5 * inertia, upper=100.0 * inertia, step=0.2 * inertia)
     if np.isfinite(torque.cutoff_hz):
         cutoff = torque.cutoff_hz
         _set(rows, "cutoff", start=cutoff, lower=0.5 * cutoff, upper=2.0 * cutoff, step=0.05 * cutoff,

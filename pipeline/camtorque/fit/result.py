@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.derived import derived_estimates
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import Halves, on_grid
@@ -15,7 +16,12 @@ from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
 from camtorque.fit.single import Candidate, Fit
 from camtorque.fit.solver import LiftModes
-from camtorque.fit.uncertainty import confidence, confounded_with, knowledge, uncertainty_budget
+from camtorque.fit.uncertainty import (
+    confidence,
+    confounded_with,
+    knowledge,
+    uncertainty_budget,
+)
 from camtorque.laws import LAW_OF, ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, angle_grid, evaluate
@@ -168,7 +174,7 @@ def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
             prior=None if row.prior is None else (row.prior[0] / per, row.prior[1] / per), meaning=row.meaning,
             source=row.source, role=row.role, effect=LAW_OF[row.name], symbol=row.symbol, knowledge=known,
         ))  # fmt: skip
-    return tuple(rows)
+    return (*rows, *derived_estimates(fit))
 
 
 def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:

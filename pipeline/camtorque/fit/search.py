@@ -40,8 +40,8 @@ DOUBTFUL, UNEXPLAINED = 35.0, 1000.0
 """Chi-square above which further rounds are made, and a swinging hub is tried from the beginning."""
 COUPLINGS = tuple((hertz, soft) for hertz in np.geomspace(50.0, 340.0, 6) for soft in (100.0e-6, 300.0e-6, 900.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
-SHAFTS = ((60.0e-6, 8.0), (400.0e-6, 2.0), (400.0e-6, 15.0))
-"""Compliance of the shaft [rad/(N m)] and inertia between transducer and cam over that of the cam."""
+SHAFTS = ((60.0e-6, 700.0), (400.0e-6, 900.0), (400.0e-6, 300.0))
+"""Compliance of the shaft [rad/(N m)] and the frequency at which the cam rings on it [Hz]."""
 FAR = 30.0
 """A structure whose chi-square exceeds the best one's by this factor gets no further starts."""
 KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
@@ -163,11 +163,10 @@ def with_coupling(item: FitData) -> list[FitData]:
 
 
 def with_shaft(item: FitData) -> list[FitData]:
-    """Return a start with other shafts: stiff and soft, with little and much inertia on the cam's side."""
-    sheet = item.rows["cam_side_inertia"].lower
+    """Return a start with other shafts: stiff and soft, ringing fast and slowly."""
     return [
-        with_starts(item, {"shaft_compliance": soft, "cam_side_inertia": factor * sheet, "shaft_damping": 0.2})
-        for soft, factor in SHAFTS
+        with_starts(item, {"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz})
+        for soft, hertz in SHAFTS
     ]  # fmt: skip
 
 

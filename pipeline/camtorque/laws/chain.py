@@ -28,7 +28,7 @@ ACTIVE_MARGIN = 30.0
 """Pressure below that which opens the valve at which the finer steps begin [bar]."""
 SHIFT_NAMES = ("trigger_offset", *driveline.COMPLIANCE_NAMES)
 """Parameters that move the cam angle."""
-SHAFT_NAMES = ("cam_side_inertia", *driveline.COMPLIANCE_NAMES)
+SHAFT_NAMES = driveline.COMPLIANCE_NAMES
 """Parameters of the transfer from the load to the shaft."""
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
 NONLINEAR_NAMES = tuple(
@@ -96,7 +96,7 @@ class ChainInput:
 class Motion:
     """Cam angle, its rates, and the lift with three derivatives at one set of values, (n,) and (4, n).
 
-    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 10) each.
+    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 11) each.
     """
 
     theta: Array
@@ -117,7 +117,7 @@ class ChainOutput:
     derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
-    pressure_tangents : (n, 26 + 10) by `chamber.NAMES`, then `SHIFT_NAMES` [Pa per SI]; None where not asked for
+    pressure_tangents : (n, 26 + 11) by `chamber.NAMES`, then `SHIFT_NAMES` [Pa per SI]; None where not asked for
     load : (n,) contact force along the follower lambda_y [N]
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations of the chamber
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
@@ -137,7 +137,7 @@ class ChainOutput:
 
 
 def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
-    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 10) or (k, 1)."""
+    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 11) or (k, 1)."""
     highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
     total, derivatives = driveline.compliance(np.arange(float(highest)) * data.speed, values, tangents)
     return np.concatenate([total[:, None], derivatives], axis=1)
@@ -174,7 +174,7 @@ def transfer(
     """Return shaft and sensor transfer (k,) and the derivative of their product (k, 13) on the harmonics of a grid."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     both = drive_response(data, values, False) if response is None else response
-    shaft, shaft_d = driveline.shaft_transfer(omega, values["cam_side_inertia"], both)
+    shaft, shaft_d = driveline.shaft_transfer(omega, values, both)
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
     return shaft, measured, np.concatenate([shaft_d * measured[:, None], measured_d * shaft[:, None]], axis=1)
 

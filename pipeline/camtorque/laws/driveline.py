@@ -4,10 +4,13 @@ The trigger sits on the camshaft, so the cam angle is known at its edge and only
 enters once, here), with T the torque of the shaft, which the transducer measures, and s = i w::
 
     theta = theta_nominal + d_trigger + psi - psi(edge),   psi = -C(s) T
-    C(s)  = 1/(k_t + c_t s) + a / (s^2 + w_b (s + r) / (1 + T_c s))
+    C(s)  = C_t / (1 + 2 zeta_t s/w_t) + a / (s^2 + w_b (s + r) / (1 + T_c s))
                             + (1/k_c) w_c^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
 
-The first term is the shaft. The second is a drive of inertia J = 1/a on a speed controller with proportional gain
+The first term is the shaft, of compliance C_t = 1/k_t; with the inertia I_c between transducer and cam it rings at
+w_t = (I_c C_t)^-1/2 with damping ratio zeta_t. The ringing tells w_t and zeta_t, not I_c and the damping c_t, so those
+are the parameters: ``I_c = 1/(w_t^2 C_t)``, ``c_t = 2 zeta_t/(w_t C_t)``. The second is a drive of inertia
+J = 1/a on a speed controller with proportional gain
 ``K_p = J w_b``, integral gain ``K_i = K_p r`` and lag T_c; a flywheel or an induction machine over its slip is the
 same with w_b, r small. The third is a hub that swings behind the transducer on a yielding coupling; far below w_c it is
 more compliance. The inertia between transducer and cam turns the load into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
@@ -33,12 +36,13 @@ from camtorque.units import DEGREE
 ROWS = (
     display("trigger_offset", "d_trigger", "deg", DEGREE, (0.0, -4.0, 4.0, 0.1), (0.0, 0.866),
             "cam angle of the trigger edge less its nominal value", "installation tolerance of the sheet, rectangular"),
-    display("shaft_compliance", "1/k_t", "urad/(N m)", 1.0e-6, (150.0, 0.0, 2500.0, 30.0), (150.0, 250.0),
+    display("shaft_compliance", "C_t", "urad/(N m)", 1.0e-6, (150.0, 4.0, 2500.0, 30.0), (150.0, 250.0),
             "twist per torque between drive and cam", "shafts of 15-30 mm: 2000-50000 N m/rad"),
-    display("shaft_damping", "c_t", "N m s/rad", 1.0, (0.5, 0.0, 20.0, 0.3), (0.5, 1.0),
-            "damping of the shaft's torsion", "0.2-10 % of critical"),
-    display("cam_side_inertia", "I_c", "kg mm^2", 1.0e-6, (50.0, 1.0, 5000.0, 10.0), None,
-            "inertia between transducer and cam, camshaft included", "camshaft from the sheet; coupling unknown"),
+    display("shaft_damping_ratio", "zeta_t", "-", 1.0, (0.08, 0.005, 2.0, 0.03), (0.08, 0.10),
+            "damping ratio of the shaft's torsion", "0.2-20 % of critical, bearings included"),
+    display("shaft_resonance", "w_t", "Hz", 2.0 * np.pi, (1200.0, 60.0, 9000.0, 100.0), (1200.0, 1200.0),
+            "frequency at which the cam's side rings on the shaft",
+            "camshaft and coupling of 0.05-2 g m^2 on such a shaft"),
     display("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (1.0, 0.0, 60.0, 1.0), (0.0, 12.0),
             "inverse of the drive's inertia; 0 for a drive that holds its speed", "drives of 0.03 kg m^2 and more"),
     display("drive_bandwidth", "ln w_b", "ln(rad/s)", 1.0, (3.5, -4.0, 8.0, 0.3), (3.5, 1.8),
@@ -61,6 +65,8 @@ TWIST_BANDWIDTH_HZ = 2500.0
 """Above this the measured torque holds no twist, only noise; a smooth roll-off of order 8."""
 
 
+RIGID = 1.0e-9
+"""Compliance below which a shaft counts as rigid [rad/(N m)]."""
 HIGHEST_HZ = 6000.0
 """Harmonics above this are left out altogether."""
 
@@ -94,22 +100,22 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> Twis
 
 
 COMPLIANCE_NAMES = (
-    "shaft_compliance", "shaft_damping", "drive_admittance", "drive_bandwidth", "drive_reset", "drive_lag",
-    "coupling_compliance", "coupling_resonance", "coupling_damping",
+    "shaft_compliance", "shaft_damping_ratio", "shaft_resonance", "drive_admittance", "drive_bandwidth", "drive_reset",
+    "drive_lag", "coupling_compliance", "coupling_resonance", "coupling_damping",
 )  # fmt: skip
 """Parameters of C(s), in the order of its derivatives."""
 
 
 def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 9) where asked for.
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 10) where asked for.
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
-    shaft, damping, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio = (
+    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio = (
         values[name] for name in COMPLIANCE_NAMES
     )
     s = 1j * omega
-    slowed = 1.0 + s * damping * shaft
+    slowed = 1.0 + 2.0 * damping / ringing * s
     band, reset, lag = np.exp(ln_band), np.exp(ln_reset), np.exp(ln_lag)
     late = 1.0 / (1.0 + lag * s)
     response = _response(s**2 + band * (s + reset) * late, s)
@@ -120,7 +126,8 @@ def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True)
     square = -admittance * response**2
     by_resonance = -2.0 * (ratio * s + resonance) * swing**2
     derivatives = (
-        1.0 / slowed**2, -s * shaft**2 / slowed**2, response, square * band * (s + reset) * late,
+        1.0 / slowed, -2.0 * shaft / ringing * s / slowed**2, 2.0 * shaft * damping / ringing**2 * s / slowed**2,
+        response, square * band * (s + reset) * late,
         square * band * reset * late, -square * band * (s + reset) * late**2 * lag * s, resonance**2 * swing,
         soft * (2.0 * resonance * swing + resonance**2 * by_resonance),
         -soft * resonance**2 * 2.0 * resonance * s * swing**2,
@@ -159,13 +166,25 @@ def angle_shifts(basis: TwistBasis, both: Any) -> tuple[Array, Array, Array]:
     return shift - at_edge, rate, second
 
 
-def shaft_transfer(omega: Array, inertia: float, both: Any) -> tuple[Any, Any]:
-    """Return load torque -> shaft torque (k,), and its derivatives by inertia, then `COMPLIANCE_NAMES` (k, m).
+def cam_side_inertia(values: Mapping[str, float]) -> float:
+    """Return the inertia between transducer and cam, camshaft included [kg m^2]."""
+    return 1.0 / (values["shaft_resonance"] ** 2 * max(values["shaft_compliance"], RIGID))
+
+
+def shaft_transfer(omega: Array, values: Mapping[str, float], both: Any) -> tuple[Any, Any]:
+    """Return load torque -> shaft torque ``1 / (1 + I_c s^2 C(s))``, (k,), and its derivatives by `COMPLIANCE_NAMES`.
 
     ``both`` (at least k, m) holds C(s) in column 0, then its derivatives.
     """
     total, derivatives = both[: omega.size, 0], both[: omega.size, 1:]
+    inertia = cam_side_inertia(values)
     square = -(omega**2)
     transfer = 1.0 / (1.0 + inertia * square * total)
-    factor = -(transfer**2) * square
-    return transfer, np.concatenate([(factor * total)[:, None], (factor * inertia)[:, None] * derivatives], axis=1)
+    factor = (-(transfer**2) * square)[:, None]
+    by = factor * inertia * derivatives
+    if derivatives.shape[1]:
+        through = (factor[:, 0] * total) * inertia
+        if values["shaft_compliance"] > RIGID:
+            by[:, COMPLIANCE_NAMES.index("shaft_compliance")] -= through / values["shaft_compliance"]
+        by[:, COMPLIANCE_NAMES.index("shaft_resonance")] -= 2.0 * through / values["shaft_resonance"]
+    return transfer, by

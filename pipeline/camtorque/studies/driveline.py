@@ -45,13 +45,15 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
     size = rows.shape[1]
     inertia = float(np.mean(rows[2]))
     omega = np.arange(size // 2 + 1) * shaft.speed
+    resonance = float(np.sqrt(shaft.stiffness / inertia))
     values = {
-        "shaft_compliance": 1.0 / shaft.stiffness, "shaft_damping": shaft.damping, "drive_admittance": 0.0,
+        "shaft_compliance": 1.0 / shaft.stiffness, "shaft_resonance": resonance,
+        "shaft_damping_ratio": 0.5 * shaft.damping * resonance / shaft.stiffness, "drive_admittance": 0.0,
         "drive_bandwidth": 0.0, "drive_reset": 0.0, "drive_lag": -9.0,
         "coupling_compliance": 0.0, "coupling_resonance": 750.0, "coupling_damping": 0.1,
     }  # fmt: skip
     total, _ = compliance(omega, values, False)
-    transfer, _ = shaft_transfer(omega, inertia, total[:, None])
+    transfer, _ = shaft_transfer(omega, values, total[:, None])
     return uniform(size), filtered(rows[0] + rows[1] * shaft.speed**2, transfer)
 
 

@@ -1,0 +1,44 @@
+"""What follows from the fitted parameters: quantities of a sheet that the data do not tell one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from camtorque.fit.single import Fit
+from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED
+from camtorque.laws.driveline import RIGID, cam_side_inertia
+from camtorque.records import ParameterEstimate
+
+SHAFT = ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio")
+SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
+    "cam_side_inertia": (
+        1.0e-6, "kg mm^2", "I_c", "inertia between transducer and cam, camshaft included", (-1.0, -2.0, 0.0)),
+    "shaft_damping": (1.0, "N m s/rad", "c_t", "damping of the shaft's torsion", (-1.0, -1.0, 1.0)),
+}  # fmt: skip
+"""Quantity -> SI per unit, unit, symbol, meaning, and its exponents of the parameters of `SHAFT`."""
+
+
+def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
+    """Return inertia on the cam's side and damping of the shaft; their logarithms to first order."""
+    values, _ = fit.problem.values(fit.solution.z, 0)
+    compliance, resonance, ratio = (values[name] for name in SHAFT)
+    if compliance <= RIGID:
+        return ()
+    found = {"cam_side_inertia": cam_side_inertia(values), "shaft_damping": 2.0 * ratio / (resonance * compliance)}
+    rows = []
+    for name, (per, unit, symbol, meaning, exponents) in SHOWN.items():
+        row = np.zeros(fit.problem.size)
+        for parameter, exponent in zip(SHAFT, exponents, strict=True):
+            if fit.problem.index(parameter) >= 0:
+                row[fit.problem.index(parameter)] = exponent / values[parameter]
+        statistical = float(np.sqrt(row @ fit.covariance.matrix @ row))
+        total = float(np.sqrt(statistical**2 + sum((row @ shift) ** 2 for shift in fit.shifts.values())))
+        value = found[name] / per
+        rows.append(ParameterEstimate(
+            name=name, value=value, unit=unit, stderr=value * total, stderr_statistical=value * statistical,
+            ci95=(value * float(np.exp(-COVERAGE * total)), value * float(np.exp(COVERAGE * total))), at_bound=False,
+            identifiable=total < NARROWED, confounded_with=(), prior=None, meaning=meaning,
+            source="follows from compliance, resonance and damping ratio of the shaft", role="shared",
+            effect="driveline", symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
+        ))  # fmt: skip
+    return tuple(rows)
