@@ -30,11 +30,16 @@ def driveline_values(truth):
     natural = 2.0 * np.pi * line.control_bandwidth_hz
     values = {name: ROWS[name].start for name in COMPLIANCE_NAMES}
     values.update(
-        shaft_compliance=1.0 / line.shaft_stiffness, shaft_damping=line.shaft_damping,
+        shaft_compliance=1.0 / line.shaft_stiffness, shaft_resonance=1.0e3,
+        shaft_damping_ratio=0.5e3 * line.shaft_damping / line.shaft_stiffness,
         drive_admittance=1.0 / line.drive_inertia, drive_bandwidth=np.log(1.4 * natural),
         drive_reset=np.log(natural / 1.4), drive_lag=-11.0, coupling_compliance=0.0,
     )  # fmt: skip
     return values
+
+
+def response(basis, values):
+    return compliance(basis.omega, values, False)[0][:, None]
 
 
 @pytest.mark.parametrize("case", ["shaft", "drive", "soft", "fast loop"])

@@ -190,7 +190,10 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array
     step = float(np.median(np.diff(table.theta)))
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
     fine = on_grid(torque, grid)
+    turned = cycles.details.get("angle_deviation")
+    measured = turned is not None and config.trigger.side != "motor"
     chain = ChainInput(
+        deviation=on_grid(np.asarray(turned), grid) if measured else np.zeros(0),
         theta=angle_grid(grid), speed=cycles.mean_speed, line_pressure=on_grid(pressure, grid),
         shaft_torque=fine, trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
         offset=config.pump.follower_offset * config.rotation, roller_inertia=assumed_roller(config.pump).inertia,

@@ -87,6 +87,7 @@ def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Model
     chain = replace(
         item.chain, theta=angle_grid(n), line_pressure=pressure,
         shaft_torque=torque + on_grid(hidden, n), substeps=_finer(substeps, n, grid),
+        deviation=on_grid(item.chain.deviation, n) if item.chain.deviation.size else item.chain.deviation,
     )  # fmt: skip
     output = evaluate(chain, values, coefficients, tangents=True)
     lifts = lift_coefficients(solution.lifts[index], solution.residuals[index])

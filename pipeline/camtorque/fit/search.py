@@ -92,6 +92,7 @@ def coarse(data: FitData, grid: int = SEARCH_GRID) -> FitData:
     return replace(data, chain=replace(
         chain, theta=angle_grid(grid), line_pressure=on_grid(chain.line_pressure, grid),
         shaft_torque=on_grid(chain.shaft_torque, grid), substeps=np.zeros(0, dtype=np.int64),
+        deviation=on_grid(chain.deviation, grid) if chain.deviation.size else chain.deviation,
     ))  # fmt: skip
 
 

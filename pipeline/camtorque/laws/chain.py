@@ -55,6 +55,8 @@ class ChainInput:
     roller_inertia : about its axis [kg m^2]
     uses_chamber : False feeds the line pressure to the plunger, as the source paper does
     substeps : (n,) time steps of the chamber per grid step
+    deviation : (n,) cam angle less the angle of uniform running [rad] where a wheel on the cam measured it: the grid is
+        then true cam angle and no twist is rebuilt; empty where one pulse a revolution tells nothing of it
     """
 
     theta: Array
@@ -68,6 +70,7 @@ class ChainInput:
     roller_inertia: float
     uses_chamber: bool = True
     substeps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    deviation: Array = field(default_factory=lambda: np.zeros(0))
     twist: driveline.TwistBasis = field(init=False)
     top_lift: float = field(init=False)
 
@@ -149,6 +152,12 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
     ``response`` is that of `drive_response`.
     """
     moved = driveline.angle_shifts(data.twist, response)
+    if data.deviation.size:
+        moved = tuple(np.zeros_like(part) for part in moved)  # type: ignore[assignment]
+        spectrum = np.fft.rfft(data.deviation)
+        harmonic = np.arange(spectrum.size)
+        for order, part in enumerate(moved[1:], 1):
+            part[:, 0] = np.fft.irfft(spectrum * (1j * harmonic) ** order, data.theta.size)
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
     lift = np.asarray(data.law.derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]
