@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import resample
 
 from camtorque.config import RecordingConfig
 from camtorque.fit.problem import FitData
@@ -166,7 +165,9 @@ def bin_weights(torque: Array, scatter: float) -> Array:
 
 def on_grid(values: Array, n: int) -> Array:
     """Return a periodic signal (m,) on another uniform grid from the same zero, by its harmonics."""
-    return np.ascontiguousarray(values if values.size == n else resample(values, n))
+    if values.size == n:
+        return np.ascontiguousarray(values)
+    return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
 
 
 def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array, pressure: Array, scatter: float,
