@@ -1,6 +1,7 @@
 """Sheet and certificate to SI with uncertainty; contradictions between papers are refused."""
 
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -108,6 +109,18 @@ def test_an_absolute_sensor_shows_the_atmosphere_at_zero_gauge(papers: Path):
 def test_contradictions_are_refused(papers: Path, file: str, old: str, new: str, message: str):
     edit(papers / file, old, new)
     with pytest.raises(Refusal, match=message):
+        read_sensor(reference(papers))
+
+
+SHEET_NUMBERS = [line for line in (CALIBRATION / TORQUE).read_text().splitlines() if re.search(r"= -?[\d.e-]+$", line)]
+
+
+@pytest.mark.parametrize("line", SHEET_NUMBERS)
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e308", "1" + "0" * 400, '"1"', "true", "[]", '"?"'])
+def test_no_number_of_a_sheet_may_be_nonsense(papers: Path, line: str, value: str):
+    key = line.split(" = ")[0]
+    edit(papers / TORQUE, line, f"{key} = {value}")
+    with pytest.raises(Refusal, match=key):
         read_sensor(reference(papers))
 
 
