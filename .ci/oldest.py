@@ -12,9 +12,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-LARGEST_SHARE = 1.0e-3
+LARGEST_SHARE = 0.5
 """Largest difference of a value as a share of its standard uncertainty."""
-LARGEST_RMS = 1.0e-6
+LARGEST_RMS = 2.0e-3
 """Largest difference of a residual [N m]."""
 
 

@@ -142,31 +142,50 @@ HEAD = (
 )
 
 
+def finished(out: Path) -> list[Path]:
+    """Return the folders of finished recordings."""
+    return list((out / "runs").glob("[!.]*"))
+
+
+def killed_later(command: list[str], out: Path, chance: random.Random) -> bool:
+    """Start a campaign, kill it a moment after it has finished one more recording; False where it ended before."""
+    before, delay = len(finished(out)), chance.uniform(0.0, 3.0)
+    process = subprocess.Popen(command, start_new_session=True)
+    while len(finished(out)) == before:
+        if process.poll() is not None:
+            return False
+        time.sleep(0.01)
+    try:
+        process.wait(delay)
+        return False
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL) if chance.random() < 0.5 else process.kill()
+        process.wait()
+        return True
+
+
 def kill_often(times: int, folder: Path, how: CampaignOptions) -> str:
-    """Kill a campaign of 40 recordings again and again until so many kills are made; every folder has to be whole."""
+    """Kill campaigns of 40 recordings until so many kills are made; every folder has to be whole, none is lost."""
     os.environ[PAUSE] = "0.2"
     chance, killed, rounds, whole = random.Random(7), 0, 0, 0
     while killed < times:
         rounds += 1
         raw, out = generate(folder / f"raw{rounds}", 40), folder / f"out{rounds}"
-        while killed < times:
-            command = [sys.executable, __file__, "--child", str(raw), str(out), "--engine", how.engine]
-            process = subprocess.Popen(command, start_new_session=True)
-            try:
-                assert process.wait(chance.uniform(0.5, 12.0)) == 0
-                break
-            except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL) if chance.random() < 0.5 else process.kill()
-                process.wait()
-                killed += 1
-            for run in (out / "runs").glob("[!.]*"):
+        command = [sys.executable, __file__, "--child", str(raw), str(out), "--engine", how.engine]
+        kept: dict[Path, int] = {}
+        while killed < times and killed_later(command, out, chance):
+            killed += 1
+            for run in finished(out):
                 assert {path.name for path in run.iterdir()} >= WHOLE, run
                 assert not verify(run)[1], run
+                stamp = (run / JOINT).stat().st_mtime_ns
+                assert kept.setdefault(run, stamp) == stamp, f"{run} was computed again"
                 whole += 1
-        subprocess.run([sys.executable, __file__, "--child", str(raw), str(out), "--engine", how.engine], check=True)
+        subprocess.run(command, check=True)
         assert not verify(out)[1]
+        assert len(finished(out)) == 40
         assert not list((out / "runs").glob(".*"))
-    return f"{killed} kills over {rounds} campaigns: {whole} folders looked at after a kill, all whole; all ended"
+    return f"{killed} kills over {rounds} campaigns: {whole} folders looked at after a kill, all whole and none redone"
 
 
 def main() -> None:
