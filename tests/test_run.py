@@ -33,7 +33,7 @@ def document(folder: Path, name: str = "result.json") -> dict:
 @pytest.mark.slow
 def test_main_job_leaves_a_whole_report(report: Path) -> None:
     assert {path.name for path in report.iterdir()} == {
-        "result.json", "cycles.h5", "report.html", "figures", "SHA256SUMS", "ro-crate-metadata.json",
+        "result.json", "cycles.h5", "report.html", "figures", "SHA256SUMS", "fit.json", "ro-crate-metadata.json",
     }  # fmt: skip
     assert [path.name for path in report.parent.iterdir()] == ["A_1000rpm"]
     assert {path.stem for path in (report / "figures").iterdir()} <= set(FIGURES)
