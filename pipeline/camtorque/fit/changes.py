@@ -44,7 +44,7 @@ ALWAYS = tuple(name for name in OWN_NAMES if not any(name in members for members
 USUAL = ("leakage", "trigger", "spring", "friction", "damping", "temperature")
 PRIOR, PRIOR_RARE = 0.10, 0.02
 """Probability of one change before the data, usual ones and others."""
-TOLD = 0.95
+TOLD = 0.90
 """Probability from which a change is told."""
 MOST_CHANGES = 3
 ROUNDS = 3
