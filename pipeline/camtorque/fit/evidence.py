@@ -133,7 +133,7 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
         refit = np.nan
         if quick < REFIT_BELOW or name == "driveline":
             refit = _refitted(problem, solution, cov, members) - full
-        factor = refit if name == "driveline" else quick
+        factor = refit if name == "driveline" and not np.isnan(refit) else quick
         limit = np.degrees(SMALL_ANGLE) if unit == "deg" else SMALL_TORQUE * odd_even
         highest = quick if np.isnan(refit) else max(quick, refit)
         verdict = "cannot tell"
@@ -151,7 +151,10 @@ def _refitted(problem: Problem, solution: Solution, cov: Covariance, members: tu
     fewer = build_problem(problem.data, dict.fromkeys(members, 0.0))
     kept = {slot.name: value for slot, value in zip(problem.slots, solution.z, strict=True)}
     start = np.array([kept[slot.name] for slot in fewer.slots])
-    found = solve(fewer, start, 25, solution.lifts)
+    try:
+        found = solve(fewer, start, 25, solution.lifts)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return np.nan  # so far from the data without it that the tangents overflow
     return laplace(fewer, found, cov.inflation)
 
 

@@ -204,6 +204,8 @@ def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open"
     """
     rough = coarse(data)
     result = descend({name: candidates(rough, name) for name in structures}, SMOOTHINGS_DEG, True)
+    if not result:
+        return {}
     result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
     if least(result).chi_square > DOUBTFUL:
         result = merged(result, lambda best, name: with_coupling(best.data) if name == best.data.structure else [],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from camtorque.fit.uncertainty import Covariance, covariance
 from camtorque.laws.causes import cam_torques, hidden_torque
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
-from camtorque.records import Array, CamCycles, LossEvidence, Recording, RigidTorque
+from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
 
 POLISHED = 3
 """Starts that are followed to their minimum on the fine grid."""
@@ -109,14 +109,28 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
 
 def polished(data: FitData, found: Mapping[str, list[Start]]) -> tuple[Candidate, ...]:
     """Return the best starts of all structures at their minima on the fine grid, least chi-square first."""
-    best = min(group[0].chi_square for group in found.values() if group)
+    best = min((group[0].chi_square for group in found.values() if group), default=0.0)
     starts = sorted((start for group in found.values() for start in group[:2]), key=lambda start: start.chi_square)
     kept = [start for start in starts if start.chi_square < 10.0 * best + 300.0][:POLISHED]
     others = [group[0] for group in found.values() if group and all(group[0] is not start for start in kept)]
-    ends = sorted((followed(data, start) for start in kept), key=lambda item: item.value)
-    ends = [with_hidden_torque(ends[0]), *ends[1:]]
-    quick = [followed(data, start, 5) for start in others]
-    return tuple(sorted([*ends, *quick], key=lambda item: item.value))
+    followed_ends = [attempted(followed, data, start) for start in kept]
+    ends = sorted((item for item in followed_ends if item is not None), key=lambda item: item.value)
+    if not ends:
+        raise Refusal(
+            f"{data.name}: found no start from which the model of this pump can be fitted, expected one; the recording "
+            "may belong to another pump or trigger: `camtorque check` compares them"
+        )
+    ends = [attempted(with_hidden_torque, ends[0]) or ends[0], *ends[1:]]
+    quick = [attempted(followed, data, start, 5) for start in others]
+    return tuple(sorted([*ends, *(item for item in quick if item is not None)], key=lambda item: item.value))
+
+
+def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
+    """Return a fit, None where it runs to a point at which the tangents of the model overflow."""
+    try:
+        return fit(*arguments)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None
 
 
 def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS) -> Candidate:
@@ -193,7 +207,8 @@ def pressure_gain_shift(best: Candidate, relative_std: float) -> Array:
     if not relative_std:
         return np.zeros(best.problem.size)
     chain = replace(best.data.chain, line_pressure=best.data.chain.line_pressure * (1.0 + relative_std))
-    return at_minimum(replace(best.data, chain=chain), 4).solution.z - best.solution.z
+    moved = attempted(at_minimum, replace(best.data, chain=chain), 4) or best
+    return moved.solution.z - best.solution.z
 
 
 def structure_probabilities(candidates: tuple[Candidate, ...], inflation: float) -> tuple[float, ...]:
@@ -232,7 +247,7 @@ def relaxed_variant(best: Candidate) -> Candidate:
     area = chain.pump.plunger_area
     error = RELAXED_SHARE * values["valve_opening"] * area * np.abs(output.motion.lift[1]) * fading
     variance = 1.0 / item.weight**2 + binned(error) ** 2 * (BINS / INDEPENDENT)
-    return at_minimum(replace(item, weight=1.0 / np.sqrt(variance)), 15)
+    return attempted(at_minimum, replace(item, weight=1.0 / np.sqrt(variance)), 15) or best
 
 
 def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> LossEvidence:
