@@ -228,8 +228,9 @@ def attribution(pair: Pair, state: PairState) -> tuple[Attribution, Pair]:
 def _least(pair: Pair, tried: Mapping[tuple[str, ...], PairState]) -> tuple[str, ...]:
     """Return the set whose own linearisation gives the most evidence."""
     scores = {}
+    # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
+    wide = min((inflated(pair, state, 10) for state in tried.values()), key=lambda item: item[1][1])[0]
     for groups, state in tried.items():
-        wide, _ = inflated(pair, tried[()], 10)
         scores[groups] = hypothesis(evidence_at(wide, state), groups).two_ln_evidence
     return max(scores, key=lambda groups: scores[groups])
 

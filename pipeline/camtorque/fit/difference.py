@@ -181,9 +181,11 @@ def _item(side: Prepared, data: FitData, hidden: Array) -> FitData:
     assert cycles.torque is not None
     n = data.chain.theta.size
     torque = np.mean(cycles.torque, axis=0)
+    turned = cycles.details.get("angle_deviation")  # of each recording, where a wheel on the cam measured it
+    deviation = on_grid(np.asarray(turned), n) if data.chain.deviation.size and turned is not None else np.zeros(0)
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
-        shaft_torque=on_grid(torque, n) + hidden,
+        shaft_torque=on_grid(torque, n) + hidden, deviation=deviation,
     )  # fmt: skip
     return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque))
 
