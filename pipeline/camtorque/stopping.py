@@ -12,8 +12,8 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -45,11 +45,14 @@ def before_leaving(step: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def removed_when_stopped(folder: Path) -> Iterator[None]:
-    """Have an unfinished folder removed when the process is stopped inside the block."""
+def removed_when_stopped(folder: Path, parents: Sequence[Path] = ()) -> Iterator[None]:
+    """Have an unfinished folder, and parents made for it, removed when the process is stopped inside the block."""
 
     def remove() -> None:
         shutil.rmtree(folder, ignore_errors=True)
+        for parent in reversed(parents):
+            with suppress(OSError):
+                parent.rmdir()
 
     with before_leaving(remove):
         yield

@@ -36,7 +36,7 @@ SMOOTHINGS_DEG = (14.0, 7.0, 3.5, 1.5, 0.0)
 ITERATIONS = 8
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-DOUBTFUL, UNEXPLAINED = 35.0, 1000.0
+DOUBTFUL, UNEXPLAINED = 20.0, 300.0
 """Chi-square above which further rounds are made, and a swinging hub is tried from the beginning."""
 COUPLINGS = tuple((hertz, soft) for hertz in np.geomspace(50.0, 340.0, 6) for soft in (100.0e-6, 300.0e-6, 900.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
@@ -216,10 +216,18 @@ def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open"
     if least(result).chi_square > DOUBTFUL:
         near = [name for name in likely(result) if name != "line"]
         hub = least(result).chi_square > UNEXPLAINED
-        fresh = {name: [item for one in candidates(rough, name) for item in with_shaft(one)]
-                 + (with_coupling(candidates(rough, name)[1]) if hub else []) for name in near}  # fmt: skip
+        fresh = {name: from_the_beginning(rough, name, hub) for name in near}
         result = joined(result, descend(fresh, SMOOTHINGS_DEG, True))
         result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
+    return result
+
+
+def from_the_beginning(rough: FitData, structure: str, hub: bool) -> list[FitData]:
+    """Return first starts with other shafts, and where wanted with a swinging hub."""
+    firsts = candidates(rough, structure)
+    result = [item for one in firsts for item in with_shaft(one)]
+    if hub:
+        result += with_coupling(firsts[1])
     return result
 
 

@@ -157,7 +157,7 @@ def _written_beside(target: Path) -> Iterator[Path]:
         restore_earlier(target.resolve())
         lock = _claimed(target, partial)
         try:
-            with removed_when_stopped(partial):
+            with removed_when_stopped(partial, made):
                 yield partial
         finally:
             os.close(lock)
