@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.evidence import loss_evidence
+from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
 from camtorque.fit.prepare import INDEPENDENT, Halves, fit_data, halves
-from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
 from camtorque.fit.search import Start, refined, search
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.uncertainty import Covariance, covariance
@@ -26,7 +26,6 @@ RELAXED_TIME = 2.5e-3
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
 POLISH_ITERATIONS = 40
-STRUCTURES = ("land", "spill", "open", "line")
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     means = halves(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
-    found = search(data, STRUCTURES)
+    found = search(data, tuple(STRUCTURES))
     return Prepared(recording, cycles, rigid, means, polished(data, found), data.chain.shaft_torque)
 
 
@@ -261,7 +260,7 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
     if line is None or chamber is None:
         return LossEvidence("chamber", np.nan, "cannot tell", False, np.nan, (np.nan, np.nan), "N m", "not compared")
     factor = (line.value - chamber.value) / inflation - np.log(INDEPENDENT) * 4.0
-    verdict = "needed" if factor > 6.0 else "not needed" if factor < -2.0 else "cannot tell"
+    verdict = "needed" if factor > NEEDED else "not needed" if factor < NOT_NEEDED else "cannot tell"
     weight = line.data.weight
     size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
     text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms (2 ln K = {factor:.0f})"

@@ -257,6 +257,7 @@ def solve(
         if iterations >= max_iterations:
             break
         iterations += 1
+        before = trial
         accepted, gained = False, 0.0
         goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
         while not converged and damping < LARGEST_DAMPING:
@@ -276,9 +277,10 @@ def solve(
             damping *= 4.0 if ratio > 0.0 else 8.0
         if not accepted:
             converged = converged or gained < 5.0 * goal
-            data_matrix, vector, outputs = normal_equations(problem, trial, lifts, smooth)
-            matrix = data_matrix + np.diag(inverse)
-            vector = vector - inverse * (trial.z - means) / steps
+            if trial is not before:
+                data_matrix, vector, outputs = normal_equations(problem, trial, lifts, smooth)
+                matrix = data_matrix + np.diag(inverse)
+                vector = vector - inverse * (trial.z - means) / steps
             break
     outer = np.outer(steps, steps)
     return Solution(
