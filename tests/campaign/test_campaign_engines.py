@@ -112,9 +112,11 @@ def test_an_option_that_the_batch_system_does_not_know(tmp_path: Path) -> None:
         list(cluster.on_cluster_file(campaign_words.sleepy, ["say"], file, lambda text: None))
 
 
+# like the real one it copies the job, for the file of the caller may go before the job starts
 SBATCH = """#!/bin/sh
 [ "$1" = --parsable ] && shift
-sh "$1" >"{log}" 2>&1 &
+cp "$1" "{job}"
+sh "{job}" >"{log}" 2>&1 &
 echo $! >> "{jobs}"
 echo 42
 """
@@ -124,7 +126,7 @@ def test_jobs_of_a_batch_system_do_the_work(tmp_path: Path, monkeypatch: pytest.
     pytest.importorskip("dask_jobqueue")
     for name, text in (("sbatch", SBATCH), ("scancel", "#!/bin/sh\nkill $(cat {jobs})\n")):
         script = tmp_path / name
-        script.write_text(text.format(log=tmp_path / "log", jobs=tmp_path / "jobs"))
+        script.write_text(text.format(**{name: tmp_path / name for name in ("job", "jobs", "log")}))
         script.chmod(script.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.environ.get("PYTHONPATH", ""), str(Path(__file__).parent)]))
