@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import stat
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import campaign_words
 import pytest
+from campaign_cases import make
 from camtorque.campaign import cluster
 from camtorque.records import Refusal
 from camtorque.workers import Lost, on_processes
@@ -60,7 +64,7 @@ def test_items_are_taken_as_workers_become_free() -> None:
 def test_a_running_scheduler_is_used() -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, protocol="tcp") as running:
-        done = dict(cluster.on_scheduler(campaign_words.sleepy, ["say 1", "say 2"], running.scheduler_address))
+        done = dict(cluster.on_scheduler(campaign_words.sleepy, ["say 1", "say 2"], running.scheduler_address, print))
     assert done == {"say 1": "say 1", "say 2": "say 2"}
 
 
@@ -74,15 +78,15 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
     pytest.importorskip("dask_jobqueue")
     monkeypatch.setattr(cluster, "WAIT_FOR_SCHEDULER", 0.5)
     with pytest.raises(Refusal, match="found no scheduler that answers"):
-        list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "tcp://127.0.0.1:9"))
+        list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "tcp://127.0.0.1:9", print))
     with pytest.raises(Refusal, match="found no scheduler that answers"):
-        list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "nonsense://x"))
+        list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "nonsense://x", print))
 
 
 def test_the_extra_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "find_spec", lambda name: None)
     with pytest.raises(Refusal, match=r"pip install 'camtorque\[cluster\]'"):
-        list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "tcp://127.0.0.1:9"))
+        list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "tcp://127.0.0.1:9", print))
 
 
 @pytest.mark.parametrize(
@@ -116,23 +120,71 @@ def test_an_option_that_the_batch_system_does_not_know(tmp_path: Path) -> None:
 SBATCH = """#!/bin/sh
 [ "$1" = --parsable ] && shift
 cp "$1" "{job}"
-sh "{job}" >"{log}" 2>&1 &
-echo $! >> "{jobs}"
+{start}
 echo 42
+"""
+STARTS = 'sh "{job}" >"{log}" 2>&1 & echo $! >> "{jobs}"'
+SCANCEL = """#!/bin/sh
+echo "$@" >> "{cancelled}"
+kill $(cat "{jobs}")
 """
 
 
-def test_jobs_of_a_batch_system_do_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], Path]:
+    """Put a batch system into the path; the cluster file is given back."""
     pytest.importorskip("dask_jobqueue")
-    for name, text in (("sbatch", SBATCH), ("scancel", "#!/bin/sh\nkill $(cat {jobs})\n")):
-        script = tmp_path / name
-        script.write_text(text.format(**{name: tmp_path / name for name in ("job", "jobs", "log")}))
-        script.chmod(script.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.environ.get("PYTHONPATH", ""), str(Path(__file__).parent)]))
-    file = tmp_path / "cluster.toml"
-    file.write_text("kind = 'slurm'\njobs = 1\n[options]\nmemory = '1GB'\ninterface = 'lo'\n")
+    places = {name: tmp_path / name for name in ("job", "jobs", "log", "cancelled")}
+
+    def put(starts: bool) -> Path:
+        start = STARTS.format(**places) if starts else "true"
+        for name, text in (("sbatch", SBATCH.format(start=start, **places)), ("scancel", SCANCEL.format(**places))):
+            (tmp_path / name).write_text(text)
+            (tmp_path / name).chmod(0o700)
+        monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+        paths = [os.environ.get("PYTHONPATH", ""), str(Path(__file__).parent)]
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+        file = tmp_path / "cluster.toml"
+        file.write_text("kind = 'slurm'\njobs = 1\n[options]\nmemory = '1GB'\ninterface = 'lo'\n")
+        return file
+
+    return put
+
+
+def test_jobs_of_a_batch_system_do_the_work(slurm: Callable[[bool], Path]) -> None:
     told: list[str] = []
-    done = dict(cluster.on_cluster_file(campaign_words.sleepy, ["say 1", "say 2"], file, told.append))
+    done = dict(cluster.on_cluster_file(campaign_words.sleepy, ["say 1", "say 2"], slurm(True), told.append))
     assert done == {"say 1": "say 1", "say 2": "say 2"}
     assert "1 jobs are asked of slurm" in told[0]
+
+
+def test_a_wait_for_workers_is_told(slurm: Callable[[bool], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    file, told = slurm(False), []
+    monkeypatch.setattr(cluster, "TELL_EVERY", 0.5)
+
+    def tell(text: str) -> None:
+        told.append(text)
+        if len(told) == 3:  # the user has read it twice and starts the job
+            places = {name: file.parent / name for name in ("job", "jobs", "log")}
+            subprocess.run(["sh", "-c", STARTS.format(**places)], check=True)
+
+    done = dict(cluster.on_cluster_file(campaign_words.sleepy, ["say 1"], file, tell))
+    assert done == {"say 1": "say 1"}
+    assert "no worker for about 1 s, waiting; 1 jobs taken by slurm (42): see its queue" in told[1]
+    assert f"mostly in {Path.cwd()}" in told[1]
+
+
+def test_ctrl_c_ends_the_wait_for_workers_and_takes_the_jobs_back(
+    slurm: Callable[[bool], Path], tmp_path: Path
+) -> None:
+    file, raw, out = slurm(False), make(tmp_path / "raw", a="say"), tmp_path / "out"
+    command = [sys.executable, str(Path(__file__).with_name("campaign_cases.py")), "campaign", str(raw)]
+    process = subprocess.Popen([*command, "--out", str(out), "--cluster", str(file)], stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "job").exists():
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "")
+    assert "42" in (tmp_path / "cancelled").read_text().split()

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import logging
+import shlex
+import signal
+import subprocess
+import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
 from camtorque.campaign.key import code_digest
+from camtorque.progress import spoken
 from camtorque.records import Refusal
-from camtorque.stopping import end_workers
+from camtorque.stopping import SIGNALS, before_leaving, end_workers
 from camtorque.toml_table import read_toml
 from camtorque.units import did_you_mean
 from camtorque.workers import Lost, quiet_tracker
@@ -31,6 +36,8 @@ BATCH_SYSTEMS = {
 CLUSTER_KEYS = ("kind", "jobs", "options")
 WAIT_FOR_SCHEDULER = 10.0
 WAIT_FOR_WORKERS = 60.0
+TELL_EVERY = 60.0
+CANCEL_WITHIN = 1.0
 """Seconds."""
 
 
@@ -50,7 +57,9 @@ def on_local_cluster(call: Callable[[T], R], items: Iterable[T], workers: int) -
                 raise
 
 
-def on_scheduler(call: Callable[[T], R], items: Iterable[T], address: str) -> Iterator[tuple[T, R | Lost]]:
+def on_scheduler(
+    call: Callable[[T], R], items: Iterable[T], address: str, tell: Callable[[str], None]
+) -> Iterator[tuple[T, R | Lost]]:
     """Yield each item with its result as it is done, on the workers of a running scheduler.
 
     Raises
@@ -74,7 +83,8 @@ def on_scheduler(call: Callable[[T], R], items: Iterable[T], address: str) -> It
                     "--nthreads 1` where the recordings can be read"
                 ) from error
             _need_same_code(client, f"--scheduler {address}")
-            yield from _results(client, call, items)
+            with _told_while_alone(client, tell, lambda: f"start `dask worker {address} --nthreads 1`"):
+                yield from _results(client, call, items)
 
 
 def on_cluster_file(
@@ -88,18 +98,28 @@ def on_cluster_file(
     """
     kind, jobs, options = read_cluster_file(file)
     with _quiet("dask_jobqueue") as distributed:
-        import dask_jobqueue
-
+        dask_jobqueue = _batch_systems()
         try:
             cluster = getattr(dask_jobqueue, BATCH_SYSTEMS[kind])(**{"processes": 1, "cores": 1, **options})
             cluster.scale(jobs=jobs)
         except (OSError, TypeError, ValueError, RuntimeError) as error:
             raise Refusal(f"--cluster {file}: {kind} refused it ({' '.join(str(error).split())}); see docs") from error
-        with cluster, distributed.Client(cluster) as client:
+        with before_leaving(lambda: _cancel(cluster)), cluster, distributed.Client(cluster) as client:
             tell(f"{jobs} jobs are asked of {kind}; the first worker may take its time")
-            client.wait_for_workers(1)
-            _need_same_code(client, f"--cluster {file}")
-            yield from _results(client, call, items)
+            with _told_while_alone(client, tell, lambda: _where_to_look(cluster, kind)):
+                client.wait_for_workers(1)
+                _need_same_code(client, f"--cluster {file}")
+                yield from _results(client, call, items)
+
+
+def _batch_systems() -> Any:
+    """Return dask-jobqueue with the handling of signals as it was: the package takes Ctrl-C for itself on import."""
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    import dask_jobqueue
+
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    return dask_jobqueue
 
 
 def read_cluster_file(file: Path) -> tuple[str, int, dict[str, Any]]:
@@ -151,6 +171,49 @@ def _need_same_code(client: Any, what: str) -> None:
     other = [worker for worker, digest in client.run(code_digest).items() if digest != code_digest()]
     if other:
         raise Refusal(f"{what}: found another version of camtorque on {', '.join(other)}, expected the same everywhere")
+
+
+@contextmanager
+def _told_while_alone(client: Any, tell: Callable[[str], None], advice: Callable[[], str]) -> Iterator[None]:
+    """Tell every minute without a worker, before the first and after the last: a job that dies at once tells nobody."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        alone = 0.0
+        while not ended.wait(TELL_EVERY):
+            with suppress(OSError, RuntimeError, TimeoutError):  # the client is closing
+                alone = 0.0 if client.nthreads() else alone + TELL_EVERY
+                if alone:
+                    tell(f"no worker for {spoken(alone)}, waiting; {advice()}; Ctrl-C keeps what is finished")
+
+    threading.Thread(target=watch, daemon=True, name="worker watch").start()
+    try:
+        yield
+    finally:
+        ended.set()
+
+
+def _jobs(cluster: Any) -> list[Any]:
+    """Return the jobs that the batch system has taken."""
+    return [job for job in list(cluster.workers.values()) if getattr(job, "job_id", None)]
+
+
+def _where_to_look(cluster: Any, kind: str) -> str:
+    """Return how many jobs there are and where the log of one that died stands."""
+    jobs = _jobs(cluster)
+    numbers = ", ".join(str(job.job_id) for job in jobs[:3]) + (", ..." if len(jobs) > 3 else "")
+    folder = next((job.log_directory for job in jobs if job.log_directory), None)
+    log = f"in {folder}" if folder else f"where {kind} writes it, mostly in {Path.cwd()} (`log_directory` in [options])"
+    return f"{len(jobs)} jobs taken by {kind} ({numbers}): see its queue, and the log of a job that ended {log}"
+
+
+def _cancel(cluster: Any) -> None:
+    """Take the jobs back at once: a stopped process has no time for the cluster's own way."""
+    jobs = _jobs(cluster)
+    if jobs:
+        with suppress(OSError, subprocess.SubprocessError):
+            command = [*shlex.split(jobs[0].cancel_command), *(str(job.job_id) for job in jobs)]
+            subprocess.run(command, timeout=CANCEL_WITHIN, capture_output=True, check=False)
 
 
 def _results(client: Any, call: Callable[[T], R], items: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:

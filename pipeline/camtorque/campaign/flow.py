@@ -136,7 +136,7 @@ def _outcomes(
 ) -> Iterator[tuple[Task, CampaignEntry | Lost]]:
     workers = min(how.workers or os.cpu_count() or 1, len(tasks))
     if how.scheduler:
-        return on_scheduler(run_task, tasks, how.scheduler)
+        return on_scheduler(run_task, tasks, how.scheduler, progress)
     if how.cluster is not None:
         return on_cluster_file(run_task, tasks, how.cluster, progress)
     if how.engine == "processes" or (not how.engine and (workers == 1 or find_spec("distributed") is None)):
