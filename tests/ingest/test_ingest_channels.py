@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from camtorque.ingest import read_recording, summarise_recording
+from camtorque.ingest.sensors import zero_of_readings
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Refusal
 from camtorque.units import BAR
@@ -103,7 +104,9 @@ def test_the_zero_of_scaled_values_is_in_their_unit(tmp_path: Path):
     read = read_recording(scaled_log(tmp_path, "zero_before = 1.5\nzero_after = 2.5\naccuracy_percent_fs = 0.3\n"))
     channel = read.of("pressure")[0]
     assert np.allclose(channel.read(), BAR * (200.0 * LOG.volts["pressure"] - 2.0))
-    assert channel.calibration.zero_std == pytest.approx(0.5 * BAR)
+    largest = float(200.0 * LOG.volts["pressure"].max())
+    _, std = zero_of_readings([1.5, 2.5], 1e-5 * largest, 0.003 * largest)
+    assert channel.calibration.zero_std == pytest.approx(std * BAR)
 
 
 def test_channels_beside_torque_and_pressure(tmp_path: Path):

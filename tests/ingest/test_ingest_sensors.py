@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from camtorque.config import SensorRef
 from camtorque.ingest import read_recording
-from camtorque.ingest.sensors import certificate_age, read_sensor
+from camtorque.ingest.sensors import certificate_age, read_sensor, zero_of_readings
 from camtorque.records import Refusal
 from camtorque.units import ATMOSPHERE
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
@@ -63,7 +63,6 @@ def test_zero_from_standstill_or_certificate():
     both = read_sensor(reference(CALIBRATION, before=-0.02, after=-0.03)).calibration
     assert both.zero_source == "standstill"
     assert both.zero_volts == pytest.approx(-0.025)
-    assert both.zero_std == pytest.approx(0.005 * both.gain, rel=1e-3)
     one = read_sensor(reference(CALIBRATION, before=-0.02)).calibration
     assert one.zero_volts == -0.02
     assert one.zero_std > both.zero_std
@@ -72,6 +71,32 @@ def test_zero_from_standstill_or_certificate():
     assert none.zero_std == pytest.approx(0.05 * none.gain / math.sqrt(3.0))
     thermal = read_sensor(reference(CALIBRATION, "pressure")).calibration
     assert thermal.zero_std == pytest.approx(0.0015 * 2000e5 / math.sqrt(3.0))
+
+
+def scatter_by_quadrature(difference: float, least: float, most: float) -> float:
+    """Return the standard error of a mean of two readings, by adding up over their unknown scatter."""
+    scatter = np.geomspace(least, most, 200_001)
+    weight = np.exp(-(difference**2) / (4.0 * scatter**2)) / scatter  # times ds/s, even on a logarithmic scale
+    return float(np.sqrt(np.sum(weight * scatter**2) / np.sum(weight) / 2.0))
+
+
+@pytest.mark.parametrize("difference", [0.0, 2e-4, 3e-3, 0.02])
+def test_two_readings_that_agree_do_not_make_a_zero_exact(difference: float):
+    zero, std = zero_of_readings([0.01, 0.01 + difference], 1e-4, 0.05)
+    assert zero == pytest.approx(0.01 + 0.5 * difference)
+    least, most = 1e-4 / math.sqrt(12.0), 0.05 / math.sqrt(3.0)
+    assert std == pytest.approx(scatter_by_quadrature(difference, least, most), rel=1e-3)
+    assert std > zero_of_readings([0.01, 0.01], 1e-5, 0.05)[1]  # what is noted finer is known better
+    assert std < zero_of_readings([0.01], 1e-4, 0.05)[1] < zero_of_readings([], 1e-4, 0.05)[1]
+
+
+def test_the_stated_zero_holds_the_true_one_whatever_its_scatter():
+    rng = np.random.default_rng(3)
+    scatter = np.exp(rng.uniform(np.log(1e-4 / math.sqrt(12.0)), np.log(0.05 / math.sqrt(3.0)), 4000))
+    readings = np.round(scatter[:, None] * rng.standard_normal((4000, 2)) + rng.uniform(-5e-5, 5e-5, (4000, 1)), 4)
+    stated = [zero_of_readings(list(pair), 1e-4, 0.05) for pair in readings]
+    inside = np.mean([abs(zero) < 2.0 * std for zero, std in stated])
+    assert 0.94 < inside < 0.99  # half of the difference as one standard uncertainty: 0.75
 
 
 def test_an_absolute_sensor_shows_the_atmosphere_at_zero_gauge(papers: Path):

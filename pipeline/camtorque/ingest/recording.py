@@ -276,7 +276,7 @@ def _shifted_zero(spec: ChannelSpec) -> SensorCalibration | None:
 def _idle_zero(
     calibration: SensorCalibration, reference: SensorRef, raw: RawChannel, scale: float, where: str
 ) -> SensorCalibration:
-    """Return the zero as the mean over the marked idle stretch; its drift over the stretch is the uncertainty."""
+    """Return the zero as the mean over the marked idle stretch, whose halves are two readings."""
     assert reference.idle_from is not None  # checked with the configuration
     assert reference.idle_to is not None
     start, stop = (round(t * raw.sample_rate) for t in (reference.idle_from, reference.idle_to))
@@ -286,11 +286,9 @@ def _idle_zero(
     if values.size < LEAST_IDLE_SAMPLES:
         raise Refusal(f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s holds {values.size} "
                       f"samples, expected at least {LEAST_IDLE_SAMPLES}")  # fmt: skip
-    halves = np.array_split(values, 2)
-    drift = abs(float(halves[1].mean() - halves[0].mean()))
-    return with_idle_zero(
-        calibration, float(values.mean()), math.hypot(drift, float(values.std()) / math.sqrt(values.size))
-    )
+    first, second = np.array_split(values, 2)
+    noise = float(values.std()) / math.sqrt(0.5 * values.size)
+    return with_idle_zero(calibration, (float(first.mean()), float(second.mean())), noise)
 
 
 def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:

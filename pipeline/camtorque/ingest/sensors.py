@@ -24,7 +24,9 @@ USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
 USUAL_ACCURACY = 0.01
 """Share of the range assumed where nothing states the accuracy; told as a warning."""
 READING_STEP = 1.0e-4
-"""Standstill readings are noted to a tenth of a millivolt [V]; scaled ones to the same part of 10 V of range."""
+"""Standstill readings are noted to a tenth of a millivolt [V]."""
+READING_SHARE = READING_STEP / 10.0
+"""Scaled ones are noted to the same part of the range as a tenth of a millivolt is of 10 V."""
 CERTIFICATE_DAYS = 366
 """A certificate older than this is told; sensors are calibrated once a year."""
 MILLIVOLTS = 0.1
@@ -136,14 +138,14 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
         findings.append(_assumed("accuracy", f"{100 * accuracy:g} % of the range", sheet, "accuracy_percent_fs"))
     width = accuracy * max(abs(low), abs(high))
     readings = [factor * v for v in (reference.zero_before, reference.zero_after) if v is not None]
-    zero, drift = _mean_and_drift(readings, width)
+    zero, zero_std = zero_of_readings(readings, READING_SHARE * max(abs(low), abs(high)), width)
     calibration = SensorCalibration(
         serial=sheet.serial,
         quantity=quantity,
         gain=1.0,
         gain_relative_std=accuracy / math.sqrt(3.0),
         zero_volts=zero,
-        zero_std=drift,
+        zero_std=zero_std,
         zero_source="standstill" if readings else "certificate",
         nonlinearity_std=0.0,
         delay=delay,
@@ -165,23 +167,51 @@ def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
     return Finding(f"{what}_assumed", "warning", text, sheet.place)
 
 
-def _mean_and_drift(readings: list[float], tolerance: float) -> tuple[float, float]:
-    """Return zero and its standard uncertainty.
+def zero_of_readings(readings: list[float], resolution: float, tolerance: float) -> tuple[float, float]:
+    """Return the zero during the run and its standard uncertainty, in the unit of the readings.
 
-    Between two readings the zero may have been anywhere: their half difference is one standard uncertainty. With one
-    reading the drift is unknown and half of the tolerance bounds it; without any the whole tolerance does.
+    Two readings hold one degree of freedom: their scatter s is known only to lie between what the readings resolve
+    and what the sheet allows, alike on a logarithmic scale, and by their difference d::
+
+        p(s | d) ~ 1/s * 1/s exp(-d^2 / 4 s^2),    variance of the mean = E(s^2 | d) / 2
+
+    in closed form (docs/decisions/0063). With one reading the drift is unknown and half of the tolerance bounds it;
+    without any the whole tolerance does.
+
+    Parameters
+    ----------
+    readings : at standstill, none, one or two
+    resolution : step in which they were noted
+    tolerance : half width of the zero by the sheet
     """
+    most = tolerance / math.sqrt(3.0)
     if not readings:
-        return 0.0, tolerance / math.sqrt(3.0)
+        return 0.0, most
+    least = resolution / math.sqrt(12.0)
     if len(readings) == 1:
-        return readings[0], tolerance / 2.0 / math.sqrt(3.0)
-    return sum(readings) / 2.0, abs(readings[1] - readings[0]) / 2.0
+        return readings[0], math.hypot(most / 2.0, least)
+    half = max(abs(readings[1] - readings[0]) / 2.0, 1e-3 * least)
+    most = max(most, math.sqrt(2.0) * half, 2.0 * least)
+
+    def moment(scatter: float) -> float:
+        return scatter * math.exp(-((half / scatter) ** 2)) + half * math.sqrt(math.pi) * math.erf(half / scatter)
+
+    weight = math.sqrt(math.pi) / (2.0 * half) * (math.erf(half / least) - math.erf(half / most))
+    return sum(readings) / 2.0, math.sqrt((moment(most) - moment(least)) / weight / 2.0)
 
 
-def with_idle_zero(calibration: SensorCalibration, mean_volts: float, std_volts: float) -> SensorCalibration:
-    """Return the calibration with its zero from a stretch of the recording at standstill."""
-    std = abs(calibration.gain) * std_volts
-    return replace(calibration, zero_volts=mean_volts, zero_std=std, zero_source="idle stretch")
+def with_idle_zero(calibration: SensorCalibration, halves: tuple[float, float], noise: float) -> SensorCalibration:
+    """Return the calibration with its zero from a stretch of the recording at standstill.
+
+    Parameters
+    ----------
+    halves : means of its halves [V]; two readings
+    noise : standard error of each [V]
+    """
+    gain = abs(calibration.gain)
+    tolerance = math.sqrt(3.0) * calibration.zero_std / gain
+    zero, std = zero_of_readings(list(halves), max(math.sqrt(12.0) * noise, READING_STEP), tolerance)
+    return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="idle stretch")
 
 
 def _with_zero(
@@ -191,13 +221,12 @@ def _with_zero(
     readings = [v for v in (reference.zero_before_volts, reference.zero_after_volts) if v is not None]
     gain = abs(line.gain)
     tolerance = _zero_tolerance(sheet, calibration, gain)
-    zero, std = _mean_and_drift(readings, tolerance / gain)
+    zero, std = zero_of_readings(readings, READING_STEP, tolerance / gain)
     if not readings:
         # an absolute sensor shows the atmosphere at zero load; standstill readings hold it already
         zero = line.zero_volts + (ATMOSPHERE / line.gain if sheet["reference"] == "absolute" else 0.0)
         return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="certificate")
-    std = math.hypot(gain * std, gain * READING_STEP / math.sqrt(12.0))
-    return replace(calibration, zero_volts=zero, zero_std=std, zero_source="standstill")
+    return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="standstill")
 
 
 def _refuse_millivolts(off: float, tolerance: float, calibration: SensorCalibration, line: CertificateLine) -> None:
