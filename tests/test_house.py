@@ -134,11 +134,11 @@ def test_every_public_thing_has_a_docstring(path: Path) -> None:
 
 def test_every_effect_has_its_file_and_every_parameter_its_row() -> None:
     stems = {path.stem for path in (PACKAGE / "laws").glob("*.py")}
-    for name, rows in laws.LAWS.items():
-        assert rows, f"{name} has no parameters"
+    for name, law in laws.LAWS.items():
+        assert law.rows, f"{name} has no parameters"
     shared = {"coupling": "driveline"}
     assert {shared.get(name, name) for name in laws.LAWS} <= stems
-    assert len(laws.ROWS) == sum(len(rows) for rows in laws.LAWS.values()), "a parameter name repeats"
+    assert len(laws.ROWS) == sum(len(law.rows) for law in laws.LAWS.values()), "a parameter name repeats"
 
 
 def test_every_figure_function_is_in_the_registry() -> None:

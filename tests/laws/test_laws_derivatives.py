@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.laws import ROWS
+from camtorque.laws import LINEAR_NAMES, ROWS
 from camtorque.laws.chain import (
     NONLINEAR_NAMES,
     SENSOR_NAMES,
@@ -24,7 +24,7 @@ from camtorque.laws.driveline import (
     twist_basis,
 )
 from camtorque.laws.sensor import sensor_transfer
-from camtorque.laws.torque import LINEAR_NAMES, cam_torque
+from camtorque.laws.torque import cam_torque
 from laws_cases import COEFFICIENTS, chain_input, refined, start_values, total_torque
 
 SPEED = 60.0
@@ -166,12 +166,12 @@ def test_torque_on_the_cam(row):
         moved[row] = amount
         lift = law.derivatives(theta + moved[0], 3)
         whole, columns, *_ = cam_torque(
-            data.pump_numbers, mu + moved[4], lift, rate + moved[1], second + moved[2], pressure + moved[3],
+            data.constants, mu + moved[4], lift, rate + moved[1], second + moved[2], pressure + moved[3],
             COEFFICIENTS[:-1],
         )  # fmt: skip
         return whole + columns @ COEFFICIENTS[:-1]
 
-    stated = cam_torque(data.pump_numbers, mu, law.derivatives(theta, 3), rate, second, pressure, COEFFICIENTS[:-1])[2]
+    stated = cam_torque(data.constants, mu, law.derivatives(theta, 3), rate, second, pressure, COEFFICIENTS[:-1])[2]
     found = central(torque, 0.0, [2e-5, 1e-2, 1.0, 1e3, 1e-4][row])
     # the sign of the sliding velocity turns within 2e-5 m/rad at both dwells: away from there
     clear = np.abs(law.evaluate(theta, 1)) > 2e-4
@@ -181,7 +181,7 @@ def test_torque_on_the_cam(row):
 def test_torque_is_linear_in_the_coefficients_of_its_columns():
     data = chain_input()
     lift, one = data.law.derivatives(data.theta, 3), np.ones(data.theta.size)
-    arguments = (data.pump_numbers, 0.05, lift, 60.0 * one, 0.0 * one, data.line_pressure)
+    arguments = (data.constants, 0.05, lift, 60.0 * one, 0.0 * one, data.line_pressure)
     plain, columns, _, load, _ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
     other, same, _, also, _ = cam_torque(*arguments, COEFFICIENTS[:-1])
     np.testing.assert_array_equal(plain, other)

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from camtorque.fit.evidence import LOSSES
 from camtorque.fit.problem import END_NAMES, NEUTRAL, SPILL_NAMES
-from camtorque.laws import LAW_OF, LAWS, ROWS
-from camtorque.laws.causes import CAUSES, LOSS_GROUPS, cam_torques, cause_of, measured_torques, work_per_revolution
+from camtorque.laws import LAW_OF, LAWS, LINEAR_NAMES, ROWS, cause_of
+from camtorque.laws.causes import CAUSES, LOSS_GROUPS, cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
 from camtorque.laws.chamber import KERNEL_UNITS
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.laws.rows import ParameterRow
-from camtorque.laws.torque import LINEAR_NAMES, cam_torque
-from camtorque.mechanism.friction import Friction
-from camtorque.mechanism.mounting import Mounting, assumed_roller
-from camtorque.mechanism.torque import OUTPUTS, constants_of, solve_lift
+from camtorque.laws.torque import cam_torque
+from camtorque.mechanism.friction import guide_share
+from camtorque.mechanism.torque import OUTPUTS, solve_lift
 from laws_cases import COEFFICIENTS, THETA, chain_input, start_values, total_torque
 
 UNITS = {
@@ -48,16 +47,18 @@ def test_every_parameter_is_in_the_chain_once():
     chain = (*NONLINEAR_NAMES, *COLUMN_NAMES)
     assert sorted(chain) == sorted(ROWS)
     assert len(set(chain)) == len(chain)
-    assert {name for name, row in ROWS.items() if row.is_linear} == set(COLUMN_NAMES)
     assert (*LINEAR_NAMES, "torque_zero") == COLUMN_NAMES
-    assert [LAW_OF[row.name] for rows in LAWS.values() for row in rows] == [k for k, v in LAWS.items() for _ in v]
+    for name, law in LAWS.items():
+        assert {*law.linear, *law.causes} <= {row.name for row in law.rows}, name
+        assert all(LAW_OF[row.name] == name for row in law.rows)
+        assert (law.columns is None) == (not law.linear), name
 
 
 def test_kernel_and_driveline_take_their_own_rows():
-    assert set(CHAMBER_NAMES) == {row.name for row in LAWS["chamber"]}
+    assert set(CHAMBER_NAMES) == {row.name for row in LAWS["chamber"].rows}
     for name, unit in KERNEL_UNITS.items():
         assert unit > 0.0, name
-    rows = {row.name for row in (*LAWS["driveline"], *LAWS["coupling"])}
+    rows = {row.name for row in (*LAWS["driveline"].rows, *LAWS["coupling"].rows)}
     assert set(COMPLIANCE_NAMES) == rows - {"trigger_offset"}
 
 
@@ -65,9 +66,9 @@ def test_losses_and_structures_name_parameters():
     for members in LOSSES.values():
         assert set(members) <= set(ROWS)
         assert all(ROWS[name].lower < 0.01 * ROWS[name].upper for name in members), "a loss vanishes at its lower bound"
-    rubbing = {row.name for law in ("friction", "packing") for row in LAWS[law]}
+    rubbing = {row.name for law in ("friction", "packing") for row in LAWS[law].rows}
     assert set(LOSSES["friction"]) == rubbing
-    assert set(LOSSES["damping"]) == {row.name for row in LAWS["damping"]}
+    assert set(LOSSES["damping"]) == {row.name for row in LAWS["damping"].rows}
     assert set(NEUTRAL) == {*END_NAMES, *SPILL_NAMES} <= set(ROWS)
 
 
@@ -77,7 +78,7 @@ def test_causes_come_from_the_laws():
     assert set(named) == set(CAUSES)
     assert {cause_of(name) for name in LINEAR_NAMES} <= set(CAUSES)
     for law in ("friction", "packing"):
-        for row in LAWS[law]:
+        for row in LAWS[law].rows:
             assert cause_of(row.name) in LOSS_GROUPS["friction"]
 
 
@@ -113,28 +114,28 @@ def test_work_of_the_causes_is_the_work_of_the_shaft():
 
 
 @pytest.mark.parametrize("offset", [0.0, 2e-3, -3e-3])
-def test_closed_form_is_the_one_of_the_mechanism(offset):
-    # the law compiles its own copy for the tangents' sake: here they are held together to rounding
+def test_torque_of_the_laws_is_the_closed_form_of_the_mechanism(offset):
+    # the mechanism takes the pin's friction from the force along the surface, the law from an arm of the load
     data = chain_input(offset=offset)
     mu, bearing, pin = 0.07, 2e-4, 3e-5
-    lift, n = data.law.derivatives(THETA, 3), THETA.size
+    lift = data.law.derivatives(THETA, 3)
     speed, acceleration = 60.0 + 3.0 * np.sin(THETA), 900.0 * np.cos(2.0 * THETA)
     vector = np.zeros(len(LINEAR_NAMES))
     vector[:2] = bearing, pin
-    plain, columns, _, load, _ = cam_torque(
-        (*data.pump_numbers[:7], assumed_roller(data.pump).inertia), mu, lift, speed, acceleration,
-        data.line_pressure, vector,
-    )  # fmt: skip
-    pump = data.pump
-    constants = constants_of(pump, Mounting(), Friction(mu, bearing, pin))._replace(
-        cam_inertia=0.0, offset=offset,
-        base=float(np.sqrt((pump.base_circle_radius + pump.roller_radius) ** 2 - offset**2)),
-    )  # fmt: skip
-    expected = solve_lift(constants, lift[:3].copy(), np.array(data.line_pressure), speed, acceleration)
+    pressure = data.line_pressure
+    plain, columns, _, load, least = cam_torque(data.constants, mu, lift, speed, acceleration, pressure, vector)
+    constants = data.constants._replace(guide_friction=mu, bearing_arm=bearing, pin_arm=pin)
+    expected = solve_lift(constants, lift[:3].copy(), np.array(pressure), speed, acceleration)
     torque, along = expected[OUTPUTS.index("torque")], expected[OUTPUTS.index("contact_y")]
     np.testing.assert_allclose(plain + columns @ vector, torque, rtol=0.0, atol=1e-12 * np.max(np.abs(torque)))
     np.testing.assert_allclose(load, along, rtol=1e-13)
-    assert n == torque.size
+    assert least == pytest.approx(1.0 - mu * np.max(guide_share((lift[1] - offset) / path_height(data, lift), lift[1])))
+
+
+def path_height(data, lift):
+    """Return the distance between the centres along the follower from the sheet [m]."""
+    distance = data.pump.base_circle_radius + data.pump.roller_radius
+    return np.sqrt(distance**2 - data.offset**2) + lift[0]
 
 
 def test_rows_that_make_no_sense_are_refused():

@@ -7,11 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from camtorque.laws import LINEAR_NAMES
 from camtorque.laws.chain import angle_grid
 from camtorque.laws.chamber import FLOW, KERNEL_UNITS, NAMES, NEVER, integrate
 from camtorque.laws.leakage import leak_flow
-from camtorque.laws.torque import LINEAR_NAMES, cam_torque
+from camtorque.laws.torque import cam_torque
 from camtorque.mechanism import quintic_law
+from camtorque.mechanism.friction import NO_FRICTION
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.torque import constants_of
 from camtorque.records import CamTable
 from rig_bridge import pump_data
 from rigs.families import bare
@@ -52,12 +56,9 @@ def exact_law():
 
 
 def numbers(run, **changes):
-    pump = replace(pump_data(run), **changes)
-    return (
-        pump.base_circle_radius + pump.roller_radius, run.truth.pump.follower_offset, pump.roller_radius,
-        pump.follower_mass, pump.spring_stiffness, pump.spring_preload, pump.plunger_area,
-        run.truth.pump.roller_inertia,
-    )  # fmt: skip
+    pump = replace(pump_data(run), follower_offset=run.truth.pump.follower_offset, **changes)
+    constants = constants_of(pump, Mounting(), NO_FRICTION)
+    return constants._replace(roller_inertia=run.truth.pump.roller_inertia)
 
 
 def model(run, coefficients, mu=0.0, **changes):

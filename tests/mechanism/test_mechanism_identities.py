@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.laws.torque import LINEAR_NAMES, cam_torque
 from camtorque.mechanism import (
     CAUSES,
     METHODS,
@@ -386,26 +385,6 @@ def test_contact_load_with_guide_friction_is_that_of_the_closed_form():
     assert worst(contact_load(axial, path.tan_pressure_angle, path.velocity, 0.1), expected) < EXACT
     # 2.5 % of the peak at a tangent of 0.5 and a friction of 0.05: what frictionless forces leave out
     assert np.max(expected / axial) == pytest.approx(1.0 / (1.0 - 0.1 * np.tan(np.deg2rad(27.72))), rel=1e-3)
-
-
-def test_torque_of_the_fit_is_that_of_the_closed_form():
-    # the fit has its own compiled copy with derivatives; this holds the two statements together
-    pump, friction = paper_pump(follower_offset=2e-3), Friction(0.08, 2e-4, 3e-5)
-    theta = np.linspace(0.0, 2.5, 500)
-    pressure = 3e7 * np.sin(theta) ** 2
-    rate, second = 60.0 + 5.0 * np.sin(theta), 60.0 * np.cos(theta)
-    numbers = (
-        pump.base_circle_radius + pump.roller_radius, pump.follower_offset, pump.roller_radius, pump.follower_mass,
-        pump.spring_stiffness, pump.spring_preload, pump.plunger_area, pump.roller_inertia,
-    )  # fmt: skip
-    coefficients = np.zeros(len(LINEAR_NAMES))
-    coefficients[:2] = friction.bearing_arm, friction.pin_arm
-    lift = LAW.derivatives(theta, 3)
-    torque, columns, _, load, _ = cam_torque(numbers, friction.guide, lift, rate, second, pressure, coefficients)
-    tables = closed_form_tables(pump, LAW, theta, friction=friction)
-    ours = tables.evaluate("torque", pressure, rate, second) - pump.cam_inertia * second
-    assert worst(torque + columns @ coefficients, ours) < EXACT
-    assert worst(load, tables.evaluate("contact_y", pressure, rate, second)) < EXACT
 
 
 def test_frictionless_methods_refuse_friction():

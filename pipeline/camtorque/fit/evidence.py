@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
+from camtorque import laws
 from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.uncertainty import Covariance, inverse, prior_std
@@ -37,8 +38,7 @@ DRAWS = 400
 SIZE_DRAWS = 200
 
 LOSSES: dict[str, tuple[str, ...]] = {
-    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag", "packing_force", "packing_friction"),
-    "damping": ("shaft_viscous", "plunger_viscous"),
+    **laws.LOSSES,
     "driveline": ("shaft_compliance", "drive_admittance", "coupling_compliance"),
 }
 """Loss -> parameters that vanish with it."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution
 from camtorque.fit.difference import Pair
+from camtorque.laws import GROUPS
 from camtorque.laws.causes import cam_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
 from camtorque.records import Array
@@ -24,12 +25,7 @@ SEEN = 4.3
 SURE = 2.6
 MATTERS = 1.0
 """Size that matters, in steps of a parameter."""
-LOSSES: dict[str, tuple[str, ...]] = {
-    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag", "packing_force", "packing_friction"),
-    "damping": ("shaft_viscous", "plunger_viscous"),
-    "spring": ("spring_preload_error", "spring_stiffness_error"),
-    "pressure": (),
-}
+LOSSES: dict[str, tuple[str, ...]] = {**GROUPS, "pressure": ()}
 """Loss of the energy balance -> parameters that it vanishes or moves with."""
 SMALL_LOSS = 0.05
 """Change of a loss that matters, as a share of the larger of the loss and a hundredth of the input."""

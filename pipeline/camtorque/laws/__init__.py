@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 from camtorque.laws import chamber, damping, driveline, friction, packing, sensor, spring
-from camtorque.laws.rows import ParameterRow
+from camtorque.laws.rows import Law, ParameterRow
 
-LAWS: dict[str, tuple[ParameterRow, ...]] = {
-    "chamber": chamber.ROWS,
-    "friction": friction.ROWS,
-    "packing": packing.ROWS,
-    "damping": damping.ROWS,
-    "driveline": driveline.ROWS,
-    "coupling": driveline.COUPLING_ROWS,
-    "sensor": sensor.ROWS,
-    "spring": spring.ROWS,
+LAWS: dict[str, Law] = {
+    "chamber": Law(chamber.ROWS),
+    "friction": friction.LAW,
+    "damping": damping.LAW,
+    "spring": spring.LAW,
+    "packing": packing.LAW,
+    "driveline": Law(driveline.ROWS),
+    "coupling": Law(driveline.COUPLING_ROWS),
+    "sensor": Law(sensor.ROWS),
 }
-"""Law -> its parameter rows; the lift correction has coefficients instead of named rows."""
+"""Name -> law; the lift correction has coefficients instead of named rows."""
 
-ROWS: dict[str, ParameterRow] = {row.name: row for rows in LAWS.values() for row in rows}
+ROWS: dict[str, ParameterRow] = {row.name: row for law in LAWS.values() for row in law.rows}
 """Every named parameter."""
-LAW_OF: dict[str, str] = {row.name: law for law, rows in LAWS.items() for row in rows}
+LAW_OF: dict[str, str] = {row.name: name for name, law in LAWS.items() for row in law.rows}
 """Parameter -> law."""
+LINEAR_NAMES: tuple[str, ...] = tuple(name for law in LAWS.values() for name in law.linear)
+"""Parameters that the torque before the sensor is linear in, in the order of their columns."""
+GROUPS: dict[str, tuple[str, ...]] = {
+    loss: tuple(row.name for law in LAWS.values() if law.loss == loss for row in law.rows)
+    for loss in dict.fromkeys(law.loss for law in LAWS.values() if law.loss)
+}
+"""Group of the energy balance -> parameters of its laws."""
+LOSSES = {loss: names for loss, names in GROUPS.items() if all(ROWS[name].lower == 0.0 for name in names)}
+"""The groups that vanish with their parameters."""
+
+
+def cause_of(parameter: str) -> str:
+    """Return the cause of torque that a parameter of a loss scales."""
+    return LAWS[LAW_OF[parameter]].causes.get(parameter, parameter)

@@ -6,32 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.laws import damping, friction, packing, spring
+from camtorque.laws import GROUPS, LINEAR_NAMES, cause_of
 from camtorque.laws.chain import ChainInput, ChainOutput, filtered, transfer
-from camtorque.laws.torque import LINEAR_NAMES, cam_torque
+from camtorque.laws.torque import cam_torque
 from camtorque.records import Array
-
-CAUSE_OF_COLUMN: dict[str, str] = {
-    "bearing_arm": "bearing_friction", "pin_arm": "pin_friction", "spring_stiffness_error": "spring",
-    "spring_preload_error": "spring", "packing_force": "packing_friction",
-}  # fmt: skip
-"""Linear parameter -> cause, where the cause is not named as the parameter."""
-LOSS_OF_LAW = {"friction": friction.ROWS + packing.ROWS, "damping": damping.ROWS, "spring": spring.ROWS}
-
-
-def cause_of(parameter: str) -> str:
-    """Return the cause that a linear parameter scales."""
-    return CAUSE_OF_COLUMN.get(parameter, parameter)
-
 
 CAUSES = ("pressure", "spring", "inertia", "guide_friction", *dict.fromkeys(
     cause_of(name) for name in LINEAR_NAMES if cause_of(name) != "spring"), "lift_table")  # fmt: skip
 """Causes of torque on the cam; they sum to the model."""
 LOSS_GROUPS: dict[str, tuple[str, ...]] = {
     "pressure": ("pressure",),
-    "friction": tuple(dict.fromkeys(cause_of(row.name) for row in LOSS_OF_LAW["friction"])),
-    "damping": tuple(row.name for row in damping.ROWS),
-    "spring": ("spring",),
+    **{loss: tuple(dict.fromkeys(cause_of(name) for name in names)) for loss, names in GROUPS.items()},
     "inertia": ("inertia",),
     "lift_table": ("lift_table",),
 }
@@ -52,7 +37,7 @@ def cam_torques(
     y, slope, curve = motion.lift[:3]
     zero = np.zeros(len(LINEAR_NAMES))
     rates = (motion.rate, motion.second)
-    numbers = data.pump_numbers
+    numbers = data.constants
     mu = values["guide_friction"]
     whole, columns, _, load, _ = cam_torque(numbers, mu, motion.lift, *rates, output.pressure, zero)
     smooth, _, _, bare, _ = cam_torque(numbers, 0.0, motion.lift, *rates, output.pressure, zero)

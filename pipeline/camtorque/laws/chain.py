@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.laws import chamber, driveline, sensor
-from camtorque.laws.torque import LINEAR_NAMES, cam_torque
+from camtorque.laws import LINEAR_NAMES, chamber, driveline, sensor
+from camtorque.laws.torque import cam_torque
+from camtorque.mechanism.friction import NO_FRICTION
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.torque import Constants, constants_of
 from camtorque.records import Array, freeze_arrays
 
 BINS = 600
@@ -73,6 +76,7 @@ class ChainInput:
     deviation: Array = field(default_factory=lambda: np.zeros(0))
     twist: driveline.TwistBasis = field(init=False)
     top_lift: float = field(init=False)
+    constants: Constants = field(init=False)
 
     def __post_init__(self) -> None:
         if self.theta.size % BINS:
@@ -82,17 +86,11 @@ class ChainInput:
         object.__setattr__(self, "top_lift", float(np.max(self.law.evaluate(self.theta, 0))))
         if self.substeps.size == 0:
             object.__setattr__(self, "substeps", np.ones(self.theta.size, dtype=np.int64))
+        distance = self.pump.base_circle_radius + self.pump.roller_radius
+        own = {"base": float(np.sqrt(distance**2 - self.offset**2)), "offset": self.offset, "cam_inertia": 0.0}
+        constants = constants_of(self.pump, Mounting(), NO_FRICTION)
+        object.__setattr__(self, "constants", constants._replace(**own, roller_inertia=self.roller_inertia))
         freeze_arrays(self)
-
-    @property
-    def pump_numbers(self) -> tuple[float, ...]:
-        """Numbers of the pump in the order of `cam_torque`."""
-        pump = self.pump
-        rise = pump.base_circle_radius + pump.roller_radius
-        return (
-            rise, self.offset, pump.roller_radius, pump.follower_mass, pump.spring_stiffness, pump.spring_preload,
-            pump.plunger_area, self.roller_inertia,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -234,7 +232,7 @@ def evaluate(
     pressure, by, states, flows = chamber_of(data, values, motion, tangents)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
     torque, columns, slopes, load, least = cam_torque(
-        data.pump_numbers, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure, c[:-1]
+        data.constants, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure, c[:-1]
     )
     shaft, measured, by_filter = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]

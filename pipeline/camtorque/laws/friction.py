@@ -11,18 +11,37 @@ Source: Andersson, Tribology International 40 (2007); bearings 0.001-0.005 rolli
 
 from __future__ import annotations
 
-from camtorque.laws.rows import display
+from numba import njit
+
+from camtorque.laws.columns import on_contact, on_shaft
+from camtorque.laws.rows import Law, display
 
 ROWS = (
     display("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),
-            "friction coefficient times radius of the camshaft bearings", "mu 0.002-0.05 on 8-15 mm", "shared", True),
+            "friction coefficient times radius of the camshaft bearings", "mu 0.002-0.05 on 8-15 mm"),
     display("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (20.0, 25.0),
-            "friction coefficient times radius of the roller's pin", "mu 0.002-0.02 on 2-4 mm", "shared", True),
+            "friction coefficient times radius of the roller's pin", "mu 0.002-0.02 on 2-4 mm"),
     display("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
             "friction coefficient of the follower's guide", "lubricated steel, 0.02-0.12"),
     display("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.1, 0.15),
-            "constant drag of seals and bearings", "lip seals of 15-25 mm: 0.05-0.2 N m", "shared", True),
+            "constant drag of seals and bearings", "lip seals of 15-25 mm: 0.05-0.2 N m"),
 )  # fmt: skip
 
-SMOOTH_SLOPE = 2.0e-5
-"""Follower slope over which the sign of the sliding velocity turns smoothly [m/rad]."""
+
+@njit
+def columns(at):  # type: ignore[no-untyped-def]
+    """Return the columns of ``mu r``, of ``mu r_pin``, both on the contact load over cos phi, and of the drag."""
+    return (
+        on_contact(at.lever, at.lever_by),
+        on_contact(-at.lever * at.spin, -(at.lever_by * at.spin + at.lever * at.spin_by)),
+        on_shaft(1.0, 0.0, 0.0),
+    )
+
+
+LAW = Law(
+    ROWS,
+    linear=("bearing_arm", "pin_arm", "shaft_drag"),
+    columns=columns,
+    causes={"bearing_arm": "bearing_friction", "pin_arm": "pin_friction"},
+    loss="friction",
+)

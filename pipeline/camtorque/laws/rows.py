@@ -1,9 +1,11 @@
-"""Parameter rows: what a physical law needs to be told, beside the law itself."""
+"""A law as the registries read it: its parameter rows, the columns of torque that they scale, what it is called."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 ROLES = ("shared", "own")
 
@@ -21,7 +23,6 @@ class ParameterRow:
     prior : (mean, standard deviation) [SI], or None where nothing is known beforehand
     meaning, source : one sentence each
     role : ``shared`` by all recordings of a pump, or ``own`` to each recording
-    is_linear : True where the torque before the sensor is linear in it
     """
 
     name: str
@@ -36,7 +37,6 @@ class ParameterRow:
     meaning: str
     source: str
     role: str = "shared"
-    is_linear: bool = False
 
     def __post_init__(self) -> None:
         if not self.lower <= self.start <= self.upper:
@@ -59,11 +59,28 @@ def display(
     meaning: str,
     source: str,
     role: str = "shared",
-    is_linear: bool = False,
 ) -> ParameterRow:
     """Return a row whose (start, lower, upper, step) and prior are given in the unit of the report."""
     start, lower, upper, step = (value * per_unit for value in values)
     scaled = None if prior is None else (prior[0] * per_unit, prior[1] * per_unit)
-    return ParameterRow(
-        name, symbol, unit, per_unit, start, lower, upper, step, scaled, meaning, source, role, is_linear
-    )
+    return ParameterRow(name, symbol, unit, per_unit, start, lower, upper, step, scaled, meaning, source, role)
+
+
+@dataclass(frozen=True)
+class Law:
+    """What one file of this room states.
+
+    Attributes
+    ----------
+    rows : its parameters
+    linear : those that the torque before the sensor is linear in
+    columns : compiled function from `camtorque.laws.columns.At` to a tuple of `Column`, one for each of ``linear``
+    causes : parameter -> cause of torque, where that is not called as the parameter
+    loss : group of the energy balance that its causes belong to
+    """
+
+    rows: tuple[ParameterRow, ...]
+    linear: tuple[str, ...] = ()
+    columns: Callable[..., Any] | None = None
+    causes: Mapping[str, str] = field(default_factory=dict)
+    loss: str = ""

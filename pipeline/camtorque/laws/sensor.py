@@ -18,7 +18,7 @@ ROWS = (
     display("gain_error", "g_T", "%", 0.01, (0.0, -3.0, 3.0, 0.1), (0.0, 0.25),
             "relative error of the torque gain", "certificate"),
     display("torque_zero", "T_0", "N m", 1.0, (0.0, -20.0, 20.0, 0.1), (0.0, 0.1),
-            "error of the torque zero", "standstill readings, else tolerance of the sheet", "own", True),
+            "error of the torque zero", "standstill readings, else tolerance of the sheet", "own"),
     display("delay_error", "d", "us", 1.0e-6, (0.0, -80.0, 80.0, 3.0), (0.0, 7.8),
             "total delay of the torque channel less the declared one", "tolerance of the sheet"),
     display("cutoff", "f_c", "Hz", 1.0, (1000.0, 300.0, 5000.0, 50.0), (1000.0, 50.0),

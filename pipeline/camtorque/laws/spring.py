@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
-from camtorque.laws.rows import display
+from numba import njit
+
+from camtorque.laws.columns import on_plunger
+from camtorque.laws.rows import Law, display
 
 ROWS = (
     display("spring_stiffness_error", "d_k", "%", 0.01, (0.0, -15.0, 15.0, 1.0), (0.0, 2.0),
-            "relative error of the spring rate", "catalogue, a few percent", "shared", True),
+            "relative error of the spring rate", "catalogue, a few percent"),
     display("spring_preload_error", "d_F", "%", 0.01, (0.0, -25.0, 25.0, 2.0), (0.0, 5.0),
-            "relative error of the preload", "catalogue, a few percent", "shared", True),
+            "relative error of the preload", "catalogue, a few percent"),
 )  # fmt: skip
+
+
+@njit
+def columns(at):  # type: ignore[no-untyped-def]
+    """Return the columns of d_k k y and d_F F_s0."""
+    return (
+        on_plunger(at.stiffness * at.lift, at.stiffness * at.slope, 0.0, 0.0),
+        on_plunger(at.preload, 0.0, 0.0, 0.0),
+    )
+
+
+_LINEAR = ("spring_stiffness_error", "spring_preload_error")
+LAW = Law(ROWS, _LINEAR, columns, dict.fromkeys(_LINEAR, "spring"), loss="spring")

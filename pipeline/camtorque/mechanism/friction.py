@@ -51,10 +51,29 @@ NO_FRICTION = Friction()
 
 
 @njit(cache=True, error_model="numpy")
+def sliding_sign(slope):  # type: ignore[no-untyped-def]
+    """Return sign y', smooth where the follower turns."""
+    return slope / np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
+
+
+@njit(cache=True, error_model="numpy")
+def sliding_sign_by(slope, curve):  # type: ignore[no-untyped-def]
+    """Return the derivative of `sliding_sign` by cam angle."""
+    size = np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
+    return curve * SMOOTH_SLOPE * SMOOTH_SLOPE / (size * size * size)
+
+
+@njit(cache=True, error_model="numpy")
 def guide_share(tangent, slope):  # type: ignore[no-untyped-def]
     """Return |tan phi| sign y', the share of the contact load that a unit of guide friction takes."""
+    return np.sqrt(tangent * tangent + SMOOTH_TANGENT * SMOOTH_TANGENT) * sliding_sign(slope)
+
+
+@njit(cache=True, error_model="numpy")
+def guide_share_by(tangent, tangent_by, slope, curve):  # type: ignore[no-untyped-def]
+    """Return the derivative of `guide_share` by cam angle, ``tangent_by`` that of tan phi."""
     size = np.sqrt(tangent * tangent + SMOOTH_TANGENT * SMOOTH_TANGENT)
-    return size * slope / np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
+    return tangent * tangent_by / size * sliding_sign(slope) + size * sliding_sign_by(slope, curve)
 
 
 @njit(cache=True, error_model="numpy")

@@ -112,12 +112,24 @@ def constants_of(pump: PumpData, mounting: Mounting, friction: Friction) -> Cons
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+def axial_force(c, one, load, rise, y):  # type: ignore[no-untyped-def]
+    """Return what spring, weight, pressure and the acceleration ``rise`` [m/s^2] put on the follower [N]."""
+    return one * (c.preload + c.weight + c.stiffness * y) + c.area * load + c.mass * rise
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+def contact_torque(c, along, across, height, slope, secant):  # type: ignore[no-untyped-def]
+    """Return the torque that lambda_y and F_t ask of the cam [N m]: y' q r_r = F_t (r_r - L) with L = s / cos phi."""
+    return along * slope + across * (c.radius - height * secant)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, secant):  # type: ignore[no-untyped-def]
     """Return all of `OUTPUTS` from lambda_y and F_t; ``one`` is 0 where the factor of a load is wanted, not a force."""
     contact_x = c.turn * (across * secant - along * tangent)
     guide = one * c.weight_guide - contact_x
-    # y' q r_r = F_t (r_r - L) with L = s / cos phi
-    torque = c.cam_inertia * alpha + along * (slope + c.bearing_arm * secant) + across * (c.radius - height * secant)
+    rubbing = along * c.bearing_arm * secant
+    torque = c.cam_inertia * alpha + contact_torque(c, along, across, height, slope, secant) + rubbing
     return (
         torque,
         along * secant - across * tangent,
@@ -138,8 +150,7 @@ def solve_angle(c, one, load, squared, alpha, y, slope, curve, path):  # type: i
     """Return all of `OUTPUTS` at one cam angle; linear in (one, pressure, omega^2, alpha)."""
     height, tangent, secant, ratio, ratio_slope, _ = path
     rise = curve * squared + slope * alpha
-    axial = one * (c.preload + c.weight + c.stiffness * y) + c.area * load + c.mass * rise
-    along = axial * guide_gain(tangent, slope, c.guide_friction)
+    along = axial_force(c, one, load, rise, y) * guide_gain(tangent, slope, c.guide_friction)
     spin = ratio_slope * squared + ratio * alpha
     across = (c.roller_inertia * spin - c.pin_arm * secant * along) / c.radius
     return joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, secant)
