@@ -206,7 +206,10 @@ class Channel:
 
     def read(self, start: int = 0, stop: int | None = None) -> Array:
         """Return samples ``[start, stop)`` in SI (volts for an uncalibrated channel)."""
-        volts = self.read_volts(start, stop)
+        return self.from_volts(self.read_volts(start, stop))
+
+    def from_volts(self, volts: Array) -> Array:
+        """Return in SI what samples in volts mean (volts for an uncalibrated channel)."""
         if self.calibration is None:
             return volts
         return (self.sign * self.calibration.gain) * (volts - self.calibration.zero_volts)

@@ -65,8 +65,16 @@ def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Ar
     torque : (n_cycles, n) [N m]
     speed, index : (n_cycles,) [rad/s], cycle number
     """
-    peak = float(np.max(np.mean(torque, axis=0)))
-    found = [hum for hum in (_hum(f, theta, torque, speed, index, lift) for f in MAINS_HZ) if hum is not None]
+    bins, start = _binned(torque), _starts(speed, index)
+    peak = float(np.max(np.mean(bins, axis=0)))
+    found = []
+    for frequency in MAINS_HZ:
+        coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
+        if coherence > LOCKED:
+            hum = _on_base_circle(frequency, theta, np.mean(torque, axis=0), float(np.mean(speed)), lift, coherence)
+        else:
+            hum = _over_cycles(frequency, bins, speed, start, coherence)
+        found += [] if hum is None else [hum]
     real = [h for h in found if h.amplitude > max(SIGNIFICANT * h.stderr, SMALLEST_SHARE * peak)]
     if not real:
         return ()
@@ -81,14 +89,6 @@ def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Ar
     return (Finding("mains_hum", "info", text, "torque"),)
 
 
-def _hum(frequency: float, theta: Array, torque: Array, speed: Array, index: Any, lift: Array) -> Hum | None:
-    start = _starts(speed, index)
-    coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
-    if coherence > LOCKED:
-        return _on_base_circle(frequency, theta, np.mean(torque, axis=0), float(np.mean(speed)), lift, coherence)
-    return _over_cycles(frequency, torque, speed, start, coherence)
-
-
 def _starts(speed: Array, index: Any) -> Array:
     """Return the time at which each cycle starts [s]; a cycle that was cut lasts as long as its neighbours."""
     numbers = np.arange(index[0], index[-1] + 1)
@@ -96,9 +96,8 @@ def _starts(speed: Array, index: Any) -> Array:
     return np.r_[0.0, np.cumsum(periods)][index - index[0]]
 
 
-def _over_cycles(frequency: float, torque: Array, speed: Array, start: Array, coherence: float) -> Hum | None:
+def _over_cycles(frequency: float, bins: Array, speed: Array, start: Array, coherence: float) -> Hum | None:
     """Return the hum from the deviations of the cycles from their mean."""
-    bins = _binned(torque)
     turning = _turning(frequency, speed, start)
     waves = [wave - np.mean(wave, axis=0) for wave in (turning.real, turning.imag)]
     deviation = bins - np.mean(bins, axis=0)

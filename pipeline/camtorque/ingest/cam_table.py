@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from camtorque.config import PumpData
-from camtorque.ingest.table_file import SmallTable, read_small_table
+from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
@@ -51,7 +51,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
 
 def lift_table_comment(pump: PumpData) -> str:
     """Return what the lift table says of itself above its columns."""
-    return read_small_table(pump.cam_table_path, "a lift table").comment
+    return read_comment(pump.cam_table_path, "a lift table")
 
 
 def _column(table: SmallTable, name: str, dimension: str) -> Array:

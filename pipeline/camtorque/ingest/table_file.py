@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,10 +51,20 @@ def read_small_table(path: Path, what: str) -> SmallTable:
     return SmallTable(path, columns, comment, decimals, dict(zip(names, units, strict=False)))
 
 
+def read_comment(path: Path, what: str) -> str:
+    """Return what a table says of itself, without looking at its numbers."""
+    head = _checked_head(path, what)
+    return _workbook_rows(path)[0] if head.startswith(b"PK\x03\x04") else _comment(_text(path).splitlines())
+
+
+def _comment(lines: list[str]) -> str:
+    return " ".join(line.lstrip("#% ") for line in lines if line.startswith(("#", "%")))
+
+
 def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Return the comment, and number and fields of each row of a text."""
     lines = _text(path).splitlines()
-    comment = " ".join(line.lstrip("#% ") for line in lines if line.startswith(("#", "%")))
+    comment = _comment(lines)
     rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith(("#", "%"))]
     if not rows:
         return comment, []
@@ -99,6 +110,6 @@ def _numbers(path: Path, number: int, fields: list[str], expected: int) -> list[
         values = [float(field) for field in fields]
     except ValueError as error:
         raise Refusal(f"{path} line {number}: {' | '.join(fields)!r:.80} is not a row of numbers") from error
-    if len(values) != expected or not np.all(np.isfinite(values)):
+    if len(values) != expected or not all(map(math.isfinite, values)):
         raise Refusal(f"{path} line {number}: {len(values)} finite numbers expected: {expected}, one per column")
     return values
