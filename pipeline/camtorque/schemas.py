@@ -195,10 +195,11 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
 
 FLUID = TableSchema("[fluid]", "the fuel or oil, where known", (
     Key("name", "text", "such as diesel, ISO 4113", default="", own=True),
-    Key("temperature_C", "number", "at the pump inlet", "C", None, Band(-60.0, 250.0, "liquid fuel"), own=True),
+    Key("temperature_C", "number", "at the pump inlet, where no `fuel_temperature` channel tells", "C", None,
+        Band(-60.0, 250.0, "liquid fuel"), own=True),
     Key("bulk_modulus_Pa", "number", "at feed pressure", "Pa", None, Band(1e8, 6e9, "of liquids"), own=True),
     Key("bulk_modulus_slope", "number", "its rise per rise of pressure", default=None,
-        band=Band(0.0, 30.0, "of liquids: 8 to 14"), own=True),
+        band=Band(3.0, 30.0, "of liquids: 8 to 14"), own=True),
     Key("density_kg_per_m3", "number", "at feed pressure", "kg_per_m3", None, Band(300.0, 2000.0, "of liquids"),
         own=True),
     Key("feed_pressure_bar", "number", "gauge", "bar", None, Band(-1.0, 200.0, "of feed pumps"), own=True),

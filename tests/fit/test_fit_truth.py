@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.derived import delivered_volume
 from camtorque.fit.prepare import fit_data, halves
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
@@ -220,3 +221,12 @@ def test_smoothing_leads_an_end_of_delivery_that_is_ten_degrees_off():
     angles, lifts = rising_angles(data, (0.5, 0.9))
     assert np.all(np.diff(angles) > 0.0)
     np.testing.assert_allclose(data.chain.law.evaluate(angles, 0), lifts, rtol=1e-3)
+
+
+def test_the_delivered_volume_is_that_of_the_rig(case):
+    fit = fit_prepared(quick_prepared(*case), FitOptions(evidence=False))
+    found = delivered_volume(fit, 0)
+    past_valve = rig(*case).totals["valve_mass"]
+    true = (past_valve[-1] - past_valve[0]) / (past_valve.size - 1) / rig(*case).truth.fluid.density
+    assert abs(found.value - true) < 2.0 * found.stderr
+    assert found.stderr < true

@@ -33,7 +33,8 @@ METRIC_KEYS = {
 CONTRACT = {
     "": {"explained", "bumps", "evidence", "alternatives", "accuracy",
          "schema", "version", "created", "seed", "inputs", "recording", "findings", "alignment", "ladder", "effects",
-         "parameters", "metrics", "losses", "chamber", "forces", "next_measurement", "timing_s", "peak_memory_mb"},
+         "parameters", "metrics", "losses", "chamber", "measured", "forces",
+         "next_measurement", "timing_s", "peak_memory_mb"},
     "recording": {"name", "speed_rpm", "speed_ripple_percent", "duration_s", "cycles_found", "cycles_used",
                   "odd_even_rms_nm", "cut_flow"},
     "alignment": {"trigger_angle_deg", "clock", "torque_delay_s", "angle_error_budget_deg"},

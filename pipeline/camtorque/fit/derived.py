@@ -6,8 +6,10 @@ import numpy as np
 
 from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED
+from camtorque.laws.chain import SHIFT_NAMES, evaluate
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import RIGID, cam_side_inertia
-from camtorque.records import ParameterEstimate
+from camtorque.records import Array, Estimate, ParameterEstimate
 
 SHAFT = ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio")
 SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
@@ -42,3 +44,31 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
             effect="driveline", symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
         ))  # fmt: skip
     return tuple(rows)
+
+
+def delivered_volume(fit: Fit, index: int) -> Estimate | None:
+    """Return the volume of a stroke past the delivery valve at zero gauge pressure [m^3]; None without a chamber.
+
+    Its uncertainty is that of the chamber's parameters by differences: the compiled chamber has no tangents of flows.
+    """
+    chain = fit.problem.data[index].chain
+    if not chain.uses_chamber:
+        return None
+    z, std = fit.solution.z, fit.covariance.std
+    seat = 2
+
+    def volume(moved: Array) -> float:
+        values, _ = fit.problem.values(moved, index)
+        return float(np.mean(evaluate(chain, values).flows[:, seat])) * 2.0 * np.pi / chain.speed
+
+    base, slope = volume(z), np.zeros(z.size)
+    low, high = fit.problem.bounds
+    for k, slot in enumerate(fit.problem.slots):
+        if slot.recording in (-1, index) and slot.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
+            step = 0.5 * std[k] if z[k] + 0.5 * std[k] <= high[k] else max(-0.5 * std[k], low[k] - z[k])
+            moved = z.copy()
+            moved[k] += step
+            slope[k] = (volume(moved) - base) / step if step else 0.0
+    variance = float(slope @ fit.covariance.matrix @ slope)
+    total = variance + sum(float(slope @ shift) ** 2 for shift in fit.shifts.values())
+    return Estimate(base, float(np.sqrt(total)), stderr_statistical=float(np.sqrt(variance)))

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.config import RecordingConfig
+from camtorque.config import FluidSpec, RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, ChainInput, angle_grid, binned
+from camtorque.laws.fuels import fuel_temperature, modulus_prior, viscosity_ratio
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
@@ -29,6 +30,8 @@ LOAD_SHARE = 0.1
 STATED = "stated in recording.toml"
 CORRELATION = 6.0
 """Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
+LEAST_FEED_STD = 0.2e5
+"""A gallery sensor's zero, and the way from it to the inlet port [Pa]."""
 INDEPENDENT = 360.0 / CORRELATION
 """Independent values per revolution: the one count that weights, evidence and inflation use."""
 
@@ -82,7 +85,7 @@ def halves(cycles: CamCycles) -> Halves:
 
 
 def rig_rows(
-    config: RecordingConfig, law: CamLaw, torque: SensorCalibration, pressure: SensorCalibration, speed: float
+    config: RecordingConfig, law: CamLaw, torque: SensorCalibration, pressure: SensorCalibration, cycles: CamCycles
 ) -> dict[str, ParameterRow]:
     """Return every parameter row with the starts, bounds and priors that sheets and certificates give."""
     rows = dict(ROWS)
@@ -103,13 +106,38 @@ def rig_rows(
     swept = pump.plunger_area * top
     _set(rows, "dead_volume", start=4.0 * swept, lower=0.05 * swept, upper=60.0 * swept, step=0.3 * swept)
     _set(rows, "spill_lift", start=0.8 * top, lower=0.05 * top, upper=1.2 * top)
-    flow = pump.plunger_area * float(np.max(slope)) * speed
+    flow = pump.plunger_area * float(np.max(slope)) * cycles.mean_speed
     area = flow / (DISCHARGE * np.sqrt(10.0e5))
     row = rows["valve_area"]
     area = float(np.clip(area, 2.0 * row.lower, 0.5 * row.upper))
     _set(rows, "valve_area", start=area, step=0.2 * area)
+    _set_warm(rows, config.fluid, fuel_temperature(config.fluid, cycles))
     _set_stated(rows, config)
+    _set_gallery(rows, cycles)
     return rows
+
+
+def _set_gallery(rows: dict[str, ParameterRow], cycles: CamCycles) -> None:
+    """Take the measured gallery pressure as feed pressure, as wide as it swings within a revolution."""
+    gallery = cycles.channels.get("gallery_pressure")
+    if gallery is None or not np.isfinite(gallery).any():
+        return
+    swing = float(np.nanstd(gallery))
+    _set_prior(rows, "feed_pressure", float(np.nanmean(gallery)), max(swing, LEAST_FEED_STD), "measured in the gallery")
+
+
+def _set_warm(rows: dict[str, ParameterRow], fluid: FluidSpec, temperature: float | None) -> None:
+    """Take what name and temperature of the fuel tell: its modulus, and how thin it is in the plunger's gap."""
+    modulus = modulus_prior(fluid.name, temperature)
+    if modulus is not None:
+        _set_prior(rows, "bulk_modulus", modulus.mean, modulus.std, modulus.source)
+    if temperature is None:
+        return
+    ratio = viscosity_ratio(temperature)
+    for name, factor in {"leakage": 1.0 / ratio, "plunger_viscous": ratio}.items():
+        mean, std = rows[name].prior or (np.nan, np.nan)
+        source = f"{rows[name].source}; viscosity {ratio:.2f} of that at 40 degC"
+        _set(rows, name, prior=(factor * mean, factor * std), source=source)
 
 
 def _set_stated(rows: dict[str, ParameterRow], config: RecordingConfig) -> None:
@@ -123,15 +151,16 @@ def _set_stated(rows: dict[str, ParameterRow], config: RecordingConfig) -> None:
     }  # fmt: skip
     for name, (value, relative) in stated.items():
         if value is not None:
-            _set_prior(rows, name, value, relative * value, STATED)
+            least = LEAST_FEED_STD if name == "feed_pressure" else 0.0
+            _set_prior(rows, name, value, max(relative * abs(value), least), STATED)
     if drive.speed_loop is not None:
         _set_prior(rows, "drive_bandwidth", float(np.log(2.0 * np.pi * drive.speed_loop)), 0.5, STATED)
 
 
 def _set_prior(rows: dict[str, ParameterRow], name: str, mean: float, std: float, source: str) -> None:
     row = rows[name]
-    lower, upper = min(row.lower, mean - 3.0 * std), max(row.upper, mean + 3.0 * std)
-    _set(rows, name, start=mean, prior=(mean, std), lower=max(lower, row.lower), upper=upper, source=source)
+    lower = row.lower if mean >= row.lower else mean - 3.0 * std
+    _set(rows, name, start=mean, prior=(mean, std), lower=lower, upper=max(row.upper, mean + 3.0 * std), source=source)
 
 
 def loaded_lift(theta: Array, torque: Array, law: CamLaw) -> float:
@@ -185,7 +214,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array
     torque_sheet, pressure_sheet = recording.of("torque")[0].calibration, recording.of("pressure")[0].calibration
     assert torque_sheet is not None
     assert pressure_sheet is not None
-    rows = rig_rows(config, law, torque_sheet, pressure_sheet, cycles.mean_speed)
+    rows = rig_rows(config, law, torque_sheet, pressure_sheet, cycles)
     closing = loaded_lift(cycles.theta, torque, law)
     _set(rows, "port_closing_lift", start=float(np.clip(closing, rows["port_closing_lift"].lower, None)))
     step = float(np.median(np.diff(table.theta)))

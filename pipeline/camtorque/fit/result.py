@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.derived import derived_estimates
+from camtorque.fit.derived import delivered_volume, derived_estimates
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import Halves, on_grid
@@ -133,6 +133,7 @@ def fitted_torque(
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, odd_even, peak)
     chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
+    delivered = delivered_volume(fit, index) if "delivered_volume" in cycles.channels else None
     return FittedTorque(
         effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
         parameters=parameters, correlation=_correlation(fit),
@@ -149,7 +150,7 @@ def fitted_torque(
             *prior_findings(parameters), *table_findings(recording.cam_table),
             *_fit_findings(fit, fitted, explained, residual, peak),
         ),
-        details=_details(fit, index, fitted, recording, peak), evidence=fit.evidence,
+        details={**_details(fit, index, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
         bumps=residual_bumps(residual, means.torque - means.held_torque, fitted), explained=explained,
     )  # fmt: skip

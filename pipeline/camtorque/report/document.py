@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.laws.fuels import fuel_temperature
 from camtorque.limits import judge, limits_document
 from camtorque.plain import plain
 from camtorque.records import (
@@ -21,6 +22,7 @@ from camtorque.records import (
 from camtorque.report.bundle import RunResult
 from camtorque.report.files import findings_document, inputs_document
 from camtorque.report.gaps import gap_shares
+from camtorque.report.measured import measured_document
 from camtorque.report.numbers import typeset
 from camtorque.toml_schema import ZERO_CELSIUS
 from camtorque.units import BAR, DEGREE, RPM
@@ -62,6 +64,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "losses": {"unit": "J per revolution", **fitted.losses},
             "gap_by_cause": _gap(result),
             "chamber": _chamber(fitted),
+            "measured": measured_document(result),
             "forces": _forces(fitted),
             "next_measurement": fitted.next_measurement,
             "timing_s": result.timing,
@@ -156,8 +159,7 @@ def _recording(result: RunResult) -> dict[str, Any]:
 def _conditions(result: RunResult) -> dict[str, Any]:
     """Return what a trend is drawn over beside the speed; None where the recording does not tell."""
     config, cycles = result.recording.config, result.cycles
-    measured = cycles.means("fuel_temperature") if "fuel_temperature" in cycles.channels else None
-    warm = config.fluid.temperature if measured is None else float(np.nanmean(measured))
+    warm = fuel_temperature(config.fluid, cycles)
     return {
         "date": None if config.date is None else config.date.isoformat(),
         "fuel_temperature_c": None if warm is None else warm - ZERO_CELSIUS,

@@ -6,12 +6,13 @@ import numpy as np
 
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel
+from camtorque.report.measured import measured_mean
 from camtorque.report.torque_figures import spans
 from camtorque.units import BAR, DEGREE, RPM
 
 
 def pressures(result: RunResult) -> Curves:
-    """Show line pressure with its scatter and the rebuilt chamber pressure."""
+    """Show line pressure with its scatter and the chamber pressure, rebuilt and where there is a sensor measured."""
     fitted = result.fitted
     mean, std = np.mean(result.cycles.pressure, axis=0) / BAR, np.std(result.cycles.pressure, axis=0) / BAR
     lines = [Line("line pressure, measured", mean, "measured", 1.6)]
@@ -22,6 +23,9 @@ def pressures(result: RunResult) -> Curves:
         if fitted.chamber_pressure_std is not None and result.fitted.explained:
             width = 2.0 * fitted.chamber_pressure_std / BAR
             bands.append(Band("chamber, ±2 standard uncertainties", chamber - width, chamber + width, "chamber"))
+    inside = measured_mean(result, "chamber_pressure")
+    if inside is not None:
+        lines.append(Line("chamber pressure, measured", inside / BAR, "c3", 1.4, "6 3"))
     panel = Panel("gauge pressure [bar]", tuple(lines), tuple(bands), 190.0)
     return Curves(result.cycles.theta / DEGREE, CAM_ANGLE, (panel,), spans=spans(result))
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from camtorque.records import KNOWLEDGE
-from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, unit_text, words
+from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
 
 METRIC_NAMES = {
     "rigid": "rigid model",
@@ -31,7 +31,29 @@ def inside_text(doc: Document) -> str:
             interval = f" ± {plus_minus(value['stderr'])}" if doc["explained"] and value["stderr"] else ""
             text += f"The chamber pressure {what} {near(value['value'], value['stderr'])}{interval} bar. "
     lost = "The follower leaves the cam." if forces["contact_lost"] else "The follower stays on the cam."
-    return text + lost
+    return text + lost + measured_text(doc["measured"])
+
+
+def measured_text(measured: Document) -> str:
+    """Return measured chamber pressure and delivered volume against the model in words, empty without them."""
+    text, chamber, volume = "", measured["chamber_pressure"], measured["delivered_volume"]
+    if chamber:
+        text += (
+            f" The measured chamber pressure peaks at {num(chamber['peak_bar'], 4)} bar, the rebuilt one at "
+            f"{num(chamber['rebuilt_peak_bar'], 4)} bar; they differ by "
+            f"{num(chamber['rms_difference_bar'], 2)} bar RMS ({num(chamber['rms_difference_percent'], 2)} % of the peak), most at "
+            f"{fixed(chamber['largest_difference_at_deg'], 0)} deg "
+            f"({signed(chamber['largest_difference_bar'])} bar), and agree within two standard uncertainties at "
+            f"{fixed(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
+        )
+    if volume:
+        model = volume["modelled_mm3"]
+        text += (
+            f" Delivered per stroke: {num(volume['measured_mm3'], 4)} mm³ measured, "
+            f"{near(model['value'], model['stderr'])} ± {plus_minus(model['stderr'])} mm³ by the model "
+            f"({signed(volume['difference_percent'])} %)."
+        )
+    return text
 
 
 def alignment_text(doc: Document) -> str:

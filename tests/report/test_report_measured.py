@@ -1,0 +1,66 @@
+"""Measured chamber pressure and delivered volume beside what the fit rebuilt: result.json and the page."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.records import CamCycles, Estimate, FittedTorque
+from camtorque.report import RunResult, write_run
+from camtorque.report.measured import measured_document, measured_mean
+from report_cases import run_result
+
+BAR = 1e5
+
+
+def with_channels(**channels: np.ndarray) -> RunResult:
+    result = run_result()
+    cycles: CamCycles = replace(result.cycles, channels=channels)
+    volume = {"delivered_volume": Estimate(66.5e-9, 4e-9)}
+    fitted: FittedTorque = replace(result.fitted, details={**result.fitted.details, **volume})
+    return replace(result, cycles=cycles, fitted=fitted)
+
+
+def test_nothing_measured_is_null() -> None:
+    assert measured_document(run_result()) == {"chamber_pressure": None, "delivered_volume": None}
+
+
+def test_a_sensor_in_the_chamber_is_held_against_the_rebuilt_pressure() -> None:
+    result = run_result()
+    rebuilt = result.fitted.chamber_pressure
+    off = np.where(np.arange(rebuilt.size) == 300, 30.0 * BAR, 1.5 * BAR)
+    chamber = np.tile(rebuilt + off, (result.cycles.index.size, 1))
+    chamber[2, 50] = np.nan  # a cycle that the sensor does not cover
+    row = measured_document(with_channels(chamber_pressure=chamber))["chamber_pressure"]
+    assert row["rebuilt_peak_bar"] == pytest.approx(rebuilt.max() / BAR)
+    assert row["peak_bar"] == pytest.approx(rebuilt.max() / BAR + 1.5)
+    assert row["largest_difference_bar"] == pytest.approx(30.0)
+    assert row["largest_difference_at_deg"] == pytest.approx(150.0)
+    assert row["rms_difference_bar"] == pytest.approx(np.sqrt((30.0**2 + 719 * 1.5**2) / 720), rel=1e-6)
+    # the model's standard uncertainty is 1 bar: 1.5 bar is inside two, 30 are not
+    loaded = rebuilt > 0.3 * rebuilt.max()
+    assert row["loaded_inside_two_std_percent"] == pytest.approx(100.0 * (1.0 - loaded[300] / loaded.sum()))
+
+
+def test_the_volume_of_a_stroke_stands_beside_that_of_the_model(tmp_path: Path) -> None:
+    shape = (run_result().cycles.index.size, 720)
+    result = with_channels(delivered_volume=np.full(shape, 70e-9), fuel_temperature=np.full(shape, 330.0))
+    row = measured_document(result)["delivered_volume"]
+    assert row["modelled_mm3"] == pytest.approx({"value": 66.5, "stderr": 4.0})
+    assert (row["measured_mm3"], row["measured_std_mm3"]) == (pytest.approx(70.0), pytest.approx(0.0, abs=1e-9))
+    assert row["difference_percent"] == pytest.approx(100.0 * (70.0 / 66.5 - 1.0))
+    doc = write_run(result, tmp_path)
+    assert doc["measured"]["delivered_volume"]["measured_mm3"] == pytest.approx(70.0)
+    assert doc["recording"]["fuel_temperature_c"] == pytest.approx(330.0 - 273.15)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Delivered per stroke: 70 mm³ measured, 66.5 ± 4 mm³ by the model (+5.3 %)" in page
+
+
+def test_a_channel_that_covers_no_cycle_is_not_compared() -> None:
+    shape = (run_result().cycles.index.size, 720)
+    nothing = np.full(shape, np.nan)
+    result = with_channels(chamber_pressure=nothing, delivered_volume=nothing)
+    assert measured_mean(result, "chamber_pressure") is None
+    assert measured_document(result) == {"chamber_pressure": None, "delivered_volume": None}
