@@ -41,7 +41,8 @@ def measured_text(measured: Document) -> str:
         text += (
             f" The measured chamber pressure peaks at {num(chamber['peak_bar'], 4)} bar, the rebuilt one at "
             f"{num(chamber['rebuilt_peak_bar'], 4)} bar; they differ by "
-            f"{num(chamber['rms_difference_bar'], 2)} bar RMS ({num(chamber['rms_difference_percent'], 2)} % of the peak), most at "
+            f"{num(chamber['rms_difference_bar'], 2)} bar RMS "
+            f"({num(chamber['rms_difference_percent'], 2)} % of the peak), most at "
             f"{fixed(chamber['largest_difference_at_deg'], 0)} deg "
             f"({signed(chamber['largest_difference_bar'])} bar), and agree within two standard uncertainties at "
             f"{fixed(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
