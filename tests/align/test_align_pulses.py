@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from align_truth import TWO_PI, Rig, Samples, angle_error_deg, make, pressure_of, torque_of
-from camtorque.align import align
+from camtorque.align import align, resample_compiled
 from camtorque.align.clocks import best_lag, clock_steps, fit_clock, robust_line
 from camtorque.align.pulses import clean_pulses
-from camtorque.align.resample import align_block, hermite_slopes, interval_polynomials
+from camtorque.align.resample import hermite_slopes, interval_polynomials, resample_block
+from camtorque.signal.running import running_median
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -182,15 +183,46 @@ def test_resampling_reproduces_a_straight_line(seed: int, samples_per_step: floa
     angle = np.array([0.0, TWO_PI, 2 * TWO_PI])
     time = np.array([0.0, 1.0, 2.0])
     left, right = hermite_slopes(angle, time, np.zeros(2, dtype=bool), True)
-    rows, damage, extremes = np.empty((1, n_theta)), np.zeros((1, 5), dtype=np.int64), np.empty((1, 2))
     rate = samples_per_step * n_theta
-    align_block(
-        volts, rate, np.array([10.0]), np.array([0]), angle, interval_polynomials(angle, time, left, right), rule,
-        2.0, 0.5, (-np.inf, np.inf), rows, damage, extremes,
-    )  # fmt: skip
-    expected = 2.0 * (level + slope * (10.0 + rate * np.arange(n_theta) / n_theta) - 0.5)
-    np.testing.assert_allclose(rows[0], expected, atol=1e-9 * rate)
-    np.testing.assert_allclose(extremes[0], [rows[0].min(), rows[0].max()])
+    polynomials = interval_polynomials(angle, time, left, right)
+    for resample in (resample_block, resample_compiled.resample_block):
+        rows = np.empty((1, n_theta))
+        resample(volts, rate, np.array([10.0]), np.array([0]), angle, polynomials, rule, rows)
+        expected = level + slope * (10.0 + rate * np.arange(n_theta) / n_theta)
+        np.testing.assert_allclose(rows[0], expected, atol=1e-9 * rate)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 1000), samples_per_step=st.floats(0.3, 8.0), rule=st.sampled_from([0, 1, 2]))
+def test_the_compiled_pass_and_the_plain_one_agree(seed: int, samples_per_step: float, rule: int) -> None:
+    """Uneven running, pulses that begin after the first cycle and end before the last, a missing sample."""
+    rng = np.random.default_rng(seed)
+    n_theta, n_cycles = 90, 4
+    angle = 0.7 + np.arange(3 * n_cycles) * TWO_PI / 3.0
+    time = np.cumsum(rng.uniform(0.9, 1.1, angle.size)) / 3.0
+    slopes = hermite_slopes(angle, time, np.zeros(angle.size - 1, dtype=bool), True)
+    rate = samples_per_step * n_theta
+    volts = rng.standard_normal(int(1.3 * rate * n_cycles) + 20)
+    volts[volts.size // 2] = np.nan
+    arguments = (
+        rate,
+        rng.uniform(5.0, 6.0, n_cycles),
+        np.arange(n_cycles),
+        angle,
+        interval_polynomials(angle, time, *slopes),
+    )
+    plain, compiled = np.empty((n_cycles, n_theta)), np.empty((n_cycles, n_theta))
+    resample_block(volts, *arguments, rule, plain)
+    resample_compiled.resample_block(volts, *arguments, rule, compiled)
+    np.testing.assert_allclose(plain, compiled, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 3, 9])
+def test_running_median_shrinks_at_the_ends(size: int) -> None:
+    values = np.random.default_rng(size).standard_normal(7)
+    half = size // 2
+    expected = [np.median(values[max(0, k - half) : k + half + 1]) for k in range(values.size)]
+    np.testing.assert_array_equal(running_median(values, size), expected)
 
 
 def test_smooth_time_is_monotone_and_meets_every_pulse() -> None:

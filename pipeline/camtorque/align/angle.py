@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from camtorque.align.places import Places
 from camtorque.align.pulses import PulseTrain
-from camtorque.align.resample import fill_times, hermite_slopes, interval_polynomials
+from camtorque.align.resample import hermite_slopes, interval_polynomials, times_at
 from camtorque.config import TriggerSpec
 from camtorque.records import Array
 
@@ -44,12 +44,7 @@ class CamAngle:
 
     def time_at(self, angle: NDArray[np.floating]) -> Array:
         """Return the times of unwrapped cam angles [s]."""
-        out = np.empty(1)
-        result = np.empty(angle.size)
-        for k, value in enumerate(angle):
-            fill_times(self.angle, self.polynomials, float(value), 1.0, out)
-            result[k] = out[0]
-        return result
+        return times_at(self.angle, self.polynomials, angle)
 
     def candidate_cycles(self) -> NDArray[np.int64]:
         """Return the numbers of the cycles whose angle range is covered by pulses."""

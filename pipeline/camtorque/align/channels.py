@@ -14,9 +14,9 @@ from camtorque.align.angle import TWO_PI, CamAngle
 from camtorque.align.clocks import Clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
-from camtorque.align.resample import align_block, choose_rule, empty_rows
+from camtorque.align.resample import choose_rule, empty_rows, resampler
 from camtorque.records import Array, Channel
-from camtorque.signal.damage import clips_below
+from camtorque.signal.damage import clips_below, damage_of
 from camtorque.signal.logger_time import sample_positions
 
 MARGIN = 3
@@ -97,7 +97,7 @@ def _align_channel(
     rows[~complete] = np.nan
     begin, middle, end = (angle.time_at((cycles + part) * TWO_PI) for part in (0.0, 0.5, 1.0))
     samples_per_step = float(np.median(end - begin)) * channel.sample_rate / options.n_theta
-    rule = choose_rule(options.interpolation, samples_per_step)
+    rule, resample_block = choose_rule(options.interpolation, samples_per_step), resampler(channel.n_samples)
     gain, zero, limits = _law(channel)
     first = np.maximum(0, positions(channel, clock, begin).astype(np.int64) - MARGIN - int(samples_per_step))
     stop = np.minimum(
@@ -108,11 +108,20 @@ def _align_channel(
     for group in _groups(first, stop, complete, options.block_samples):
         with reading:
             volts = np.ascontiguousarray(channel.source.read(first[group][0], stop[group][-1]), dtype=np.float64)
-        align_block(
-            volts, rate, shift[group] - first[group][0], cycles[group], angle.angle, angle.polynomials, rule,
-            gain, zero, limits, rows[group], damage[group], extremes[group],
-        )  # fmt: skip
+        place = shift[group] - first[group][0]
+        with np.errstate(over="ignore", invalid="ignore"):  # samples that are no voltages are counted below
+            resample_block(volts, rate, place, cycles[group], angle.angle, angle.polynomials, rule, rows[group])
+            rows[group] -= zero
+            rows[group] *= gain
+        extremes[group] = np.column_stack([np.min(rows[group], axis=1), np.max(rows[group], axis=1)])
+        damage[group] = _damage(volts, rate * np.array([begin[group], end[group]]) + place, limits)
     return AlignedChannel(channel, rows, extremes, ChannelDamage(*damage.T), samples_per_step, rule)
+
+
+def _damage(volts: Array, ends: Array, limits: tuple[float, float]) -> list[tuple[int, ...]]:
+    """Return `damage_of` of each cycle, and its samples in all; ``ends`` (2, m) are sample positions."""
+    pieces = [volts[low : high + 1] for low, high in np.clip(ends, 0.0, volts.size - 1.0).astype(np.int64).T]
+    return [(*damage_of(inside, *limits), inside.size) for inside in pieces]
 
 
 def _law(channel: Channel) -> tuple[float, float, tuple[float, float]]:

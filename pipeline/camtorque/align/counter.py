@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +24,8 @@ MOST_SAMPLES = 8_000_000
 MOST_STEPS = 120
 """Steps per turn: three degrees see the speed of any shaft."""
 LEAST_STEPS = 4
+LINES = 4096
+"""Steps worked on at a time."""
 CHANGES_PER_STEP = 4.0
 """Changes of the counter that a line runs through, at least."""
 BACKWARDS = Threshold(
@@ -114,30 +115,38 @@ def _unwrapped(raw: Array) -> Array:
 
 def _line_times(time: Array, angle: Array, wanted: Array, coarse: Array, pitch: float) -> tuple[Array, float]:
     """Return when each wanted angle is passed, and the standard error of one such time."""
-    at, error = np.empty(wanted.size), np.empty(wanted.size)
     begin = np.searchsorted(time, np.interp(wanted - 0.5 * pitch, wanted, coarse, left=coarse[0]))
     end = np.searchsorted(time, np.interp(wanted + 0.5 * pitch, wanted, coarse, right=coarse[-1]))
-    _fit_lines(time, angle, wanted, begin, end, coarse, at, error)
+    at, error = coarse.copy(), np.zeros(wanted.size)
+    for first in range(0, wanted.size, LINES):
+        part = slice(first, first + LINES)
+        at[part], error[part] = _fit_lines(time, angle, (wanted[part], coarse[part]), (begin[part], end[part]))
     return at, float(np.median(error))
 
 
-@numba.njit(cache=True, nogil=True)
 def _fit_lines(
-    time: Array, angle: Array, wanted: Array, begin: NDArray[np.int64], end: NDArray[np.int64], coarse: Array,
-    at: Array, error: Array,
-) -> None:  # fmt: skip
-    """Fit time over angle around each wanted angle; too few points leave the coarse time."""
-    for k in range(wanted.size):
-        n = end[k] - begin[k]
-        at[k], error[k] = coarse[k], 0.0
-        if n < 3:
-            continue
-        a, t = angle[begin[k] : end[k]], time[begin[k] : end[k]]
-        mean_a, mean_t = np.mean(a), np.mean(t)
-        spread = np.sum((a - mean_a) ** 2)
-        if spread <= 0.0:
-            continue
-        slope = np.sum((a - mean_a) * (t - mean_t)) / spread
-        at[k] = mean_t + slope * (wanted[k] - mean_a)
-        rest = np.sum((t - mean_t - slope * (a - mean_a)) ** 2) / max(1, n - 2)
-        error[k] = np.sqrt(rest * (1.0 / n + (wanted[k] - mean_a) ** 2 / spread))
+    time: Array, angle: Array, about: tuple[Array, Array], ends: tuple[NDArray[np.int64], NDArray[np.int64]]
+) -> tuple[Array, Array]:
+    """Fit time over angle between the ends of each line; too few points leave the coarse time.
+
+    ``about`` are the wanted angles and their coarse times: sums of small differences stay exact.
+    """
+    (wanted, coarse), (begin, end) = about, ends
+    n = np.maximum(end - begin, 0)
+    which = np.repeat(np.arange(n.size), n)
+    point = np.arange(which.size) + np.repeat(begin - np.cumsum(n) + n, n)
+
+    def sums(values: Array) -> Array:
+        return np.bincount(which, values, minlength=n.size).astype(np.float64)
+
+    a, t = angle[point] - wanted[which], time[point] - coarse[which]
+    count = np.maximum(n, 1)
+    mean_a, mean_t = sums(a) / count, sums(t) / count
+    a, t = a - mean_a[which], t - mean_t[which]
+    spread = sums(a * a)
+    told = (n >= 3) & (spread > 0.0)
+    divisor = np.where(told, spread, 1.0)
+    slope = sums(a * t) / divisor
+    rest = sums((t - slope[which] * a) ** 2) / np.maximum(n - 2, 1)
+    error = np.sqrt(rest * (1.0 / count + mean_a**2 / divisor))
+    return np.where(told, coarse + mean_t - slope * mean_a, coarse), np.where(told, error, 0.0)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -185,15 +184,9 @@ def _distance(rows: Array, normal: Mask) -> Array:
     return _rms_distances(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES), ::stride], axis=0), stride)
 
 
-@numba.njit(cache=True, nogil=True)
 def _rms_distances(rows: Array, centre: Array, stride: int) -> Array:
-    out = np.empty(rows.shape[0])
-    for m in range(rows.shape[0]):
-        total = 0.0
-        for k in range(centre.size):
-            total += (rows[m, k * stride] - centre[k]) ** 2
-        out[m] = np.sqrt(total / centre.size)
-    return out
+    deviation = rows[:, ::stride] - centre
+    return np.sqrt(np.einsum("ij,ij->i", deviation, deviation) / centre.size)
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {

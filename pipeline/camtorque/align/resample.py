@@ -7,18 +7,21 @@ the linear interpolant over its grid step: the spectrum is multiplied by sinc(or
 
 from __future__ import annotations
 
-import numba
+from collections.abc import Callable
+from importlib import import_module
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from camtorque.records import Array
-from camtorque.signal.damage import damage_of
 
 LINEAR, CUBIC, AVERAGE = 0, 1, 2
 RULES = {"linear": LINEAR, "cubic": CUBIC, "average": AVERAGE}
+COMPILED_FROM = 4_000_000
+"""Samples of a channel from which the compiled pass is taken: loading compiled code costs half a second."""
 
 
-@numba.njit(cache=True, nogil=True)
 def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bool) -> tuple[Array, Array]:
     """Slopes dt/dtheta at the left and right end of each interval between pulses.
 
@@ -26,134 +29,85 @@ def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bo
     (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984); constant: the chord. A bad interval (gap, clock jump)
     tells nothing about its neighbours.
     """
-    n = angle.size - 1
-    chord = np.empty(n)
-    for i in range(n):
-        chord[i] = (time[i + 1] - time[i]) / (angle[i + 1] - angle[i])
+    h = np.diff(angle)
+    chord = np.diff(time) / h
     left, right = chord.copy(), chord.copy()
     if smooth:
-        for i in range(1, n):
-            if bad[i - 1] or bad[i]:
-                continue
-            h0, h1 = angle[i] - angle[i - 1], angle[i + 1] - angle[i]
-            w0, w1 = 2.0 * h1 + h0, h1 + 2.0 * h0
-            slope = (w0 + w1) / (w0 / chord[i - 1] + w1 / chord[i])
-            right[i - 1], left[i] = slope, slope
+        before, after = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
+        slope = (before + after) / (before / chord[:-1] + after / chord[1:])
+        fine = ~(bad[:-1] | bad[1:])
+        right[:-1][fine], left[1:][fine] = slope[fine], slope[fine]
     return left, right
 
 
-@numba.njit(cache=True, nogil=True)
 def interval_polynomials(angle: Array, time: Array, left: Array, right: Array) -> Array:
     """Return (n - 1, 4) coefficients of the time in powers of the angle since the interval's first pulse."""
-    coefficients = np.empty((angle.size - 1, 4))
-    for i in range(angle.size - 1):
-        h = angle[i + 1] - angle[i]
-        chord = (time[i + 1] - time[i]) / h
-        coefficients[i, 0] = time[i]
-        coefficients[i, 1] = left[i]
-        coefficients[i, 2] = (3.0 * chord - 2.0 * left[i] - right[i]) / h
-        coefficients[i, 3] = (left[i] + right[i] - 2.0 * chord) / (h * h)
-    return coefficients
+    h = np.diff(angle)
+    chord = np.diff(time) / h
+    return np.column_stack(
+        [time[:-1], left, (3.0 * chord - 2.0 * left - right) / h, (left + right - 2.0 * chord) / (h * h)]
+    )
 
 
-@numba.njit(cache=True, nogil=True)
-def fill_times(angle: Array, polynomials: Array, start: float, step: float, out: Array) -> None:
-    """Fill ``out`` with the times of the angles ``start + k step``; straight lines beyond the first and last pulse."""
-    last = angle.size - 2
-    k = _fill_until(angle[0], start, step, 0, angle[0], polynomials[0, 0], polynomials[0, 1], 0.0, 0.0, out)
-    i = min(max(int(np.searchsorted(angle, start)) - 1, 0), last)
-    while k < out.size and i <= last:
-        a, b, c, d = polynomials[i, 0], polynomials[i, 1], polynomials[i, 2], polynomials[i, 3]
-        k = _fill_until(angle[i + 1], start, step, k, angle[i], a, b, c, d, out)
-        i += 1
-    if k < out.size:
-        a, b, c, d = polynomials[last, 0], polynomials[last, 1], polynomials[last, 2], polynomials[last, 3]
-        h = angle[last + 1] - angle[last]
-        end, slope = a + h * (b + h * (c + h * d)), b + h * (2.0 * c + h * 3.0 * d)
-        _fill_until(np.inf, start, step, k, angle[last + 1], end, slope, 0.0, 0.0, out)
+def times_at(angle: Array, polynomials: Array, wanted: NDArray[np.floating]) -> Array:
+    """Return the times of unwrapped angles; straight lines go on beyond the first and last pulse."""
+    interval = np.clip(np.searchsorted(angle, wanted, side="right") - 1, 0, angle.size - 2)
+    u = wanted - angle[interval]
+    inside = np.clip(u, 0.0, np.diff(angle)[interval])
+    a, b, c, d = polynomials[interval].T
+    time = a + inside * (b + inside * (c + inside * d))
+    beyond = u - inside
+    if np.any(beyond):
+        time += beyond * (b + inside * (2.0 * c + inside * 3.0 * d))
+    return time
 
 
-@numba.njit(cache=True, nogil=True)
-def _fill_until(border, start, step, k, origin, a, b, c, d, out):  # type: ignore[no-untyped-def]
-    """Fill a stretch with one polynomial up to an angle; return where it ends. No branch inside the loop."""
-    end = out.size
-    if border < start + end * step:
-        end = min(end, max(k, int(np.ceil((border - start) / step))))
-    for m in range(k, end):
-        u = start + m * step - origin
-        out[m] = a + u * (b + u * (c + u * d))
-    return end
+def resampler(n_samples: int) -> Callable[..., None]:
+    """Return the pass over a channel of that many samples: `resample_block`, or the same compiled."""
+    if n_samples < COMPILED_FROM:
+        return resample_block
+    return import_module("camtorque.align.resample_compiled").resample_block  # type: ignore[no-any-return]
 
 
-@numba.njit(cache=True, nogil=True)
-def align_block(volts, rate, shift, cycles, angle, polynomials, rule, gain, zero, limits, rows, damage, extremes):  # type: ignore[no-untyped-def]
-    """Resample consecutive cycles from one block of samples, and count their damage by the rules of `signal.damage`.
+def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows):  # type: ignore[no-untyped-def]
+    """Resample consecutive cycles from one block of samples.
 
-    Sample position = rate x time + shift (one shift per cycle). ``rows`` (m, n_theta), ``damage`` (m, 5: that of
-    `damage_of`, and the samples in all) and ``extremes`` (m, 2: smallest, largest value) are filled.
+    Sample position = rate x time + shift (one shift per cycle). ``rows`` (m, n_theta) is filled.
     """
     n_theta = rows.shape[1]
-    step = 2.0 * np.pi / n_theta
-    position = np.empty(n_theta + 2)
-    for m in range(cycles.size):
-        fill_times(angle, polynomials, cycles[m] * 2.0 * np.pi - step, step, position)
-        for k in range(position.size):
-            position[k] = max(0.0, min(rate * position[k] + shift[m], volts.size - 1.000001))
-        row = rows[m]
-        if rule == AVERAGE:
-            _average_row(volts, position, row)
-        else:
-            _interpolate_row(volts, position, rule, row)
-        smallest, largest = np.inf, -np.inf
-        for k in range(n_theta):
-            value = gain * (row[k] - zero)
-            row[k] = value
-            smallest = min(smallest, value)
-            largest = max(largest, value)
-        extremes[m, 0], extremes[m, 1] = smallest, largest
-        inside = volts[int(position[1]) : int(position[-1]) + 1]
-        damage[m, 0], damage[m, 1], damage[m, 2], damage[m, 3] = damage_of(inside, limits[0], limits[1])
-        damage[m, 4] = inside.size
+    grid = (np.arange(-1, cycles.size * n_theta + 1) / n_theta + cycles[0]) * (2.0 * np.pi)
+    first = min(max(int(np.searchsorted(angle, grid[0], side="right")) - 1, 0), angle.size - 2)
+    last = min(max(int(np.searchsorted(angle, grid[-1])), first + 1), angle.size - 1)
+    time = times_at(angle[first : last + 1], polynomials[first:last], grid)
+    # each row takes the step before it and the step after it along
+    position = rate * sliding_window_view(time, n_theta + 2)[::n_theta] + shift[:, None]
+    np.clip(position, 0.0, volts.size - 1.000001, out=position)
+    rows[:] = _averages(volts, position) if rule == AVERAGE else _interpolated(volts, position[:, 1:-1], rule)
 
 
-@numba.njit(cache=True, nogil=True)
-def _average_row(volts: Array, position: Array, row: Array) -> None:
-    """Mean of the linear interpolant over each grid step; the border of two steps is looked up once."""
-    border = 0.5 * (position[0] + position[1])
-    i = int(border)
-    f = border - i
-    before = f * volts[i] + 0.5 * f * f * (volts[i + 1] - volts[i])
-    for k in range(row.size):
-        end = 0.5 * (position[k + 1] + position[k + 2])
-        j = int(end)
-        total = -before
-        if j > i:
-            total += 0.5 * (volts[i] + volts[j])
-        for m in range(i + 1, j):
-            total += volts[m]
-        f = end - j
-        before = f * volts[j] + 0.5 * f * f * (volts[j + 1] - volts[j])
-        row[k] = (total + before) / (end - border) if end > border else volts[j]
-        border, i = end, j
+def _averages(volts: Array, position: Array) -> Array:
+    """Mean of the linear interpolant over each grid step."""
+    border = 0.5 * (position[:, :-1] + position[:, 1:])
+    at = border.astype(np.int64)
+    f, here = border - at, volts[at]
+    # integral from the middle of the sample before, but for whole samples, which are summed between two borders
+    part = (f + 0.5) * here + 0.5 * f * f * (volts[at + 1] - here)
+    whole = np.add.reduceat(volts, at.ravel()).reshape(at.shape)[:, :-1]
+    area = np.where(at[:, 1:] > at[:, :-1], whole, 0.0) + part[:, 1:] - part[:, :-1]
+    width = np.diff(border, axis=1)
+    return np.where(width > 0.0, area / np.where(width > 0.0, width, 1.0), here[:, 1:])
 
 
-@numba.njit(cache=True, nogil=True)
-def _interpolate_row(volts: Array, position: Array, rule: int, row: Array) -> None:
-    for k in range(row.size):
-        x = position[k + 1]
-        i = int(x)
-        f = x - i
-        if rule == CUBIC and 1 <= i < volts.size - 2:
-            row[k] = _cubic(volts[i - 1], volts[i], volts[i + 1], volts[i + 2], f)
-        else:
-            row[k] = volts[i] + f * (volts[i + 1] - volts[i])
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _cubic(a: float, b: float, c: float, d: float, f: float) -> float:
-    """Lagrange cubic through samples at -1, 0, 1, 2."""
+def _interpolated(volts: Array, position: Array, rule: int) -> Array:
+    """Return the line through the two samples around each position, or the cubic through four."""
+    at = position.astype(np.int64)
+    f, b, c = position - at, volts[at], volts[at + 1]
+    if rule != CUBIC:
+        return b + f * (c - b)
+    a, d = volts[np.maximum(at - 1, 0)], volts[np.minimum(at + 2, volts.size - 1)]
     g, m, p = 1.0 - f, f + 1.0, 2.0 - f
-    return f * g * (-p * a - m * d) / 6.0 + m * p * (g * b + f * c) / 2.0
+    cubic = f * g * (-p * a - m * d) / 6.0 + m * p * (g * b + f * c) / 2.0
+    return np.where((at >= 1) & (at < volts.size - 2), cubic, b + f * (c - b))
 
 
 def choose_rule(interpolation: str, samples_per_step: float) -> int:

@@ -5,8 +5,8 @@ A clipped top is a run of equal samples at the end of the range from which the s
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.records import Array, SensorCalibration
 from camtorque.signal.threshold import Count, Threshold
@@ -30,57 +30,56 @@ NO_VOLTAGE = Threshold(
 )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True)
 def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, int, int]:
     """Count what is wrong with the samples of a cycle.
 
     Returns
     -------
     Samples at or beyond the output range; samples that are no numbers, or absurd ones; longest run of equal samples;
-    length of the longest clipped top (and bottom, where ``lowest`` is finite). Runs are looked for only where a first,
-    fast pass finds equal neighbours.
+    length of the longest clipped top (and bottom, where ``lowest`` is finite). What the extremes rule out is not
+    looked for, nor are runs without equal neighbours.
     """
-    clipped, missing, equal = 0, 0, 0
-    for i in range(volts.size):
-        value = volts[i]
-        missing += not (-NO_VOLTAGE < value < NO_VOLTAGE)
-        clipped += (value <= lowest) | (value >= highest)
-    for i in range(1, volts.size):
-        equal += volts[i] == volts[i - 1]
-    if equal < 2:
+    if not volts.size:
+        return 0, 0, 1, 0
+    missing, clipped = count_missing(volts), 0
+    if missing or not lowest < np.min(volts) or not np.max(volts) < highest:
+        clipped = int(np.count_nonzero((volts <= lowest) | (volts >= highest)))
+    if np.count_nonzero(volts[1:] == volts[:-1]) < 2:
         return clipped, missing, 1, 0
-    return clipped, missing, *_runs(volts, lowest > -1e300)
+    return clipped, missing, *_runs(volts, bool(np.isfinite(lowest)))
 
 
-@numba.njit(cache=True, nogil=True)
+def count_missing(volts: Array) -> int:
+    """Count the samples that are no voltages."""
+    if volts.size and np.min(volts) > -NO_VOLTAGE and np.max(volts) < NO_VOLTAGE:
+        return 0
+    return int(volts.size - np.count_nonzero(np.abs(volts) < NO_VOLTAGE))
+
+
 def _runs(volts: Array, two_sided: bool) -> tuple[int, int]:
     """Return the longest run of equal samples and the longest one at a clipped end."""
-    run, longest, step = 1, 1, 1e300
-    top, at_top, top_end = volts[0], 1, 0
-    bottom, at_bottom, bottom_end = volts[0], 1, 0
-    for i in range(1, volts.size):
-        value, change = volts[i], abs(volts[i] - volts[i - 1])
-        run = run + 1 if change == 0.0 else 1
-        if 0.0 < change < step:
-            step = change
-        longest = max(longest, run)
-        if value > top or (value == top and run > at_top):
-            top, at_top, top_end = value, run, i
-        if value < bottom or (value == bottom and run > at_bottom):
-            bottom, at_bottom, bottom_end = value, run, i
-    flat = at_top if _is_clipped(volts, at_top, top_end, step) else 0
-    if two_sided and _is_clipped(volts, at_bottom, bottom_end, step):
-        flat = max(flat, at_bottom)
-    return longest, flat
+    starts = np.flatnonzero(np.r_[True, volts[1:] != volts[:-1]])
+    lengths, values = np.diff(np.r_[starts, volts.size]), volts[starts]
+    flat = 0
+    for extreme in (np.nanmax(values), np.nanmin(values))[: 2 if two_sided else 1]:
+        at = np.flatnonzero(values == extreme)
+        if at.size:
+            longest = at[np.argmax(lengths[at])]
+            run = int(lengths[longest])
+            flat = max(flat, run if _is_clipped(volts, run, int(starts[longest]) + run - 1) else 0)
+    return int(lengths.max()), flat
 
 
-@numba.njit(cache=True, nogil=True)
-def _is_clipped(volts: Array, run: int, end: int, step: float) -> bool:
+def _is_clipped(volts: Array, run: int, end: int) -> bool:
+    """Tell whether a run of equal samples that ends at ``end`` is a clipped top or bottom."""
     before, after = end - 2 * run + 1, end + run
     if run < FLAT_RUN or before < 0 or after >= volts.size:
         return False
+    with np.errstate(invalid="ignore"):
+        change = np.abs(np.diff(volts))
+    step = np.min(change, where=change > 0.0, initial=np.inf)
     fall = min(abs(volts[end] - volts[before]), abs(volts[end] - volts[after]))
-    return fall > STEPS_BESIDE_FLAT * step
+    return bool(fall > STEPS_BESIDE_FLAT * step)
 
 
 def clips_below(calibration: SensorCalibration | None) -> bool:
@@ -88,26 +87,13 @@ def clips_below(calibration: SensorCalibration | None) -> bool:
     return calibration is not None and calibration.output_min_volts < 0.0
 
 
-@numba.njit(cache=True, nogil=True)
 def clipped_samples(volts: Array, extreme: float) -> int:
     """Count the samples in clipped runs at one extreme of a channel."""
-    step = 1e300
-    for i in range(1, volts.size):
-        change = abs(volts[i] - volts[i - 1])
-        if 0.0 < change < step:
-            step = change
-    count, run = 0, 0
-    for i in range(volts.size + 1):
-        if i < volts.size and volts[i] == extreme:
-            run += 1
-            continue
-        if run and _is_clipped(volts, run, i - 1, step):
-            count += run
-        run = 0
-    return count
+    starts, ends = _stretches(volts == extreme)
+    runs = ends - starts
+    return int(sum(run for run, end in zip(runs, ends, strict=True) if _is_clipped(volts, int(run), int(end) - 1)))
 
 
-@numba.njit(cache=True, nogil=True)
 def missing_samples(volts: Array, carried: int) -> tuple[int, int, int]:
     """Count the samples that are no voltages.
 
@@ -115,15 +101,19 @@ def missing_samples(volts: Array, carried: int) -> tuple[int, int, int]:
     -------
     How many; the longest run of them, one of ``carried`` samples before the first included; the run that goes on.
     """
-    count, longest, run = 0, carried, carried
-    for value in volts:
-        if -NO_VOLTAGE < value < NO_VOLTAGE:
-            run = 0
-        else:
-            count += 1
-            run += 1
-            longest = max(longest, run)
-    return count, longest, run
+    count = count_missing(volts)
+    if not count:
+        return 0, carried, 0 if volts.size else carried
+    starts, ends = _stretches(~(np.abs(volts) < NO_VOLTAGE))
+    runs = ends - starts
+    runs[0] += carried if starts[0] == 0 else 0
+    return count, max(carried, int(runs.max())), int(runs[-1]) if ends[-1] == volts.size else 0
+
+
+def _stretches(flags: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where runs of flagged samples begin, and one past where they end."""
+    change = np.diff(np.r_[False, flags, False].view(np.int8))
+    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 
 
 def converter_step(volts: Array) -> float:

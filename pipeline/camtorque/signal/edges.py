@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,56 +116,58 @@ def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, E
 
 def _scan_block(volts: Array, inside: tuple[int, int], scan: _Scan, first: int, least: float) -> NDArray[np.int64]:
     window, level, margin = level_windows(volts, least)
-    begin, stop = inside
-    places = np.empty(max(1, stop - begin), dtype=np.int64)
-    count, scan.state = _transitions(
-        volts, begin, stop, first, window, level - margin, level, level + margin, scan.state, places
-    )
-    return places[:count]
+    events, rising = _transitions(volts, inside, (window, level - margin, level + margin))
+    rising, before = rising.astype(np.int64), np.r_[scan.state, rising[:-1]]
+    changed = rising != before
+    scan.state = int(rising[-1]) if rising.size else scan.state
+    events, rising = events[changed & (before >= 0)], rising[changed & (before >= 0)]
+    at_level = level[np.minimum(events // window, level.size - 1)]
+    return np.where(rising, 1, -1) * (first + _crossings_before(volts, events, at_level, rising > 0))
 
 
-@numba.njit(cache=True, nogil=True)
-def _transitions(volts, begin, stop, first, window, lower, level, upper, state, out):  # type: ignore[no-untyped-def]
-    """Write the sample before each level crossing, plus one, positive when rising; return count and state.
+def _transitions(
+    volts: Array, inside: tuple[int, int], bands: tuple[int, Array, Array]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the samples at which the signal comes to lie beyond a band, in order, and whether above it.
 
-    A crossing counts when the hysteresis level on the far side is reached; its place is the last crossing before.
-    Samples that are no numbers and windows without a level leave the state as it is.
+    ``bands`` are samples per window, lower and upper border of each window. Samples that are no numbers and windows
+    without a level lie nowhere.
     """
-    count, last = 0, level.size - 1
-    i = begin
-    while i < stop:
-        w = min(i // window, last)
-        end = stop if w == last else min(stop, (w + 1) * window)
-        if level[w] != level[w]:
-            i = end
-        elif state == 1:
-            while i < end and not volts[i] < lower[w]:
-                i += 1
-            if i < end:
-                out[count] = -(first + _crossing_before(volts, i, level[w], False))
-                count, state = count + 1, 0
-        elif state == 0:
-            while i < end and not volts[i] > upper[w]:
-                i += 1
-            if i < end:
-                out[count] = first + _crossing_before(volts, i, level[w], True)
-                count, state = count + 1, 1
-        else:
-            while i < end and lower[w] <= volts[i] <= upper[w]:
-                i += 1
-            if i < end and volts[i] == volts[i]:
-                state = 1 if volts[i] > upper[w] else 0
-            else:
-                i += 1
-    return count, state
+    begin, stop = inside
+    window, lower, upper = bands
+    entered = [_entries(_beyond(np.greater, volts, window, upper)[begin:stop])]
+    entered.append(_entries(_beyond(np.less, volts, window, lower)[begin:stop]))
+    places = begin + np.concatenate(entered)
+    order = np.argsort(places, kind="stable")
+    return places[order], order < entered[0].size
 
 
-@numba.njit(cache=True, nogil=True)
-def _crossing_before(volts: Array, i: int, level: float, rising: bool) -> int:
-    """Return the first sample at or beyond the level, going back from one that is."""
-    while i > 1 and ((volts[i - 1] >= level) if rising else (volts[i - 1] < level)):
-        i -= 1
-    return i
+def _beyond(compare: np.ufunc, volts: Array, window: int, border: Array) -> NDArray[np.bool_]:
+    """Compare each sample with the border of its window; the last window holds all that remain."""
+    last = (border.size - 1) * window
+    out = np.empty(volts.size, dtype=bool)
+    compare(volts[:last].reshape(-1, window), border[:-1, None], out=out[:last].reshape(-1, window))
+    compare(volts[last:], border[-1], out=out[last:])
+    return out
+
+
+def _entries(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the flagged places that follow an unflagged one, or none."""
+    entries = np.flatnonzero(flags[1:] > flags[:-1]) + 1
+    return np.r_[0, entries] if flags[:1].any() else entries
+
+
+def _crossings_before(
+    volts: Array, at: NDArray[np.int64], level: Array, rising: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return the first samples at or beyond the levels, going back from ones that are."""
+    at, moving = at.copy(), np.arange(at.size)
+    while moving.size:
+        previous = volts[at[moving] - 1]
+        on = np.where(rising[moving], previous >= level[moving], previous < level[moving]) & (at[moving] > 1)
+        moving = moving[on]
+        at[moving] -= 1
+    return at
 
 
 def _half_window(crossings: NDArray[np.int64]) -> int:

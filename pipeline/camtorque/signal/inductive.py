@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from camtorque.records import Array, Channel, Refusal
@@ -42,6 +42,8 @@ MIDDLE_OF_FLANK = 0.4
 """Part of the lower half wave up to which a flank is straight."""
 MOST_FLANK = 24
 """Samples on either side of a crossing that the line uses, at most."""
+ROWS = 1 << 14
+"""Waves worked on at a time."""
 LEAST_FOR_NOISE = 5
 """Samples in a line from which its residual says what the noise is."""
 
@@ -111,22 +113,18 @@ def _all_waves(channel: Channel, sign: float, level: float, block: int) -> tuple
     return Waves(np.concatenate([*begins, last[0].astype(np.int64)]), np.concatenate([*heights, last[1]])), n_missing
 
 
-@numba.njit(cache=True, nogil=True)
 def _half_waves(values: Array, first: int, state: Array) -> tuple[NDArray[np.int64], Array]:
     """Split a block at its zero crossings; ``state`` carries begin and height of the half wave that goes on."""
-    begin, height = np.empty(values.size + 1, dtype=np.int64), np.empty(values.size + 1)
-    count = 0
-    for i in range(values.size):
-        value = values[i]
-        if not (value > 0.0 or value < 0.0):
-            continue
-        if value * state[1] < 0.0:
-            begin[count], height[count] = int(state[0]), state[1]
-            count += 1
-            state[0], state[1] = first + i, value
-        elif abs(value) > abs(state[1]):
-            state[1] = value
-    return begin[:count], height[:count]
+    known = np.flatnonzero(np.abs(values) > 0.0)
+    signed = np.r_[state[1], values[known]]
+    begins = np.r_[0, np.flatnonzero(signed[1:] * signed[:-1] < 0.0) + 1]
+    begin = np.r_[int(state[0]), first + known][begins]
+    sign = np.sign(signed[begins])
+    if state[1] == 0.0 and known.size:  # no wave went before
+        sign[0] = np.sign(signed[1])
+    height = sign * np.maximum.reduceat(np.abs(signed), begins)
+    state[0], state[1] = begin[-1], height[-1]
+    return begin[:-1], height[:-1]
 
 
 def _floor(waves: Waves, least: float) -> float:
@@ -136,13 +134,20 @@ def _floor(waves: Waves, least: float) -> float:
     return max(least, FAINT * float(np.percentile(high, 99.0))) if high.size else np.inf
 
 
-@numba.njit(cache=True, nogil=True)
 def _running_percentile(values: Array, half: int, percentile: float) -> Array:
-    out = np.zeros(values.size)
-    for i in range(values.size):
-        room = np.sort(values[max(0, i - half) : min(values.size, i + half + 1)])
-        out[i] = room[int((room.size - 1) * percentile / 100.0)]
+    """Return a percentile of the neighbours of each value, without interpolation; windows shrink at the ends."""
+    out, width = np.zeros(values.size), 2 * half + 1
+    for begin in range(half, values.size - half, ROWS):
+        windows = sliding_window_view(values[begin - half : begin + ROWS + half], width)
+        out[begin : begin + windows.shape[0]] = _ranked(windows, percentile)
+    for i in (*range(min(half, values.size)), *range(max(values.size - half, min(half, values.size)), values.size)):
+        out[i] = _ranked(values[None, max(0, i - half) : i + half + 1], percentile)[0]
     return out
+
+
+def _ranked(windows: Array, percentile: float) -> Array:
+    rank = int((windows.shape[1] - 1) * percentile / 100.0)
+    return np.partition(windows, rank, axis=1)[:, rank]
 
 
 def _merged(waves: Waves, least: Array) -> Waves:
@@ -163,42 +168,41 @@ def _positions(
 ) -> tuple[Array, Array]:
     """Return the crossings [samples] and the variance of each."""
     position, variance = np.empty(after.size), np.empty(after.size)
-    for start in range(0, after.size, 1 << 14):
-        part = slice(start, min(start + (1 << 14), after.size))
+    for start in range(0, after.size, ROWS):
+        part = slice(start, min(start + ROWS, after.size))
         first = max(0, int(after[part][0]) - MOST_FLANK)
         stop = min(channel.n_samples, int(after[part][-1]) + MOST_FLANK + 1)
         values = sign * (channel.read_volts(first, stop) - level)
-        _crossings(values, after[part] - first, MIDDLE_OF_FLANK * low[part], noise, position[part], variance[part])
-        position[part] += first
+        found = _crossings(values, after[part] - first, MIDDLE_OF_FLANK * low[part], noise)
+        position[part], variance[part] = found[0] + first, found[1]
     return position, variance
 
 
-@numba.njit(cache=True, nogil=True)
-def _crossings(
-    values: Array, after: NDArray[np.int64], limit: Array, noise: float, position: Array, variance: Array
-) -> None:
-    """Fill in where a line through the middle of each flank passes zero, and its variance [samples^2]."""
-    for k in range(after.size):
-        i = min(max(after[k], 1), values.size - 1)
-        left, right = i - 1, i
-        while left > 0 and i - left < MOST_FLANK and abs(values[left - 1]) < limit[k]:
-            left -= 1
-        while right < values.size - 1 and right - i < MOST_FLANK and abs(values[right + 1]) < limit[k]:
-            right += 1
-        # as many samples on either side: a flank that bends turns the line about its middle
-        reach = min(i - left, right - i + 1)
-        left, right = i - reach, i + reach - 1
-        n = right - left + 1
-        middle, mean = 0.5 * (left + right), np.mean(values[left : right + 1])
-        slope, spread = 0.0, 0.0
-        for j in range(left, right + 1):
-            slope += (j - middle) * values[j]
-            spread += (j - middle) ** 2
-        slope /= spread
-        rest = 0.0
-        for j in range(left, right + 1):
-            rest += (values[j] - mean - slope * (j - middle)) ** 2
-        shift = -mean / slope if slope > 0.0 else i - 0.5 - middle
-        position[k] = middle + min(max(shift, -0.5 * n), 0.5 * n)
-        scatter = rest / (n - 2) if n >= LEAST_FOR_NOISE else noise * noise
-        variance[k] = scatter / max(slope, 1e-30) ** 2 * (1.0 / n + shift * shift / spread)
+def _crossings(values: Array, after: NDArray[np.int64], limit: Array, noise: float) -> tuple[Array, Array]:
+    """Return where a line through the middle of each flank passes zero, and its variance [samples^2]."""
+    at = np.clip(after, 1, values.size - 1)
+    # as many samples on either side: a flank that bends turns the line about its middle
+    reach = np.minimum(_reach(values, at - 1, limit, -1), _reach(values, at, limit, 1))
+    place = np.arange(-MOST_FLANK - 1, MOST_FLANK + 1) + 0.5
+    used = np.abs(place) < reach[:, None]
+    n = 2.0 * reach
+    samples = np.where(used, values[np.clip(at[:, None] + (place - 0.5).astype(np.int64), 0, values.size - 1)], 0.0)
+    spread = np.sum(used * place**2, axis=1)
+    mean, slope = np.sum(samples, axis=1) / n, samples @ place / spread
+    rest = np.sum(np.where(used, samples - mean[:, None] - slope[:, None] * place, 0.0) ** 2, axis=1)
+    shift = np.where(slope > 0.0, -mean / np.where(slope > 0.0, slope, 1.0), 0.0)
+    position = at - 0.5 + np.clip(shift, -0.5 * n, 0.5 * n)
+    scatter = np.where(n >= LEAST_FOR_NOISE, rest / np.maximum(n - 2.0, 1.0), noise * noise)
+    return position, scatter / np.maximum(slope, 1e-30) ** 2 * (1.0 / n + shift**2 / spread)
+
+
+def _reach(values: Array, start: NDArray[np.int64], limit: Array, way: int) -> NDArray[np.int64]:
+    """Return how many samples of a flank lie from ``start`` on one way, ``start`` included."""
+    reach, moving = np.ones(start.size, dtype=np.int64), np.arange(start.size)
+    while moving.size:
+        next_one = start[moving] + way * reach[moving]
+        there = (next_one >= 0) & (next_one < values.size) & (reach[moving] <= MOST_FLANK - (way < 0))
+        inside = np.abs(values[np.clip(next_one, 0, values.size - 1)]) < limit[moving]
+        moving = moving[there & inside]
+        reach[moving] += 1
+    return reach

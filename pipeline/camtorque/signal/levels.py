@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.records import Array
-from camtorque.signal.damage import NO_VOLTAGE
+from camtorque.signal.damage import NO_VOLTAGE, count_missing
 from camtorque.signal.running import running_maximum, running_median
 from camtorque.signal.threshold import Threshold
 
@@ -16,6 +16,8 @@ HYSTERESIS = Threshold(
 )  # fmt: skip
 FINE_SAMPLES = 64
 """Windows from which the distance of the pulses is estimated."""
+CACHED_WINDOWS = 256
+"""Fine windows worked on at a time: their samples stay in the processor's cache."""
 LEAST_POOLED = 4
 """Fine windows in a level window, at least."""
 WINDOW_PERIODS = 1.5
@@ -53,7 +55,7 @@ def level_windows(volts: Array, least: float = 0.0) -> tuple[int, Array, Array]:
 
 def without_missing(volts: Array) -> tuple[Array, int]:
     """Return the samples with nan for those that are no voltages, and how many those are."""
-    missing = _count_missing(volts)
+    missing = count_missing(volts)
     return (np.where(np.abs(volts) < NO_VOLTAGE, volts, np.nan), missing) if missing else (volts, 0)
 
 
@@ -79,17 +81,13 @@ def _pooled_windows(low: Array, high: Array, least_height: float) -> int:
     return int(np.clip(np.ceil(WINDOW_PERIODS * distance), LEAST_POOLED, low.size))
 
 
-@numba.njit(cache=True, nogil=True)
-def _rises(low: Array, high: Array, lower: float, upper: float) -> Array:
+def _rises(low: Array, high: Array, lower: float, upper: float) -> NDArray[np.int64]:
     """Return the fine windows in which the signal rises over the hysteresis; one that holds both levels does."""
-    out, count, state = np.empty(low.size), 0, 0
-    for w in range(low.size):
-        if high[w] > upper and (state == 0 or low[w] < lower):
-            out[count] = w
-            count, state = count + 1, 1
-        if low[w] < lower and high[w] < upper:
-            state = 0
-    return out[:count]
+    up, down = high > upper, (low < lower) & (high < upper)
+    last = np.maximum.accumulate(np.where(up | down, np.arange(low.size), -1))
+    before = np.r_[-1, last[:-1]]
+    was_up = (before >= 0) & up[before]
+    return np.flatnonzero(up & (~was_up | (low < lower)))
 
 
 def _levels(low: Array, high: Array, least_height: float) -> tuple[Array, Array]:
@@ -103,29 +101,36 @@ def _levels(low: Array, high: Array, least_height: float) -> tuple[Array, Array]
     return level, HYSTERESIS * np.interp(windows, sound, height[sound])
 
 
-@numba.njit(cache=True, nogil=True)
 def _fine_extremes(volts: Array) -> tuple[Array, Array]:
     """Return smallest and largest value of each fine window, spikes of one sample left out."""
     n_windows = max(1, volts.size // FINE_SAMPLES)
-    low, high = np.empty(n_windows), np.empty(n_windows)
-    for w in range(n_windows):
-        stop = volts.size if w == n_windows - 1 else (w + 1) * FINE_SAMPLES
-        smallest, largest = np.inf, -np.inf
-        for i in range(w * FINE_SAMPLES + 1, stop):
-            # The lower (higher) of two neighbours: a spike of one sample is no plateau.
-            lower, higher = min(volts[i - 1], volts[i]), max(volts[i - 1], volts[i])
-            smallest = higher if higher < smallest else smallest
-            largest = lower if lower > largest else largest
-        # Without any voltage the window before goes on.
-        known = largest >= smallest
-        low[w] = smallest if known else (low[w - 1] if w else 0.0)
-        high[w] = largest if known else (high[w - 1] if w else 0.0)
+    low, high = np.zeros(n_windows), np.zeros(n_windows)
+    if volts.size < 2:
+        return low, high
+    whole = volts[: (n_windows - 1) * FINE_SAMPLES].reshape(-1, FINE_SAMPLES)
+    for begin in range(0, n_windows - 1, CACHED_WINDOWS):
+        part = slice(begin, min(begin + CACHED_WINDOWS, n_windows - 1))
+        low[part], high[part] = _plateaus(whole[part])
+    low[-1:], high[-1:] = _plateaus(volts[None, (n_windows - 1) * FINE_SAMPLES :])
+    unknown = np.isnan(low)
+    if unknown.any():  # without any voltage the window before goes on
+        last = np.maximum.accumulate(np.where(unknown, -1, np.arange(n_windows)))
+        low, high = np.where(last >= 0, low[last], 0.0), np.where(last >= 0, high[last], 0.0)
     return low, high
 
 
-@numba.njit(cache=True, nogil=True)
-def _count_missing(volts: Array) -> int:
-    count = 0
-    for value in volts:
-        count += not (-NO_VOLTAGE < value < NO_VOLTAGE)
-    return count
+def _plateaus(windows: Array) -> tuple[Array, Array]:
+    """Return the extremes of each row, nan where it holds no voltage.
+
+    The lower (higher) of two neighbours counts: a spike of one sample is no plateau.
+    """
+    volts, lower, higher = windows.ravel(), np.empty(windows.shape), np.empty(windows.shape)
+    np.minimum(volts[1:], volts[:-1], out=lower.ravel()[:-1])
+    np.maximum(volts[1:], volts[:-1], out=higher.ravel()[:-1])
+    lower[:, -1], higher[:, -1] = -np.inf, np.inf  # pairs across two windows
+    low, high = np.min(higher, axis=1), np.max(lower, axis=1)
+    some = np.isnan(low)
+    if some.any():
+        low[some] = np.fmin.reduce(higher[some, :-1], axis=1)
+        high[some] = np.fmax.reduce(lower[some, :-1], axis=1)
+    return low, high

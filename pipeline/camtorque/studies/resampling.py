@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from camtorque.align.resample import align_block, choose_rule, hermite_slopes, interval_polynomials
+from camtorque.align.resample import choose_rule, hermite_slopes, interval_polynomials
+from camtorque.align.resample_compiled import resample_block
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, study_law, uniform
 from camtorque.studies.grid import torque_on
@@ -99,11 +100,7 @@ def product(signal: Signal) -> Array:
     cycles = np.arange(signal.pulses.size - 1, dtype=np.float64)
     rows = np.empty((cycles.size, N_THETA))
     rule = choose_rule("auto", signal.rate * TURN / SPEED / N_THETA)
-    limits = (-1e9, 1e9)
-    align_block(
-        signal.torque, signal.rate, np.zeros(cycles.size), cycles, angle, polynomials, rule, 1.0, 0.0, limits, rows,
-        np.zeros((cycles.size, 5)), np.zeros((cycles.size, 2)),
-    )  # fmt: skip
+    resample_block(signal.torque, signal.rate, np.zeros(cycles.size), cycles, angle, polynomials, rule, rows)
     return rows.mean(axis=0)
 
 
