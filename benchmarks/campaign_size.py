@@ -26,11 +26,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from camtorque.campaign import CampaignOptions, flow, run_campaign, task
 from camtorque.campaign.store import JOINT
-from camtorque.records import Finding
+from camtorque.fit import joint_input
+from camtorque.records import Finding, Recording
 from camtorque.report.checksums import verify
 from camtorque.report.files import write_json
 from camtorque.run import RunOptions, analyse
@@ -66,7 +68,16 @@ def stand_in_analysis(path: Path, options: RunOptions) -> tuple[Any, Any]:
     result, prepared = known()
     config = replace(result.recording.config, id=path.name)
     recording = replace(result.recording, config=config)
-    return replace(result, recording=recording), replace(prepared, recording=recording)
+    return replace(result, recording=recording), replace(prepared, data=replace(prepared.data, name=path.name))
+
+
+def without_samples(recording: Recording) -> Recording:
+    """Return a recording that can be stored: calibration kept, samples left behind."""
+    channels = tuple(
+        replace(channel, source=SimpleNamespace(n_samples=channel.n_samples)) for channel in recording.channels
+    )
+    inputs = tuple(replace(item, digest=item.sha256) for item in recording.inputs)
+    return replace(recording, channels=channels, inputs=inputs)
 
 
 def bare_report(result: Any, folder: Path) -> Mapping[str, Any]:
@@ -80,6 +91,7 @@ def bare_report(result: Any, folder: Path) -> Mapping[str, Any]:
 def stand_in(item: task.Task) -> Any:
     """Do one recording with the stand-ins, in a worker."""
     task.analyse = stand_in_analysis  # type: ignore[assignment]
+    task.joint_input = lambda item: item  # type: ignore[assignment]
     if BARE in os.environ:
         task.write_run = bare_report  # type: ignore[assignment]
     done = task.run_task(item)
@@ -90,8 +102,8 @@ def stand_in(item: task.Task) -> Any:
 def prepare_result(folder: Path, bare: bool) -> None:
     """Compute the example once."""
     result, prepared = analyse(EXAMPLE, RunOptions())
-    light = replace(result, recording=task.without_samples(result.recording))
-    (folder / "result").write_bytes(pickle.dumps((light, task.without_cycles(prepared))))
+    light = replace(result, recording=without_samples(result.recording))
+    (folder / "result").write_bytes(pickle.dumps((light, joint_input(prepared))))
     os.environ[RESULT] = str(folder / "result")
     if bare:
         (folder / "report").mkdir()

@@ -15,12 +15,11 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.align import align
-from camtorque.fit import Fit, Prepared, prepare
+from camtorque.fit import Prepared, joint_input, prepare
 from camtorque.fit.forecast import Curve, FittedAt, KnownFit, ends_for, forecast
-from camtorque.fit.joint import solve_joint
+from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
-from camtorque.fit.uncertainty import covariance
 from camtorque.ingest import read_recording
 from camtorque.predict_from import Rig, chain_of
 from camtorque.run import rigid_torque
@@ -28,18 +27,16 @@ from camtorque.run import rigid_torque
 
 def known_fit(used: Sequence[Prepared]) -> KnownFit:
     """Return the joint fit of some recordings as a prediction takes it."""
-    problem, solution = solve_joint(used)
-    found = covariance(problem, solution)
-    none = tuple(np.zeros((0, item.data.chain.theta.size)) for item in used)
-    measured = tuple(item.measured for item in used)
-    fit = Fit(problem, solution, found, {}, none, (), (), (), measured, tuple(0.0 for _ in used))
-    held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in left_out_predictions(used, fit)
+    inputs = [joint_input(item) for item in used]
+    problem, solution = solve_joint(inputs)
+    fit = joint_fit_of(inputs, problem, solution)
+    held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in left_out_predictions(inputs, fit, solution)
             if row.mode == "own_zero_and_end"}  # fmt: skip
     recordings = [
         FittedAt(item.data.name, item.cycles.mean_speed, data.structure, held[item.data.name], True)
         for item, data in zip(used, problem.data, strict=True)
     ]
-    return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, found.matrix, tuple(recordings))
+    return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, fit.covariance.matrix, tuple(recordings))
 
 
 def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared) -> dict[str, object]:

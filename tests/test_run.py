@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from camtorque import cli
 from camtorque.campaign import find_recordings
-from camtorque.campaign.task import SamplesLeftBehind
 from camtorque.fit.metrics import metrics
 from camtorque.records import Refusal
 from camtorque.report import FIGURES
@@ -102,8 +101,3 @@ def test_recordings_are_found_at_and_below_a_folder(tmp_path: Path) -> None:
     assert list(find_recordings(tmp_path / "a")) == ["a"]
     with pytest.raises(Refusal, match="no such folder"):
         find_recordings(tmp_path / "c")
-
-
-def test_samples_left_behind_are_not_read() -> None:
-    with pytest.raises(ValueError, match="left behind"):
-        SamplesLeftBehind(3).read(0, 1)

@@ -55,7 +55,7 @@ def no_joint_fit(usable: list[Finding], options: object) -> tuple[None, tuple[Fi
 def stand_in() -> None:
     """Put the stand-ins into this process."""
     task.analyse, task.write_run = analyse, write_run  # type: ignore[assignment]
-    task.thumbnail, task.without_cycles = lambda result: "<svg></svg>", lambda prepared: prepared
+    task.thumbnail, task.joint_input = lambda result: "<svg></svg>", lambda prepared: prepared
 
 
 def run_task(item: task.Task) -> Any:

@@ -39,7 +39,7 @@ def analysed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(task, "analyse", analyse)
     monkeypatch.setattr(task, "write_run", campaign_cases.write_run)
     monkeypatch.setattr(task, "thumbnail", lambda result: "<svg></svg>")
-    monkeypatch.setattr(task, "without_cycles", lambda prepared: prepared)
+    monkeypatch.setattr(task, "joint_input", lambda prepared: prepared)
     monkeypatch.setattr(flow, "joint_fit", campaign_cases.no_joint_fit)
     monkeypatch.setattr(flow, "on_processes", here)
     monkeypatch.setattr(flow, "on_local_cluster", here)
@@ -199,7 +199,7 @@ class Foreign:
 def test_a_strangers_output_is_no_code(tmp_path: Path, content: bytes) -> None:
     (tmp_path / store.JOINT).write_bytes(zlib.compress(content))
     with pytest.raises(Refusal, match="is no record"):
-        store.read_prepared(tmp_path)
+        store.read_joint_input(tmp_path)
 
 
 def test_progress_tells_what_is_left(analysed: list[str], tmp_path: Path) -> None:

@@ -7,11 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit import joint as joint_room
-from camtorque.fit.joint import common_error, fit_joint, refuse_two_states, solve_joint, started_at, with_common_rows
-from camtorque.fit.leftout import MODES, left_out_values, predicted_end
+from camtorque.fit.joint import (
+    common_error,
+    fit_joint,
+    joint_fit_of,
+    refuse_two_states,
+    solve_joint,
+    started_at,
+    with_common_rows,
+)
+from camtorque.fit.joint_input import joint_input
+from camtorque.fit.joint_solver import Arrow, joint_task, solve_many, try_at
+from camtorque.fit.leftout import MODES, left_out_values, own_values, predicted_end, shares
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import SEPARATOR, build_problem
-from camtorque.fit.single import Fit
 from camtorque.fit.solver import solve
 from camtorque.fit.uncertainty import covariance
 from camtorque.laws.chain import BINS
@@ -24,7 +33,7 @@ FAMILY = ("closed_volume", 3)
 
 @pytest.fixture(scope="module")
 def prepared():
-    return [quick_prepared(*FAMILY, rpm) for rpm in SPEEDS]
+    return [joint_input(quick_prepared(*FAMILY, rpm)) for rpm in SPEEDS]
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +50,7 @@ def campaign(prepared, solved):
 
 @pytest.fixture(scope="module")
 def joint(prepared, solved):
-    problem, solution = solved
-    nothing = tuple(np.zeros((0, item.data.chain.theta.size)) for item in prepared)
-    return Fit(
-        problem, solution, covariance(problem, solution), {}, nothing, (), (), (),
-        tuple(item.measured for item in prepared), (0.0,) * len(prepared),
-    )  # fmt: skip
+    return joint_fit_of(prepared, *solved)
 
 
 def test_shared_parameters_are_told_better_together(prepared, campaign):
@@ -57,9 +61,7 @@ def test_shared_parameters_are_told_better_together(prepared, campaign):
     assert abs(rows["trigger_offset"].value - offset) < 0.15
     dead = 1e9 * truth.chamber.dead_volume
     assert rows["dead_volume"].ci95[0] < dead < rows["dead_volume"].ci95[1]
-    single = covariance(prepared[1].candidates[0].problem, prepared[1].candidates[0].solution)
-    place = prepared[1].candidates[0].problem.index("dead_volume")
-    assert rows["dead_volume"].stderr_statistical < 1e9 * single.std[place]
+    assert rows["dead_volume"].stderr_statistical < 1e9 * prepared[1].alone["dead_volume"].std
     assert all(SEPARATOR not in name for name in rows)
     assert campaign.left_aside == ()
     assert len(campaign.fitted) == 3
@@ -94,30 +96,85 @@ def test_blind_end_of_delivery_does_not_know_the_recordings_own(joint):
     z = joint.solution.z.copy()
     z[place] += np.radians(6.0)
     moved = replace(joint, solution=replace(joint.solution, z=z))
-    found = predicted_end(joint, index)
+    found = predicted_end(joint, own_values(joint), index)
     assert set(found) == {"end_of_delivery", "end_width"}
-    assert predicted_end(moved, index) == found
+    assert predicted_end(moved, own_values(moved), index) == found
     # but the neighbours' ends are what it is matched to
     z = z.copy()
     for other in (0, 2):
         z[joint.problem.index(f"end_of_delivery{SEPARATOR}{joint.problem.data[other].name}")] += np.radians(6.0)
     moved = replace(joint, solution=replace(joint.solution, z=z))
-    assert predicted_end(moved, index)["end_of_delivery"] != found["end_of_delivery"]
+    assert predicted_end(moved, own_values(moved), index)["end_of_delivery"] != found["end_of_delivery"]
     assert abs(found["end_of_delivery"] - joint.solution.z[place]) < np.radians(4.0)
 
 
-def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint):
+def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, solved):
     index = 2
-    found = left_out_values(joint, index)
-    rest = build_problem([started_at(joint.problem, joint.solution, k) for k in (0, 1)])
-    solution = solve(rest, rest.start, 12, joint.solution.lifts[:2])
-    names = [slot.name for slot in joint.problem.slots]
-    std = covariance(rest, solution).std
+    problem, solution = solved
+    found = left_out_values(joint, shares(solution), index)
+    rest = build_problem([started_at(problem, solution, k) for k in (0, 1)])
+    lifts = joint_task(problem, solution.z, 0.0).lifts
+    alone = solve(rest, rest.start, 12, lifts[:2])
+    names = [slot.name for slot in problem.slots]
+    std = covariance(rest, alone).std
     for name in ("trigger_offset", "dead_volume", "shaft_compliance", "port_closing_lift"):
         k = rest.index(name)
-        assert abs(found[names.index(name)] - solution.z[k]) < 1.0 * std[k], name
-    own = [k for k, slot in enumerate(joint.problem.slots) if slot.recording == index]
-    np.testing.assert_array_equal(found[own], joint.solution.z[own])
+        assert abs(found[names.index(name)] - alone.z[k]) < 1.0 * std[k], name
+    own = [k for k, slot in enumerate(problem.slots) if slot.recording == index]
+    np.testing.assert_array_equal(found[own], solution.z[own])
+
+
+def test_left_out_values_are_those_of_the_whole_matrix(joint, solved):
+    _, solution = solved
+    for index in range(3):
+        place, kept = solution.hessian.places[index], solution.hessian.recording != index
+        rest, vector = solution.hessian.dense(), solution.gradient.copy()
+        rest[np.ix_(place, place)] -= solution.hessian.blocks[index]
+        vector[place] -= solution.parts[index]
+        scale = joint.covariance.prior_std[kept]
+        step = scale * np.linalg.solve(rest[np.ix_(kept, kept)] * np.outer(scale, scale), scale * vector[kept])
+        shared = (solution.hessian.recording < 0)[kept]
+        lower, upper = (bound[solution.hessian.recording < 0] for bound in joint.problem.bounds)
+        largest = 3.0 * joint.covariance.std[kept][shared]
+        expected = solution.z[kept][shared] + np.clip(step[shared], -largest, largest)
+        found = left_out_values(joint, shares(solution), index)[solution.hessian.recording < 0]
+        np.testing.assert_allclose(found, np.clip(expected, lower, upper), rtol=1e-6)
+
+
+def test_many_recordings_are_solved_as_few_are(prepared):
+    """The steps by sums of small blocks are those of the whole matrix."""
+    data = with_common_rows([common_error(item.data, 3) for item in prepared])
+    problem = build_problem(data)
+    task = joint_task(problem, problem.start, 0.02)
+    whole = solve(problem, problem.start, 4, task.lifts, 0.02)
+    blocks = solve_many(problem, problem.start, 4, 0.02)
+    assert (blocks.iterations, blocks.evaluations) == (whole.iterations, whole.evaluations)
+    np.testing.assert_allclose(blocks.z, whole.z, rtol=1e-6, atol=1e-9 * problem.steps.max())
+    assert blocks.chi_square == pytest.approx(whole.chi_square, rel=1e-8)
+    assert blocks.data_chi_square == pytest.approx(whole.data_chi_square, rel=1e-8)
+    scale = np.sqrt(np.diag(whole.hessian))
+    np.testing.assert_allclose(
+        blocks.hessian.dense() / np.outer(scale, scale), whole.hessian / np.outer(scale, scale), atol=1e-6
+    )
+    assert np.sum(blocks.misfits) == pytest.approx(blocks.data_chi_square, rel=1e-8)
+    assert try_at(task, whole.z).chi_square == pytest.approx(whole.chi_square, rel=1e-8)
+
+
+@pytest.mark.parametrize("pseudo", [False, True])
+def test_an_arrow_is_solved_without_its_whole_matrix(pseudo):
+    chance = np.random.default_rng(3)
+    recording = np.array([-1, -1, -1, 0, 0, 1, 2])
+    places = tuple(np.flatnonzero((recording < 0) | (recording == k)) for k in range(3))
+    halves = [chance.normal(size=(p.size + 2, p.size)) for p in places]
+    arrow = Arrow(places, tuple(h.T @ h for h in halves), np.full(7, 0.1), recording)
+    free = np.array([True, False, True, True, False, True, True])
+    vector = chance.normal(size=7)
+    whole = arrow.dense()
+    expected = np.zeros(7)
+    expected[free] = np.linalg.solve(whole[np.ix_(free, free)], vector[free])
+    np.testing.assert_allclose(arrow.solve(free, vector, pseudo), expected, rtol=1e-9)
+    np.testing.assert_allclose(arrow.times(vector), whole @ vector, rtol=1e-12)
+    np.testing.assert_allclose(arrow.main_diagonal(), np.diag(whole), rtol=1e-12)
 
 
 def test_the_error_of_the_laws_does_not_average_out(prepared):
@@ -139,13 +196,10 @@ def test_bounds_of_shared_parameters_are_common(prepared):
 def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):
     one = prepared[0]
     refuse_two_states([one, prepared[1]])  # another speed
-    best = one.candidates[0]
-    z = best.solution.z.copy()
-    place = best.problem.index("dead_volume")
-    z[place] += 12.0 * covariance(best.problem, best.solution).std[place]
-    changed = replace(best, solution=replace(best.solution, z=z), data=replace(best.data, name="after"))
-    other = replace(one, candidates=(changed,))
+    row = one.alone["dead_volume"]
+    moved = {**one.alone, "dead_volume": replace(row, value=row.value + 12.0 * row.std)}
+    other = replace(one, alone=moved, data=replace(one.data, name="after"))
     with pytest.raises(Refusal, match=r"and after run at one speed but differ in dead volume .* own `group`"):
         refuse_two_states([one, other])
-    faster = replace(changed, data=replace(changed.data, chain=replace(changed.data.chain, speed=100.0)))
-    refuse_two_states([one, replace(one, candidates=(faster,))])
+    faster = replace(other, data=replace(other.data, chain=replace(other.data.chain, speed=100.0)))
+    refuse_two_states([one, faster])

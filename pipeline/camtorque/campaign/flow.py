@@ -16,7 +16,7 @@ from camtorque.campaign.cluster import on_cluster_file, on_local_cluster, on_sch
 from camtorque.campaign.find import search
 from camtorque.campaign.joint import joint_fit
 from camtorque.campaign.key import recording_key
-from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_prepared
+from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.fit import CampaignFit
 from camtorque.plain import now
@@ -80,7 +80,7 @@ def run_campaign(
         done = dict(_mapped(tasks, how, progress))
         entries = [done[name] for name in found]
         mapped = time.perf_counter() - start
-        usable = [read_prepared(out / entry.folder) for entry in entries if entry.status == "ok"]
+        usable = [read_joint_input(out / entry.folder) for entry in entries if entry.status == "ok"]
         progress(f"joint fit of {len(usable)} recordings")
         joint, more = joint_fit(usable, options.fit)
         total = time.perf_counter() - start

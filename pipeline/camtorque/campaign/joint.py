@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from camtorque.fit import CampaignFit, FitOptions, Prepared, fit_joint
+from camtorque.fit import CampaignFit, FitOptions, JointInput, fit_joint
 from camtorque.records import Finding, Refusal
 from camtorque.threads import on_one_thread
 
 
 @on_one_thread
-def joint_fit(usable: Sequence[Prepared], options: FitOptions) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
+def joint_fit(usable: Sequence[JointInput], options: FitOptions) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or ids that repeat cannot be fitted together.
 
     Parameters
@@ -20,8 +20,8 @@ def joint_fit(usable: Sequence[Prepared], options: FitOptions) -> tuple[Campaign
     """
     if len(usable) < 2:
         return _none(f"{len(usable)} usable recordings, a joint fit needs at least 2")
-    pumps = sorted({item.recording.config.pump_id for item in usable})
-    names = [item.recording.config.id for item in usable]
+    pumps = sorted({item.pump_id for item in usable})
+    names = [item.name for item in usable]
     if len(pumps) > 1 or len(set(names)) < len(names):
         repeated = sorted(name for name, count in Counter(names).items() if count > 1)
         what = f"pumps {', '.join(pumps)}" if len(pumps) > 1 else f"recording ids that repeat: {', '.join(repeated)}"

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from camtorque.fit import Prepared
+from camtorque.fit import JointInput
 from camtorque.records import Refusal
 from camtorque.report import CampaignEntry, check_writable
 from camtorque.report.files import write_json
@@ -110,14 +110,14 @@ def read_entry(folder: Path) -> CampaignEntry | None:
     return CampaignEntry(**{key: value for key, value in content.items() if key != "schema"})
 
 
-def write_prepared(folder: Path, prepared: Prepared) -> None:
+def write_joint_input(folder: Path, item: JointInput) -> None:
     """Keep what the joint fit needs of a recording."""
     stream = io.BytesIO()
-    _Writer(stream, protocol=5).dump(prepared)
+    _Writer(stream, protocol=5).dump(item)
     (folder / JOINT).write_bytes(zlib.compress(stream.getbuffer()))
 
 
-def read_prepared(folder: Path) -> Prepared:
+def read_joint_input(folder: Path) -> JointInput:
     """Return a recording's input of the joint fit; only records of this package and numbers are accepted.
 
     Raises

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from camtorque.campaign.key import recording_key
-from camtorque.campaign.store import read_entry, write_entry, write_prepared
-from camtorque.fit import Prepared
-from camtorque.records import Array, CamCycles, Recording, Refusal
+from camtorque.campaign.store import read_entry, write_entry, write_joint_input
+from camtorque.fit import joint_input
+from camtorque.records import Refusal
 from camtorque.report import CampaignEntry, output_folder, thumbnail, write_run
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about
 from camtorque.run import RunOptions, analyse
@@ -28,17 +26,6 @@ class Task:
     runs: Path
     options: RunOptions
     retry_failed: bool = False
-
-
-@dataclass(frozen=True)
-class SamplesLeftBehind:
-    """Stands for the samples of a channel where only its calibration is still needed."""
-
-    n_samples: int
-
-    def read(self, start: int, stop: int) -> Array:
-        """Refuse: the samples stayed in the worker that aligned them."""
-        raise ValueError("the samples of this channel were left behind after the alignment")
 
 
 def run_task(task: Task) -> CampaignEntry:
@@ -94,29 +81,5 @@ def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
     recording = doc["recording"]
     summary = {name: recording[name] for name in ("speed_rpm", "cycles_found", "cycles_used")}
     summary |= {name: doc[name] for name in SUMMARY_KEYS}
-    write_prepared(folder, without_cycles(prepared))
+    write_joint_input(folder, joint_input(prepared))
     return CampaignEntry(task.name, recording["name"], "ok", "", summary, thumbnail(result), f"runs/{key}")
-
-
-def without_cycles(prepared: Prepared) -> Prepared:
-    """Return what the joint fit needs of a recording: no samples, no single cycle, the best minimum alone."""
-    return replace(
-        prepared, recording=without_samples(prepared.recording), cycles=mean_cycle(prepared.cycles),
-        candidates=prepared.candidates[:1],
-    )  # fmt: skip
-
-
-def mean_cycle(cycles: CamCycles) -> CamCycles:
-    """Return the cycles with their mean alone: a joint fit of hundreds of recordings needs no single cycle."""
-    torque = None if cycles.torque is None else np.mean(cycles.torque, axis=0)[None]
-    return replace(
-        cycles, torque=torque, pressure=np.mean(cycles.pressure, axis=0)[None], speed=np.array([cycles.mean_speed]),
-        index=cycles.index[:1], held_out=np.zeros(1, dtype=bool),
-    )  # fmt: skip
-
-
-def without_samples(recording: Recording) -> Recording:
-    """Return a recording that can be stored: calibration kept, samples left behind."""
-    channels = tuple(replace(c, source=SamplesLeftBehind(c.n_samples)) for c in recording.channels)
-    inputs = tuple(replace(item, digest=item.sha256) for item in recording.inputs)
-    return replace(recording, channels=channels, inputs=inputs)

@@ -12,16 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camtorque.fit.joint_input import JointInput
+from camtorque.fit.joint_solver import JointSolution, joint_covariance, solve_many
 from camtorque.fit.leftout import HeldOut, left_out_predictions
+from camtorque.fit.metrics import metrics
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
-from camtorque.fit.result import fitted_torque, parameter_estimates, prior_findings
+from camtorque.fit.residual import is_explained
+from camtorque.fit.result import modelled, parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES, rising_angles
-from camtorque.fit.single import Candidate, Fit, FitOptions, Prepared, pressure_gain_std
+from camtorque.fit.single import Fit, FitOptions
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
-from camtorque.fit.uncertainty import covariance
 from camtorque.laws.chain import BINS
-from camtorque.records import Array, Finding, FittedTorque, LadderRung, ParameterEstimate, Refusal
+from camtorque.records import Array, Finding, LadderRung, Metrics, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
@@ -69,13 +72,28 @@ class Drift:
 
 
 @dataclass(frozen=True)
+class JointRecording:
+    """One recording of a joint fit: its parameters (shared ones first), structure, metrics as in its own report."""
+
+    parameters: tuple[ParameterEstimate, ...]
+    structure: str
+    metrics: Mapping[str, Metrics]
+    explained: bool
+
+
+@dataclass(frozen=True)
 class CampaignFit:
-    """The joint fit: shared parameters, every recording's result, predictions of left-out recordings."""
+    """The joint fit: shared parameters, every recording's result, predictions of left-out recordings.
+
+    ``correlation`` is (k, k), of the parameters ``correlation_names``.
+    """
 
     names: tuple[str, ...]
     effects: tuple[str, ...]
     shared_parameters: tuple[ParameterEstimate, ...]
-    fitted: tuple[FittedTorque, ...]
+    fitted: tuple[JointRecording, ...]
+    correlation_names: tuple[str, ...]
+    correlation: Array
     held_out: tuple[HeldOut, ...]
     ladder: tuple[LadderRung, ...]
     drifts: tuple[Drift, ...]
@@ -102,43 +120,33 @@ def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
     return [with_rows(item, limits) for item in data]
 
 
-def anchors(prepared: Sequence[Prepared]) -> list[int]:
+def anchors(inputs: Sequence[JointInput]) -> list[int]:
     """Return the places of the recordings that are explained alone, best first."""
-    inflation = [covariance(item.candidates[0].problem, item.candidates[0].solution).inflation for item in prepared]
+    inflation = [item.inflation for item in inputs]
     limit = max(ANCHOR_LIMIT, ANCHOR_FACTOR * min(inflation))
     order = sorted(range(len(inflation)), key=lambda k: inflation[k])
     return [k for k in order if inflation[k] <= limit][:MOST_ANCHORS]
 
 
-def shared_starts(found: Sequence[Candidate]) -> list[dict[str, float]]:
+def shared_starts(found: Sequence[JointInput]) -> list[dict[str, float]]:
     """Return the anchors' shared values, the mean weighted by their information first."""
-    each = []
-    top, bottom = {}, {}  # type: ignore[var-annotated]
+    top: dict[str, float] = {}
+    bottom: dict[str, float] = {}
     for item in found:
-        std = covariance(item.problem, item.solution).std
-        values = {}
-        for k, slot in enumerate(item.problem.slots):
-            if slot.row.role == "shared":
-                value, weight = float(item.solution.z[k]), 1.0 / float(std[k]) ** 2
-                values[slot.row.name] = value
-                top[slot.row.name] = top.get(slot.row.name, 0.0) + weight * value
-                bottom[slot.row.name] = bottom.get(slot.row.name, 0.0) + weight
-        each.append(values)
+        for name, row in item.alone.items():
+            weight = 1.0 / row.std**2
+            top[name] = top.get(name, 0.0) + weight * row.value
+            bottom[name] = bottom.get(name, 0.0) + weight
+    each = [{name: row.value for name, row in item.alone.items()} for item in found]
     return [{name: top[name] / bottom[name] for name in top}, *each]
 
 
-def joint_solution(problem: Problem, start: Array, iterations: int, smoothing: float = 0.0) -> Solution:
-    """Return a joint minimum; the lift table's error is one for all recordings."""
-    lifts = lifts_at(problem, start, float(np.sqrt(len(problem.data))))
-    return solve(problem, start, iterations, lifts, smoothing)
-
-
-def solve_joint(prepared: Sequence[Prepared]) -> tuple[Problem, Solution]:
+def solve_joint(inputs: Sequence[JointInput]) -> tuple[Problem, JointSolution]:
     """Return the joint minimum: that of the anchors first, then with every other recording searched anew."""
-    count = len(prepared)
-    data = with_common_rows([common_error(item.data, count) for item in prepared])
-    chosen = anchors(prepared)
-    starts = shared_starts([prepared[k].candidates[0] for k in chosen])
+    count = len(inputs)
+    data = with_common_rows([common_error(item.data, count) for item in inputs])
+    chosen = anchors(inputs)
+    starts = shared_starts([inputs[k] for k in chosen])
     problem, solution = _of_anchors([data[k] for k in chosen], starts[:MOST_STARTS])
     shared = {s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording < 0}
     items = [
@@ -146,31 +154,31 @@ def solve_joint(prepared: Sequence[Prepared]) -> tuple[Problem, Solution]:
         for k in range(count)
     ]
     problem = build_problem(items)
-    solution = joint_solution(problem, problem.start, 25)
+    solution = solve_many(problem, problem.start, 25)
     again = [started_at(problem, solution, k) for k in range(count)]
-    bad = misfits(problem, solution)
+    bad = misfits(solution)
     if any(bad):
         again = [searched_anew(item) if worse else item for item, worse in zip(again, bad, strict=True)]
         problem = build_problem(again)
-        solution = joint_solution(problem, problem.start, 25)
+        solution = solve_many(problem, problem.start, 25)
     return problem, solution
 
 
-def _of_anchors(data: Sequence[FitData], starts: Sequence[Mapping[str, float]]) -> tuple[Problem, Solution]:
+def _of_anchors(data: Sequence[FitData], starts: Sequence[Mapping[str, float]]) -> tuple[Problem, JointSolution]:
     """Return the joint minimum of the anchors from the best two of some shared starts."""
-    found: list[tuple[float, int, Problem, Solution]] = []
+    found: list[tuple[float, int, Problem, JointSolution]] = []
     for values in starts:
         problem = build_problem([searched_anew(with_known(item, values), (item.structure,)) for item in data])
         start = problem.start
         for smoothing in SMOOTHINGS_DEG:
-            trial = joint_solution(problem, start, START_ITERATIONS, smoothing * DEGREE)
+            trial = solve_many(problem, start, START_ITERATIONS, smoothing * DEGREE)
             start = trial.z
         found.append((trial.chi_square, len(found), problem, trial))
     found.sort(key=lambda entry: entry[:2])
     ends = []
     for _, _, problem, trial in found[:2]:
         again = build_problem([started_at(problem, trial, k) for k in range(len(data))])
-        ends.append((again, joint_solution(again, again.start, 30)))
+        ends.append((again, solve_many(again, again.start, 30)))
     return min(ends, key=lambda pair: pair[1].chi_square)
 
 
@@ -179,7 +187,7 @@ def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
     return with_starts(item, {name: value for name, value in values.items() if name in item.rows})
 
 
-def started_at(problem: Problem, solution: Solution, index: int) -> FitData:
+def started_at(problem: Problem, solution: Solution | JointSolution, index: int) -> FitData:
     """Return a recording that starts at a solution."""
     starts = {
         s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording in (-1, index)
@@ -187,15 +195,10 @@ def started_at(problem: Problem, solution: Solution, index: int) -> FitData:
     return with_starts(problem.data[index], starts)
 
 
-def misfits(problem: Problem, solution: Solution) -> list[bool]:
+def misfits(solution: JointSolution) -> list[bool]:
     """Return which recordings the joint fit meets much worse than the median one."""
-    each = recording_misfit(solution)
+    each = solution.misfits
     return [bool(value > max(BAD_FACTOR * float(np.median(each)), 30.0)) for value in each]
-
-
-def recording_misfit(solution: Solution) -> Array:
-    """Return the chi-square of each recording's residual."""
-    return np.array([float(lift.product(r, r)) for lift, r in zip(solution.lifts, solution.residuals, strict=True)])
 
 
 def own_fitted(item: FitData, iterations: int = OWN_ITERATIONS) -> FitData:
@@ -229,100 +232,124 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     return fitted[int(np.argmin(values))]
 
 
-def fit_joint(prepared: Sequence[Prepared], options: FitOptions | None = None) -> CampaignFit:
+def fit_joint(inputs: Sequence[JointInput], options: FitOptions | None = None) -> CampaignFit:
     """Return the joint fit of several recordings of one pump.
 
     Parameters
     ----------
-    prepared : recordings whose minima are found
+    inputs : recordings whose minima are found
     options : choices of the user
 
     Raises
     ------
     Refusal : two recordings at one speed cannot be one pump in one state
     """
-    refuse_two_states(prepared)
-    used, aside = list(prepared), []
+    refuse_two_states(inputs)
+    used, aside = list(inputs), []
     while True:
         problem, solution = solve_joint(used)
-        each = recording_misfit(solution)
+        each = solution.misfits
         worst = int(np.argmax(each))
         if len(used) <= 3 or each[worst] < max(ASIDE_FACTOR * float(np.median(each)), 10.0 * INDEPENDENT):
             break
-        aside.append(used.pop(worst).data.name)
-    cov = covariance(problem, solution)
+        aside.append(used.pop(worst).name)
     drifts = shared_drifts(used) if len(used) > 2 else ()
-    shifts = {"drift of what should be the same": drift_spread(problem, solution, drifts)}
-    n = len(used)
-    fit = Fit(
-        problem, solution, cov, shifts, tuple(np.zeros((0, item.data.chain.theta.size)) for item in used), (), (), (),
-        tuple(item.measured for item in used), tuple(pressure_gain_std(item.recording) for item in used),
-    )  # fmt: skip
-    fitted = tuple(
-        fitted_torque(fit, k, item.recording, item.cycles, item.rigid, item.means) for k, item in enumerate(used)
-    )
-    held = left_out_predictions(used, fit) if n > 1 else ()
-    rows = parameter_estimates(fit, 0)
+    fit = joint_fit_of(used, problem, solution, drifts)
+    fitted = tuple(joint_recording(fit, solution, k, item) for k, item in enumerate(used))
+    held = left_out_predictions(used, fit, solution) if len(used) > 1 else ()
+    rows = fitted[0].parameters
     findings = (*prior_findings(rows), *_drift_findings(drifts), *_aside_findings(aside))
-    names = tuple(item.data.name for item in used)
     shared = tuple(row for row in rows if row.role == "shared")
-    return CampaignFit(names, (), shared, fitted, held, (), drifts, tuple(aside), findings, solution.chi_square)
+    std = fit.covariance.std
+    return CampaignFit(
+        tuple(item.name for item in used), (), shared, fitted, tuple(slot.name for slot in problem.slots),
+        fit.covariance.matrix / np.outer(std, std), held, (), drifts, tuple(aside), findings, solution.chi_square,
+    )  # fmt: skip
 
 
-def refuse_two_states(prepared: Sequence[Prepared]) -> None:
+def joint_fit_of(
+    inputs: Sequence[JointInput], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = ()
+) -> Fit:
+    """Return a joint minimum with its covariance as a fit; it holds no curve of any recording."""
+    cov = joint_covariance(problem, solution)
+    nothing = np.zeros((0, 0))
+    light = Solution(
+        solution.z, solution.chi_square, solution.data_chi_square, nothing, nothing, solution.gradient, (), (), (),
+        solution.iterations, solution.evaluations, solution.converged,
+    )  # fmt: skip
+    shifts = {"drift of what should be the same": drift_spread(problem, solution.z, drifts)}
+    return Fit(
+        problem, light, cov, shifts, (), (), (), (), tuple(item.measured for item in inputs),
+        tuple(item.pressure_gain_std for item in inputs),
+    )  # fmt: skip
+
+
+def joint_recording(fit: Fit, solution: JointSolution, index: int, item: JointInput) -> JointRecording:
+    """Return what the joint fit makes of one recording."""
+    means, problem = item.means, fit.problem
+
+    def torque(measured: Array, pressure: Array) -> Array:
+        return modelled(problem, solution.z, index, solution.lift[index], item.measured, (measured, pressure)).torque
+
+    def scored(measured: Array, model: Array) -> Metrics:
+        return metrics(measured, model, item.rigid_torque, item.lift, item.lift_velocity)
+
+    fitted, held = torque(means.torque, means.pressure), torque(means.held_torque, means.held_pressure)
+    found = {
+        "rigid": scored(means.torque_all, item.rigid_torque), "fitted": scored(means.torque, fitted),
+        "fitted_held_out_cycles": scored(means.held_torque, held),
+    }  # fmt: skip
+    odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
+    explained = is_explained(means.torque - fitted, odd_even, float(np.max(means.torque_all)))
+    return JointRecording(parameter_estimates(fit, index), problem.data[index].structure, found, explained)
+
+
+def refuse_two_states(inputs: Sequence[JointInput]) -> None:
     """Refuse recordings at one speed whose shared parameters contradict each other."""
-    for k, one in enumerate(prepared):
-        for other in prepared[:k]:
-            if abs(one.data.chain.speed / other.data.chain.speed - 1.0) > SAME_SPEED:
-                continue
-            for name, (a, s), (b, t), unit in _pairs(one.candidates[0], other.candidates[0]):
-                if abs(a - b) > TWO_STATES * np.hypot(s, t):
-                    raise Refusal(
-                        f"joint fit: {other.data.name} and {one.data.name} run at one speed but differ in "
-                        f"{name.replace('_', ' ')} ({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {unit}): they are not "
-                        "one pump in one state and are not averaged; give each state its own `group` in [recording], "
-                        "or use `camtorque compare`"
-                    )
+    speeds = np.array([item.data.chain.speed for item in inputs])
+    rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
+    values = np.array([[np.nan if row is None else row.value for row in line] for line in rows])
+    stds = np.array([[np.nan if row is None else row.std for row in line] for line in rows])
+    for k, one in enumerate(inputs):
+        near = np.abs(speeds[k] / speeds[:k] - 1.0) <= SAME_SPEED
+        apart = np.abs(values[k] - values[:k]) > TWO_STATES * np.hypot(stds[k], stds[:k])
+        found = np.argwhere(apart & near[:, None])
+        if found.size:
+            j, place = (int(number) for number in found[0])
+            raise _two_states(inputs[j], one, COMPARED[place])
 
 
-def _pairs(one: Candidate, other: Candidate) -> list[tuple[str, tuple[float, float], tuple[float, float], str]]:
-    stds = covariance(one.problem, one.solution).std, covariance(other.problem, other.solution).std
-    result = []
-    for name in COMPARED:
-        k, j = one.problem.index(name), other.problem.index(name)
-        if k >= 0 and j >= 0:
-            row = one.problem.slots[k].row
-            first = float(one.solution.z[k]) / row.per_unit, float(stds[0][k]) / row.per_unit
-            second = float(other.solution.z[j]) / row.per_unit, float(stds[1][j]) / row.per_unit
-            result.append((name, first, second, row.unit))
-    return result
+def _two_states(other: JointInput, one: JointInput, name: str) -> Refusal:
+    first, second = one.alone[name], other.alone[name]
+    (a, s), (b, t) = ((row.value / row.per_unit, row.std / row.per_unit) for row in (first, second))
+    return Refusal(
+        f"joint fit: {other.name} and {one.name} run at one speed but differ in {name.replace('_', ' ')} "
+        f"({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {first.unit}): they are not one pump in one state and are not "
+        "averaged; give each state its own `group` in [recording], or use `camtorque compare`"
+    )
 
 
-def shared_drifts(prepared: Sequence[Prepared]) -> tuple[Drift, ...]:
+def shared_drifts(inputs: Sequence[JointInput]) -> tuple[Drift, ...]:
     """Return every shared parameter as each recording alone tells it, with its slope over speed."""
-    speeds = np.array([item.data.chain.speed for item in prepared]) * 60.0 / (2.0 * np.pi)
-    names = tuple(item.data.name for item in prepared)
-    best = [item.candidates[0] for item in prepared]
-    stds = [covariance(c.problem, c.solution).std for c in best]
+    speeds = np.array([item.data.chain.speed for item in inputs]) * 60.0 / (2.0 * np.pi)
+    names = tuple(item.name for item in inputs)
     result = []
-    for slot in best[0].problem.slots:
-        places = [c.problem.index(slot.name) for c in best]
-        if slot.row.role != "shared" or min(places) < 0:
+    for name, first in inputs[0].alone.items():
+        if not all(name in item.alone for item in inputs):
             continue
-        per = slot.row.per_unit
-        values = np.array([c.solution.z[k] / per for c, k in zip(best, places, strict=True)])
-        errors = np.array([std[k] / per for std, k in zip(stds, places, strict=True)])
+        values = np.array([item.alone[name].value for item in inputs]) / first.per_unit
+        errors = np.array([item.alone[name].std for item in inputs]) / first.per_unit
         design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / errors[:, None]
         cov = np.linalg.pinv(design.T @ design)
         slope = float((cov @ design.T @ (values / errors))[1])
         result.append(Drift(
-            slot.name, slot.row.unit, names, tuple(speeds.tolist()), tuple(values.tolist()), tuple(errors.tolist()),
+            name, first.unit, names, tuple(speeds.tolist()), tuple(values.tolist()), tuple(errors.tolist()),
             slope, float(np.sqrt(cov[1, 1])),
         ))  # fmt: skip
     return tuple(result)
 
 
-def drift_spread(problem: Problem, solution: Solution, drifts: Sequence[Drift]) -> Array:
+def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift]) -> Array:
     """Return how far the joint value of each parameter that drifts lies off the mean of the single ones, (k,) [SI]."""
     spread = np.zeros(problem.size)
     for drift in drifts:
@@ -330,7 +357,7 @@ def drift_spread(problem: Problem, solution: Solution, drifts: Sequence[Drift]) 
         if drift.told and k >= 0:
             weight = 1.0 / np.array(drift.stderrs) ** 2
             mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.slots[k].row.per_unit
-            spread[k] = abs(mean - solution.z[k])
+            spread[k] = abs(mean - z[k])
     return spread
 
 

@@ -6,15 +6,18 @@ exact for a linear model and costs nothing, however many recordings there are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from camtorque.fit.joint_input import JointInput
+from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.metrics import metrics
 from camtorque.fit.problem import END_NAMES, SPILL_NAMES, FitData, Problem, build_problem, with_starts
 from camtorque.fit.result import model_on_grid
-from camtorque.fit.single import Fit, Prepared
+from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
 from camtorque.records import Array, Metrics
 
@@ -40,23 +43,48 @@ class HeldOut:
     mean_removed: bool
 
 
-def left_out_values(fit: Fit, index: int) -> Array:
+@dataclass(frozen=True)
+class Shares:
+    """The joint normal equations of the shared parameters, and each recording's share of them.
+
+    places : of the shared parameters in z; matrix (s, s), vector (s,); parts : per recording its matrix and vector
+    """
+
+    places: NDArray[np.int64]
+    matrix: Array
+    vector: Array
+    parts: tuple[tuple[Array, Array], ...]
+
+
+def shares(solution: JointSolution) -> Shares:
+    """Return what each recording adds to the equations of the shared parameters, its own ones eliminated."""
+    hessian, gradient = solution.hessian, solution.gradient
+    places = np.flatnonzero(hessian.recording < 0)
+    where = np.zeros(gradient.size, dtype=np.int64)
+    where[places] = np.arange(places.size)
+    everything = np.ones(gradient.size, dtype=bool)
+    matrix, vector, parts = np.diag(hessian.diagonal[places]), gradient[places].copy(), []
+    for index, (place, part) in enumerate(zip(hessian.places, solution.parts, strict=True)):
+        found, own_matrix, own_vector, _ = hessian.reduced(index, gradient, everything, pseudo=True)
+        full, right = np.zeros_like(matrix), np.zeros_like(vector)
+        full[np.ix_(where[found], where[found])] = own_matrix
+        right[where[found]] = own_vector
+        matrix, vector = matrix + full, vector + right
+        right = right.copy()
+        right[where[found]] += part[hessian.recording[place] < 0]
+        parts.append((full, right))
+    return Shares(places, matrix, vector, tuple(parts))
+
+
+def left_out_values(fit: Fit, found: Shares, index: int) -> Array:
     """Return the shared parameters that all recordings but one give, at their places in z (own ones as they are)."""
-    problem, solution = fit.problem, fit.solution
-    own, chain = problem.places[index]
-    output, item = solution.outputs[index], problem.data[index]
-    both = np.column_stack([output.derivative, output.linear])[:, chain] * item.weight[:, None]  # type: ignore[list-item]
-    lift, residual = solution.lifts[index], solution.residuals[index]
-    rest = solution.hessian.copy()
-    rest[np.ix_(own, own)] -= lift.product(both, both)
-    vector = solution.gradient.copy()
-    vector[own] -= lift.product(both, residual)
-    kept = np.array([slot.recording != index for slot in problem.slots])
-    step = np.zeros(problem.size)
-    step[kept] = _cautious(rest[np.ix_(kept, kept)], fit.covariance.prior_std[kept]) @ vector[kept]
-    lower, upper = problem.bounds
-    largest = 3.0 * fit.covariance.std + 1e-30
-    return np.clip(solution.z + np.clip(step, -largest, largest), lower, upper)
+    places, (matrix, vector) = found.places, found.parts[index]
+    z, (lower, upper) = fit.solution.z.copy(), fit.problem.bounds
+    inverse = _cautious(found.matrix - matrix, fit.covariance.prior_std[places])
+    largest = 3.0 * fit.covariance.std[places] + 1e-30
+    step = np.clip(inverse @ (found.vector - vector), -largest, largest)
+    z[places] = np.clip(z[places] + step, lower[places], upper[places])
+    return z
 
 
 def _cautious(matrix: Array, scale: Array) -> Array:
@@ -66,32 +94,30 @@ def _cautious(matrix: Array, scale: Array) -> Array:
     return (vectors * shares) @ vectors.T * np.outer(scale, scale)
 
 
-def left_out_predictions(prepared: Sequence[Prepared], fit: Fit) -> tuple[HeldOut, ...]:
+def left_out_predictions(inputs: Sequence[JointInput], fit: Fit, solution: JointSolution) -> tuple[HeldOut, ...]:
     """Return both predictions of every recording by the others."""
     result: list[HeldOut] = []
-    for index, item in enumerate(prepared):
-        z = left_out_values(fit, index)
+    found, owns = shares(solution), own_values(fit)
+    for index, item in enumerate(inputs):
+        z = left_out_values(fit, found, index)
         shared = {s.row.name: float(v) for s, v in zip(fit.problem.slots, z, strict=True) if s.recording < 0}
         data = with_starts(fit.problem.data[index], shared)
-        result.append(_prediction(item, fit, index, data, {**shared, "pressure_zero": 0.0}, "own_zero_and_end"))
-        blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, index)}
-        result.append(_prediction(item, fit, index, with_starts(data, blind), blind, "blind"))
+        result.append(_prediction(item, fit, data, {**shared, "pressure_zero": 0.0}, "own_zero_and_end"))
+        blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, owns, index)}
+        result.append(_prediction(item, fit, with_starts(data, blind), blind, "blind"))
     return tuple(result)
 
 
-def _prediction(prepared: Prepared, fit: Fit, index: int, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
+def _prediction(item: JointInput, fit: Fit, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
     problem = build_problem([data], held)
     solution = solve(problem, None, 20) if problem.size else _evaluated(problem)
-    alone = replace(
-        fit, problem=problem, solution=solution, covariance=fit.covariance, measured=(fit.measured[index],),
-        pressure_gain_std=(fit.pressure_gain_std[index],),
-    )  # fmt: skip
-    means, rigid = prepared.means, prepared.rigid
+    alone = replace(fit, problem=problem, solution=solution, measured=(item.measured,))
+    means = item.means
     torque = model_on_grid(alone, 0, means.held_torque, means.held_pressure).torque
-    removed = mode == "blind" and _zero_unknown(prepared)
+    removed = mode == "blind" and _zero_unknown(item)
     if removed:
         torque = torque + float(np.mean(means.held_torque) - np.mean(torque))
-    scored = metrics(means.held_torque, torque, rigid.torque, rigid.lift, rigid.lift_velocity)
+    scored = metrics(means.held_torque, torque, item.rigid_torque, item.lift, item.lift_velocity)
     return HeldOut(data.name, mode, tuple(slot.name for slot in problem.slots), scored, removed)
 
 
@@ -105,14 +131,28 @@ def _evaluated(problem: Problem) -> Solution:
                     0, 1, True)  # fmt: skip
 
 
-def _zero_unknown(prepared: Prepared) -> bool:
-    prior = prepared.data.rows["torque_zero"].prior
-    peak = float(np.max(prepared.means.torque_all))
+def _zero_unknown(item: JointInput) -> bool:
+    prior = item.data.rows["torque_zero"].prior
+    peak = float(np.max(item.means.torque_all))
     return prior is None or prior[1] > ZERO_SPREAD_SHARE * peak
 
 
-def predicted_end(fit: Fit, index: int) -> dict[str, float]:
-    """Return where delivery ends by the line pressure, as it looked around the ends of the recordings next in speed."""
+def own_values(fit: Fit) -> list[dict[str, float]]:
+    """Return the values of each recording's parameters, shared ones and its own [SI]."""
+    pairs = list(zip(fit.problem.slots, fit.solution.z.tolist(), strict=True))
+    shared = {slot.row.name: value for slot, value in pairs if slot.recording < 0}
+    found = [dict(shared) for _ in fit.problem.data]
+    for slot, value in pairs:
+        if slot.recording >= 0:
+            found[slot.recording][slot.row.name] = value
+    return found
+
+
+def predicted_end(fit: Fit, owns: Sequence[Mapping[str, float]], index: int) -> dict[str, float]:
+    """Return where delivery ends by the line pressure, as it looked around the ends of the recordings next in speed.
+
+    ``owns`` are those of `own_values`; the recording's own are not used.
+    """
     problem = fit.problem
     item = problem.data[index]
     names = {"land": END_NAMES, "spill": SPILL_NAMES}.get(item.structure, ())
@@ -122,13 +162,15 @@ def predicted_end(fit: Fit, index: int) -> dict[str, float]:
     if not others:
         return {name: _expected(item, name) for name in names}
     others.sort(key=lambda k: abs(np.log(problem.data[k].chain.speed / item.chain.speed)))
-    templates = [_slope_around(problem.data[k], _end_angle(fit, k)) for k in others[:MOST_TEMPLATES]]
+    templates = [_slopes_around(problem.data[k], np.array([_end_angle(problem.data[k], owns[k])]))
+                 for k in others[:MOST_TEMPLATES]]  # fmt: skip
     lift = item.chain.law.evaluate(item.chain.theta, 0)
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
     places = item.chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
-    errors = [sum(float(np.sum((_slope_around(item, a) - t) ** 2)) for t in templates) for a in places]
+    slopes = _slopes_around(item, places)
+    errors = np.sum([np.sum((slopes - template) ** 2, axis=1) for template in templates], axis=0)
     angle = float(places[int(np.argmin(errors))])
-    found = {name: float(np.mean([_own_value(fit, k, name) for k in others])) for name in names[1:]}
+    found = {name: float(np.mean([_own(problem.data[k], owns[k], name) for k in others])) for name in names[1:]}
     return {names[0]: angle if item.structure == "land" else float(np.interp(angle, item.chain.theta, lift)), **found}
 
 
@@ -137,30 +179,23 @@ def _expected(item: FitData, name: str) -> float:
     return row.prior[0] if row.prior is not None else 0.75 * item.chain.top_lift if "lift" in name else row.start
 
 
-def _own_value(fit: Fit, index: int, name: str) -> float:
-    for slot, value in zip(fit.problem.slots, fit.solution.z, strict=True):
-        if slot.row.name == name and slot.recording in (-1, index):
-            return float(value)
-    return fit.problem.data[index].rows[name].start
+def _own(item: FitData, own: Mapping[str, float], name: str) -> float:
+    return own.get(name, item.rows[name].start)
 
 
-def _end_angle(fit: Fit, index: int) -> float:
-    item = fit.problem.data[index]
+def _end_angle(item: FitData, own: Mapping[str, float]) -> float:
     if item.structure == "land":
-        return _own_value(fit, index, "end_of_delivery")
+        return _own(item, own, "end_of_delivery")
     lift = item.chain.law.evaluate(item.chain.theta, 0)
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    return float(
-        np.interp(
-            _own_value(fit, index, "spill_lift"), np.maximum.accumulate(lift[: top + 1]), item.chain.theta[: top + 1]
-        )
-    )
+    rising = np.maximum.accumulate(lift[: top + 1])
+    return float(np.interp(_own(item, own, "spill_lift"), rising, item.chain.theta[: top + 1]))
 
 
-def _slope_around(item: FitData, angle: float) -> Array:
-    """Return the slope of the line pressure over time around an angle, over its greatest size there."""
+def _slopes_around(item: FitData, angles: Array) -> Array:
+    """Return the slope of the line pressure over time around angles (n,), over its greatest size."""
     chain = item.chain
     times = np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS)
     slope = np.gradient(chain.line_pressure, chain.theta) * chain.speed
-    found = np.interp(angle + times * chain.speed, chain.theta, slope, period=2.0 * np.pi)
+    found = np.interp(angles[:, None] + times * chain.speed, chain.theta, slope, period=2.0 * np.pi)
     return np.asarray(found / (np.max(np.abs(slope)) + 1e-12))

@@ -12,10 +12,9 @@ from camtorque.fit.derived import delivered_volume, derived_estimates
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import Halves, on_grid
-from camtorque.fit.problem import SEPARATOR, STRUCTURES
+from camtorque.fit.problem import SEPARATOR, STRUCTURES, Problem
 from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
 from camtorque.fit.single import Candidate, Fit
-from camtorque.fit.solver import LiftModes
 from camtorque.fit.uncertainty import (
     confidence,
     confounded_with,
@@ -70,19 +69,30 @@ class Modelled:
         return np.sum(list(self.by_cause.values()), axis=0)
 
 
-def lift_coefficients(lift: LiftModes, residual: Array) -> Array:
-    """Return the coefficients of the lift correction that a weighted residual asks for [m]."""
-    return lift.to_lift @ (lift.strength / (1.0 + lift.strength**2) * (lift.vectors.T @ residual))
-
-
 def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Modelled:
     """Return the model of one recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
-    problem, solution = fit.problem, fit.solution
+    solution = fit.solution
+    lifts = solution.lifts[index].coefficients(solution.residuals[index])
+    return modelled(fit.problem, solution.z, index, lifts, fit.measured[index], (torque, pressure))
+
+
+def modelled(
+    problem: Problem, z: Array, index: int, lifts: Array, measured: Array, means: tuple[Array, Array]
+) -> Modelled:
+    """Return the model of one recording at free parameters z.
+
+    Parameters
+    ----------
+    lifts : coefficients of the lift correction [m]
+    measured : mean torque on the grid of the fit [N m]
+    means : mean cycles (n_theta,) of torque and pressure [N m, Pa]
+    """
+    torque, pressure = means
     item = problem.data[index]
-    values, coefficients = problem.values(solution.z, index)
+    values, coefficients = problem.values(z, index)
     n = torque.size
     grid = item.chain.theta.size
-    hidden = item.chain.shaft_torque - fit.measured[index]
+    hidden = item.chain.shaft_torque - measured
     substeps = item.chain.substeps
     chain = replace(
         item.chain, theta=angle_grid(n), line_pressure=pressure,
@@ -90,7 +100,6 @@ def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Model
         deviation=on_grid(item.chain.deviation, n) if item.chain.deviation.size else item.chain.deviation,
     )  # fmt: skip
     output = evaluate(chain, values, coefficients, tangents=True)
-    lifts = lift_coefficients(solution.lifts[index], solution.residuals[index])
     basis = item.lift_basis
     cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
     by_cause = measured_torques(chain, values, cam, float(coefficients[-1]))

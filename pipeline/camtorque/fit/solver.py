@@ -51,6 +51,10 @@ class LiftModes:
         projected = (self.vectors.T @ left).T * self.shrink
         return left.T @ right - projected @ (self.vectors.T @ right)
 
+    def coefficients(self, residual: Array) -> Array:
+        """Return the coefficients of the correction that a weighted residual asks for [m]."""
+        return self.to_lift @ (self.strength / (1.0 + self.strength**2) * (self.vectors.T @ residual))
+
 
 def no_lift() -> LiftModes:
     """Return a correction without modes."""

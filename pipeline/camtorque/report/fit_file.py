@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.laws import ROWS
-from camtorque.records import FittedTorque
+from camtorque.records import ParameterEstimate
 from camtorque.report.bundle import CampaignResult, RunResult
 from camtorque.units import RPM
 
@@ -22,8 +22,9 @@ def run_fit_document(result: RunResult) -> dict[str, Any]:
     """Return fit.json of one recording; its report is the folder itself."""
     fitted = result.fitted
     share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
-    row = _recording(result.recording.config.id, ".", result.cycles.mean_speed / RPM, fitted, share)
-    return _document([fitted], [row])
+    about = (str(fitted.details.get("delivery", "")), share, fitted.explained)
+    row = _recording(result.recording.config.id, ".", result.cycles.mean_speed / RPM, about)
+    return _document(fitted.parameters, fitted.correlation_names, fitted.correlation, [row])
 
 
 def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
@@ -36,26 +37,33 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
     rows = []
     for name, fitted in zip(joint.names, joint.fitted, strict=True):
         share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
-        row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], fitted, share)
+        about = (fitted.structure, share, fitted.explained)
+        row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], about)
         modes = {mode: left.get((name, mode)) for mode in ("own_zero_and_end", "blind")}
         rows.append({**row, "left_out_rms_percent": modes})
-    return _document(joint.fitted, rows)
+    parameters = [row for fitted in joint.fitted for row in fitted.parameters]
+    return _document(parameters, joint.correlation_names, joint.correlation, rows)
 
 
-def _recording(name: str, folder: str, speed: object, fitted: FittedTorque, share: float) -> dict[str, Any]:
+def _recording(name: str, folder: str, speed: object, about: tuple[str, float, bool]) -> dict[str, Any]:
+    """Return what is told of a recording; ``about`` is its structure, rms residual [% of peak], whether explained."""
+    structure, share, explained = about
     return {
-        "id": name, "folder": folder, "speed_rpm": speed, "structure": fitted.details.get("delivery", ""),
-        "rms_percent_of_peak": share, "left_out_rms_percent": None, "explained": fitted.explained,
+        "id": name, "folder": folder, "speed_rpm": speed, "structure": structure, "rms_percent_of_peak": share,
+        "left_out_rms_percent": None, "explained": explained,
     }  # fmt: skip
 
 
-def _document(fitted: Sequence[FittedTorque], recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    rows = {row.name: row for item in fitted for row in item.parameters}
-    names = [name for name in fitted[0].correlation_names if name in rows]
-    kept = [fitted[0].correlation_names.index(name) for name in names]
+def _document(
+    parameters: Sequence[ParameterEstimate], all_names: Sequence[str], all_correlations: Any,
+    recordings: Sequence[Mapping[str, Any]],
+) -> dict[str, Any]:  # fmt: skip
+    rows = {row.name: row for row in parameters}
+    kept = [k for k, name in enumerate(all_names) if name in rows]
+    names = [all_names[k] for k in kept]
     scale = np.array([ROWS[name.split(SEPARATOR)[0]].per_unit for name in names])
     std = np.array([rows[name].stderr_statistical for name in names], dtype=np.float64) * scale
-    correlation = np.asarray(fitted[0].correlation)[np.ix_(kept, kept)]
+    correlation = np.asarray(all_correlations)[np.ix_(kept, kept)]
     values = [rows[name].value * factor for name, factor in zip(names, scale, strict=True)]
     return {
         "schema": SCHEMA, "names": names, "units": "SI", "values": values, "stderr": std.tolist(),

@@ -1,0 +1,77 @@
+"""What a joint fit needs of a recording that was fitted alone: a tenth of what the fit itself held."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camtorque.fit.prepare import Halves
+from camtorque.fit.problem import FitData
+from camtorque.fit.single import Prepared, pressure_gain_std
+from camtorque.fit.uncertainty import covariance
+from camtorque.records import Array, freeze_arrays
+
+
+@dataclass(frozen=True)
+class Alone:
+    """A shared parameter as one recording alone tells it: value and standard error [SI], its unit and SI per unit."""
+
+    value: float
+    std: float
+    unit: str
+    per_unit: float
+
+
+@dataclass(frozen=True)
+class JointInput:
+    """One recording as a joint fit takes it.
+
+    Attributes
+    ----------
+    pump_id : recordings of different pumps are not fitted together
+    data : the recording in its best structure, started at its own minimum
+    means : mean cycles of both halves, without scatter
+    rigid_torque, lift, lift_velocity : (n_theta,) of the rigid solution [N m], [m], [m/rad]
+    measured : (n,) mean torque on the grid of the fit [N m]
+    pressure_gain_std : relative
+    alone : shared parameter -> as this recording alone tells it
+    inflation : of its residual, fitted alone
+    """
+
+    pump_id: str
+    data: FitData
+    means: Halves
+    rigid_torque: Array
+    lift: Array
+    lift_velocity: Array
+    measured: Array
+    pressure_gain_std: float
+    alone: Mapping[str, Alone]
+    inflation: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self.data.name
+
+
+def joint_input(prepared: Prepared) -> JointInput:
+    """Return what a joint fit needs of a recording whose minima are found."""
+    best = prepared.candidates[0]
+    found = covariance(best.problem, best.solution)
+    alone = {
+        slot.row.name: Alone(float(value), float(std), slot.row.unit, slot.row.per_unit)
+        for slot, value, std in zip(best.problem.slots, best.solution.z, found.std, strict=True)
+        if slot.row.role == "shared"
+    }
+    means, rigid = prepared.means, prepared.rigid
+    return JointInput(
+        prepared.recording.config.pump_id, best.data, replace(means, torque_std=np.zeros(0), pressure_all=np.zeros(0)),
+        rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured, pressure_gain_std(prepared.recording), alone,
+        found.inflation,
+    )  # fmt: skip

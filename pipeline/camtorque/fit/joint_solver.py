@@ -1,0 +1,384 @@
+"""The solver's steps for many recordings: each is summed up at a point by a small matrix, and forgotten.
+
+The same steps as `solver.solve`, trial for trial. Parameters of one recording meet those of another only through the
+shared ones: the normal equations are an arrow, solved by eliminating each recording's own ones, so that time and memory
+are linear in the number of recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.fit.problem import Problem
+from camtorque.fit.solver import (
+    LARGEST_DAMPING,
+    LARGEST_INFORMATION,
+    LEAST_GAIN,
+    N_NONLINEAR,
+    RELATIVE_GAIN,
+    LiftModes,
+    lift_modes,
+    smoother,
+)
+from camtorque.fit.uncertainty import Covariance, covariance_of
+from camtorque.laws.chain import evaluate
+from camtorque.records import Array, freeze_arrays
+
+Smooth = Callable[[Array], Array]
+Mask = NDArray[np.bool_]
+Places = NDArray[np.int64]
+SMALLEST_EIGENVALUE = 1.0e-12
+"""Relative to the largest one; what is weaker is no direction in which a step promises anything."""
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A symmetric matrix that is the sum of one small block a recording and a diagonal.
+
+    places : per recording the indices of its parameters; blocks : (p, p) each; diagonal : (k,)
+    recording : (k,) whose own each parameter is, -1: shared
+    """
+
+    places: tuple[Places, ...]
+    blocks: tuple[Array, ...]
+    diagonal: Array
+    recording: Places
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    def main_diagonal(self) -> Array:
+        """Return the diagonal of the sum, (k,)."""
+        total = self.diagonal.copy()
+        for place, block in zip(self.places, self.blocks, strict=True):
+            total[place] += np.diag(block)
+        return total
+
+    def times(self, vector: Array) -> Array:
+        """Return the product with a vector (k,)."""
+        total = self.diagonal * vector
+        for place, block in zip(self.places, self.blocks, strict=True):
+            total[place] += block @ vector[place]
+        return total
+
+    def dense(self) -> Array:
+        """Return the whole matrix, (k, k)."""
+        total = np.diag(self.diagonal)
+        for place, block in zip(self.places, self.blocks, strict=True):
+            total[np.ix_(place, place)] += block
+        return total
+
+    def reduced(
+        self, index: int, vector: Array, free: Mask, pseudo: bool = False
+    ) -> tuple[Places, Array, Array, Array]:
+        """Return a recording's share of the equations of the shared parameters, its own ones eliminated.
+
+        Returns
+        -------
+        shared, matrix, vector : places of its shared parameters, (s, s), what the vector of those changes by (s,)
+        back : (o, s + 1) own parameters = last column - the others @ shared ones
+        """
+        place, block = self.places[index], self.blocks[index]
+        own = (self.recording[place] >= 0) & free[place]
+        shared = (self.recording[place] < 0) & free[place]
+        cross = block[np.ix_(own, shared)]
+        inner = block[np.ix_(own, own)] + np.diag(self.diagonal[place[own]])
+        columns = np.column_stack([cross, vector[place[own]]])
+        back = _least(inner, columns) if pseudo else np.asarray(np.linalg.solve(inner, columns))
+        matrix = block[np.ix_(shared, shared)] - cross.T @ back[:, :-1]
+        return place[shared], matrix, -cross.T @ back[:, -1], back
+
+    def solve(self, free: Mask, vector: Array, pseudo: bool = False) -> Array:
+        """Return x (k,) with ``M x = vector`` in the free parameters, zero in the others.
+
+        ``pseudo`` leaves directions out that the matrix says nothing of.
+        """
+        shared = np.flatnonzero((self.recording < 0) & free)
+        where = np.zeros(vector.size, dtype=np.int64)
+        where[shared] = np.arange(shared.size)
+        head, top = np.diag(self.diagonal[shared]), vector[shared].copy()
+        backs = []
+        for index in range(len(self.places)):
+            place, matrix, part, back = self.reduced(index, vector, free, pseudo)
+            head[np.ix_(where[place], where[place])] += matrix
+            top[where[place]] += part
+            backs.append((place, back))
+        x = np.zeros(vector.size)
+        x[shared] = _least(head, top) if pseudo else np.linalg.solve(head, top)
+        for place, (used, back) in zip(self.places, backs, strict=True):
+            own = place[(self.recording[place] >= 0) & free[place]]
+            x[own] = back[:, -1] - back[:, :-1] @ x[used]
+        return x
+
+
+def _least(matrix: Array, right: Array) -> Array:
+    """Return the shortest x of least ``|M x - right|``, whatever the units of M (symmetric)."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    column = scale.reshape(-1, *[1] * (right.ndim - 1))
+    scaled = matrix * np.outer(scale, scale)
+    return np.asarray(column * np.linalg.lstsq(scaled, column * right, rcond=SMALLEST_EIGENVALUE)[0])
+
+
+@dataclass(frozen=True)
+class JointSolution:
+    """A minimum of many recordings.
+
+    Attributes
+    ----------
+    z : (k,) free parameters [SI]
+    chi_square : weighted sum of squares with priors and lift; ``data_chi_square`` without the priors
+    hessian : Gauss-Newton matrix of the residuals, in SI; its diagonal holds the priors
+    gradient : (k,) half the gradient of chi-square [1/SI], the part of each recording in ``parts``
+    misfits : (n,) chi-square of each recording's residual
+    lift : per recording the coefficients of the lift correction [m]
+    lift_share : number of values that the lift correction takes
+    iterations, evaluations, converged : as in `solver.Solution`
+    """
+
+    z: Array
+    chi_square: float
+    data_chi_square: float
+    hessian: Arrow
+    gradient: Array
+    parts: tuple[Array, ...]
+    misfits: Array
+    lift: tuple[Array, ...]
+    lift_share: float
+    iterations: int
+    evaluations: int
+    converged: bool
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A problem with what stays the same while it is solved: the lift corrections and the smoothing."""
+
+    problem: Problem
+    lifts: tuple[LiftModes, ...]
+    smooth: Smooth
+    steps: Array
+    means: Array
+    stds: Array
+    bounds: tuple[Array, Array]
+    recording: Places
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The problem at one point with the best linear parameters."""
+
+    z: Array
+    chi_square: float
+    data_chi_square: float
+
+
+def joint_task(problem: Problem, z: Array, smoothing: float) -> Task:
+    """Return a problem with the lift corrections of a point; their error is one for all recordings.
+
+    ``smoothing`` is that of the residual, a standard deviation [rad].
+    """
+    inflate = float(np.sqrt(len(problem.data)))
+    lifts = []
+    for index, item in enumerate(problem.data):
+        values, _ = problem.values(z, index)
+        lifts.append(lift_modes(item, evaluate(item.chain, values), values, inflate))
+    recording = np.array([slot.recording for slot in problem.slots], dtype=np.int64)
+    return Task(
+        problem, tuple(lifts), smoother(smoothing), problem.steps, *problem.priors, problem.bounds, recording
+    )  # fmt: skip
+
+
+def try_at(task: Task, z: Array) -> Trial:
+    """Return chi-square at z with the best linear parameters within their bounds."""
+    problem = task.problem
+    first, k = problem.n_nonlinear, problem.size
+    scale = task.steps[first:]
+    inverse = (scale / task.stds[first:]) ** 2
+    vector = inverse * task.means[first:] / scale
+    square, places, grams = 0.0, [], []
+    fixed = np.r_[z[:first], np.zeros(k - first)]
+    for index, item in enumerate(problem.data):
+        values, held = problem.values(fixed, index)
+        output = evaluate(item.chain, values)
+        own, chain = problem.places[index]
+        linear = chain >= N_NONLINEAR
+        place = own[linear] - first
+        column = task.smooth(output.linear[:, chain[linear] - N_NONLINEAR] * item.weight[:, None])
+        target = task.smooth((item.torque - output.torque - output.linear @ held) * item.weight)
+        both = np.column_stack([column * scale[place], target])
+        product = task.lifts[index].product(both, both)
+        places.append(place)
+        grams.append(product[:-1, :-1])
+        vector[place] += product[:-1, -1]
+        square += float(product[-1, -1])
+    matrix = Arrow(tuple(places), tuple(grams), inverse + 1e-9, task.recording[first:])
+    lower, upper = task.bounds[0][first:] / scale, task.bounds[1][first:] / scale
+    c = bounded_quadratic(matrix, vector, lower, upper, np.clip(z, *task.bounds)[first:] / scale)
+    full = np.r_[z[:first], c * scale]
+    plain = vector - inverse * task.means[first:] / scale
+    chi = square - 2.0 * float(plain @ c) + float(c @ replace(matrix, diagonal=np.zeros(c.size)).times(c))
+    return Trial(full, chi + float(np.sum(((full - task.means) / task.stds) ** 2)), chi)
+
+
+def bounded_quadratic(matrix: Arrow, vector: Array, lower: Array, upper: Array, start: Array) -> Array:
+    """Return the minimum of ``c^T M c / 2 - v^T c`` within bounds, by an active set that begins with the start's."""
+    at = (start >= upper).astype(int) - (start <= lower).astype(int)
+    c = np.zeros(vector.size)
+    for _ in range(5 * vector.size + 10):
+        free = at == 0
+        held = np.where(at < 0, lower, np.where(at > 0, upper, 0.0))
+        c = held + matrix.solve(free, vector - matrix.times(held))
+        low, high = free & (c < lower), free & (c > upper)
+        if low.any() or high.any():
+            at[low], at[high] = -1, 1
+            continue
+        gradient = matrix.times(c) - vector
+        wrong = ((at < 0) & (gradient < 0.0)) | ((at > 0) & (gradient > 0.0))
+        if not wrong.any():
+            break
+        at[np.argmax(np.where(wrong, np.abs(gradient), 0.0))] = 0
+    return np.clip(c, lower, upper)
+
+
+def _linearised(task: Task, z: Array, index: int) -> tuple[Array, Array, Array]:
+    """Return matrix and descent vector of one recording in units of the steps, and its weighted residual (BINS,)."""
+    problem, item = task.problem, task.problem.data[index]
+    values, coefficients = problem.values(z, index)
+    output = evaluate(item.chain, values, coefficients, tangents=True)
+    own, chain = problem.places[index]
+    both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
+    jacobian = task.smooth(both * (item.weight[:, None] * task.steps[own]))
+    residual = task.smooth((item.torque - output.torque - output.linear @ coefficients) * item.weight)
+    product = task.lifts[index].product(jacobian, np.column_stack([jacobian, residual]))
+    return product[:, :-1], product[:, -1], residual
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """All recordings at one point: their matrix with the priors, descent vector with them, parts, residuals."""
+
+    matrix: Arrow
+    vector: Array
+    parts: tuple[Array, ...]
+    residuals: tuple[Array, ...]
+
+
+def linearised(task: Task, z: Array) -> Linearised:
+    """Return the normal equations at a point.
+
+    Raises
+    ------
+    FloatingPointError : a tangent has run away
+    """
+    found = [_linearised(task, z, index) for index in range(len(task.problem.data))]
+    blocks, parts, residuals = (tuple(column) for column in zip(*found, strict=True))
+    if not all(np.max(np.abs(block)) < LARGEST_INFORMATION for block in blocks):
+        raise FloatingPointError("the derivative of the chain is not finite")
+    inverse = (task.steps / task.stds) ** 2
+    vector = -inverse * (z - task.means) / task.steps
+    places = tuple(own for own, _ in task.problem.places)
+    for place, part in zip(places, parts, strict=True):
+        vector[place] += part
+    return Linearised(Arrow(places, blocks, inverse, task.recording), vector, parts, residuals)
+
+
+def solve_many(problem: Problem, start: Array, max_iterations: int, smoothing: float = 0.0) -> JointSolution:
+    """Return a joint minimum.
+
+    Parameters
+    ----------
+    start : (k,) where to start
+    smoothing : standard deviation of the residual's smoothing [rad]
+    """
+    lower, upper = problem.bounds
+    z = np.clip(start, lower, upper)
+    task = joint_task(problem, start, smoothing)
+    trial = try_at(task, z)
+    evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
+    while True:
+        point = linearised(task, trial.z)
+        if iterations >= max_iterations:
+            break
+        iterations += 1
+        before, accepted, gained = trial, False, 0.0
+        goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
+        while not converged and damping < LARGEST_DAMPING:
+            step, promise = _step(task, point, trial.z, damping)
+            if promise < goal:
+                converged = damping < 1.0e-2 or _promise(task, point, trial.z) < goal
+                break
+            new = try_at(task, np.clip(trial.z + step, lower, upper))
+            evaluations += 1
+            ratio = (trial.chi_square - new.chi_square) / promise
+            if ratio > 1e-4 and np.isfinite(new.chi_square):
+                gained = trial.chi_square - new.chi_square
+                damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 1e-8)
+                trial, accepted = new, gained > goal
+                break
+            damping *= 4.0 if ratio > 0.0 else 8.0
+        if not accepted:
+            converged = converged or gained < 5.0 * goal
+            if trial is not before:
+                point = linearised(task, trial.z)
+            break
+    return _solution(task, trial, point, (iterations, evaluations, converged))
+
+
+def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:
+    """Return the solution in SI units."""
+    steps, places = task.steps, point.matrix.places
+    blocks = tuple(block / np.outer(steps[p], steps[p]) for p, block in zip(places, point.matrix.blocks, strict=True))
+    misfits = [float(lift.product(r, r)) for lift, r in zip(task.lifts, point.residuals, strict=True)]
+    return JointSolution(
+        trial.z, trial.chi_square, trial.data_chi_square,
+        Arrow(places, blocks, point.matrix.diagonal / steps**2, task.recording), point.vector / steps,
+        tuple(part / steps[p] for p, part in zip(places, point.parts, strict=True)), np.array(misfits),
+        tuple(lift.coefficients(r) for lift, r in zip(task.lifts, point.residuals, strict=True)),
+        sum(float(np.sum(lift.shrink)) for lift in task.lifts), *cost,
+    )  # fmt: skip
+
+
+def _free(task: Task, point: Linearised, z: Array) -> Mask:
+    """Return which parameters are not held by a bound that the descent pushes against."""
+    lower, upper = task.bounds
+    return ~(((z <= lower) & (point.vector < 0.0)) | ((z >= upper) & (point.vector > 0.0)))
+
+
+def _promise(task: Task, point: Linearised, z: Array) -> float:
+    """Return how much chi-square the undamped step in the free parameters promises."""
+    free = _free(task, point, z)
+    return float(point.vector[free] @ point.matrix.solve(free, point.vector, pseudo=True)[free])
+
+
+def _step(task: Task, point: Linearised, z: Array, damping: float) -> tuple[Array, float]:
+    """Return a damped step within bounds [SI] and how much chi-square it promises."""
+    lower, upper = task.bounds
+    more = np.full(z.size, 1e-9)
+    first = task.problem.n_nonlinear
+    more[:first] += damping * np.maximum(point.matrix.main_diagonal()[:first], 1e-3)
+    damped = replace(point.matrix, diagonal=point.matrix.diagonal + more)
+    free = _free(task, point, z)
+    step = np.zeros(z.size)
+    for _ in range(8):
+        held = np.where(free, 0.0, step)
+        step = held + damped.solve(free, point.vector - point.matrix.times(held))
+        over = ((z + step * task.steps < lower) | (z + step * task.steps > upper)) & free
+        if not over.any():
+            break
+        step = np.clip(step, (lower - z) / task.steps, (upper - z) / task.steps)
+        free &= ~over
+    promise = float(2.0 * point.vector @ step - step @ point.matrix.times(step))
+    return step * task.steps, promise
+
+
+def joint_covariance(problem: Problem, solution: JointSolution) -> Covariance:
+    """Return the covariance at a joint minimum."""
+    data = replace(solution.hessian, diagonal=np.zeros(problem.size)).dense()
+    return covariance_of(problem, data, solution.lift_share, solution.data_chi_square)
