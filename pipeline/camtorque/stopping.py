@@ -6,10 +6,10 @@ back. A thread therefore hears of the signal too and ends the process itself whe
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import shutil
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -60,7 +60,8 @@ def removed_when_stopped(folder: Path, parents: Sequence[Path] = ()) -> Iterator
 
 def end_workers() -> None:
     """Kill the worker processes that this process started; their locks are free afterwards."""
-    children = multiprocessing.active_children()
+    workers = sys.modules.get("multiprocessing")  # nobody loaded it: there are none
+    children = [] if workers is None else workers.active_children()
     for child in children:
         child.kill()
     for child in children:
