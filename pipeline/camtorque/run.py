@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,14 @@ import numpy as np
 
 from camtorque.align import AlignOptions, align
 from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
+from camtorque.fit.prepare import fit_data, halves
 from camtorque.fit.result import fitted_torque
 from camtorque.ingest import read_recording
 from camtorque.limits import Limit
-from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from camtorque.mechanism import Mounting, lift_law, solve_rigid, spectral_law
+from camtorque.mechanism.load_check import load_findings
 from camtorque.plain import now
-from camtorque.records import CamCycles, Recording, Refusal, RigidTorque
+from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
 from camtorque.report import RunResult, output_folder, write_run
 from camtorque.threads import on_one_thread
 
@@ -80,6 +82,19 @@ def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
     return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
 
 
+def rehearse(recording: Recording, cycles: CamCycles) -> tuple[Finding, ...]:
+    """Do all that a run does before its search, and return what the model says of the measured load.
+
+    Raises
+    ------
+    Refusal : what the run would refuse after minutes
+    """
+    rigid, means = rigid_torque(recording, cycles), halves(cycles)
+    law = spectral_law(recording.cam_table)
+    fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    return load_findings(cycles, rigid, recording.config.pump)
+
+
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
     """Return everything about one recording, and what a joint fit needs of it.
 
@@ -120,6 +135,8 @@ def analyse_recording(
         cycles = align(recording, options.align)
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
         rigid = rigid_torque(recording, cycles)
+        found = load_findings(cycles, rigid, recording.config.pump)
+        recording = replace(recording, findings=(*recording.findings, *found))
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)

@@ -1,5 +1,6 @@
 """Files that claim, or unpack to, more than they hold are refused before memory or minutes are spent on them."""
 
+import contextlib
 import resource
 import struct
 import zipfile
@@ -208,3 +209,46 @@ def test_content_decides_before_the_suffix(tmp_path: Path):
     )
     assert FORMATS[file_format(renamed, "")].shown == "HDF5"
     assert read_recording(folder).of("torque")[0].n_samples > 0
+
+
+@pytest.mark.parametrize("packing", ["zstd", "lz4"])
+@pytest.mark.parametrize("batches", [1, 4])
+def test_a_feather_that_unpacks_to_more_than_a_signal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, packing: str, batches: int
+):
+    pyarrow = pytest.importorskip("pyarrow")
+    feather = pytest.importorskip("pyarrow.feather")
+    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)
+    folder, file = folder_of(tmp_path, PLANS["parquet"])
+    zeros = pyarrow.array(np.zeros(400_000))
+    feather.write_feather(
+        pyarrow.table({"Time": zeros, "Torque": zeros}), file, compression=packing, chunksize=400_000 // batches
+    )
+    with pytest.raises(Refusal, match=r"batch 1 unpacks to .* which no measured signal does|batch \d unpacks to"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize("packing", ["zstd", "lz4", "uncompressed"])
+def test_a_feather_with_a_signal_is_read(tmp_path: Path, packing: str):
+    pyarrow = pytest.importorskip("pyarrow")
+    feather = pytest.importorskip("pyarrow.feather")
+    folder, file = folder_of(tmp_path, PLANS["parquet"])
+    expected = read_recording(folder).of("torque")[0].read_volts()
+    feather.write_feather(pyarrow.parquet.read_table(file), file, compression=packing, chunksize=3000)
+    np.testing.assert_array_equal(read_recording(folder).of("torque")[0].read_volts(), expected)
+
+
+def test_a_feather_whose_header_is_torn_is_refused(tmp_path: Path):
+    pyarrow = pytest.importorskip("pyarrow")
+    feather = pytest.importorskip("pyarrow.feather")
+    folder, file = folder_of(tmp_path, PLANS["parquet"])
+    feather.write_feather(pyarrow.parquet.read_table(file), file, compression="lz4")
+    data = bytearray(file.read_bytes())
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        torn = bytearray(data)
+        for place in rng.integers(8, 3000, 4):
+            torn[place] = rng.integers(256)
+        file.write_bytes(bytes(torn))
+        with contextlib.suppress(Refusal):  # whatever else arises fails the test
+            read_recording(folder)

@@ -85,6 +85,28 @@ def test_a_turned_lift_table_is_refused(bench: Path):
         read(bench)
 
 
+@pytest.mark.parametrize("turned", [-25, 12])
+def test_a_lift_table_turned_a_little_is_told(bench: Path, turned: int):
+    assert "closing_lift_unusual" not in codes(bench)
+    file = bench / "calibration" / "cam_A.csv"
+    lines = file.read_text().splitlines()
+    rows = np.array([[float(field) for field in line.split(",")] for line in lines[2:]])[:360]
+    rows[:, 1] = np.roll(rows[:, 1], turned)
+    file.write_text("\n".join(lines[:2] + [f"{angle:g},{lift:.6f}" for angle, lift in rows]) + "\n")
+    assert "closing_lift_unusual" in codes(bench)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("A_0750rpm_press.tdms", True), ("A_1000rpm_press.tdms", False), ("press.tdms", False)]
+)
+def test_a_log_named_for_another_run_is_told(bench: Path, name: str, told: bool):
+    folder = bench / "raw_examples" / "A"
+    log = next(folder.glob("*.tdms"))
+    log.rename(folder / name)
+    edit(folder / "recording.toml", log.name, name)
+    assert ("log_of_other_run" in codes(bench)) == told
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -13,12 +13,14 @@ from camtorque.commands.texts import finding_lines
 from camtorque.ingest import RecordingSummary, read_recording, summarise
 from camtorque.plain import plain
 from camtorque.quantities import CHANNEL_QUANTITIES
-from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.records import CamCycles, Finding, Recording, Refusal
+from camtorque.run import rehearse
 from camtorque.toml_table import Refusals
 from camtorque.units import RPM
 
 SCHEMA = "camtorque.check/1"
 ERRORS, REFUSED = 1, 2
+RUN_REFUSED = "run_refused"
 LEAST_CYCLES = 4
 """Two to fit, two to score; a test holds it to the fit's own."""
 
@@ -35,9 +37,14 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     summary = summarise(recording)
     tell("aligning to the cam angle")
     cycles, refusal = _aligned(recording)
-    findings = [asdict(row) for row in (*summary.findings, *(cycles.findings if cycles else ()))]
-    found = "\n".join(finding_lines(findings)) or "  nothing wrong was found"
     lacks = missing_for_run(recording, cycles) if cycles else []
+    told = (*summary.findings, *(cycles.findings if cycles else ()))
+    if cycles and not lacks:
+        tell("trying what a run does before its fit")
+        told = (*told, *_rehearsed(recording, cycles))
+        lacks = [row.text for row in told if row.code == RUN_REFUSED]
+    findings = [asdict(row) for row in told]
+    found = "\n".join(finding_lines(findings)) or "  nothing wrong was found"
     doc = {
         "schema": SCHEMA,
         **asdict(summary),
@@ -59,13 +66,20 @@ def _aligned(recording: Recording) -> tuple[CamCycles | None, str]:
         return None, str(refusal)
 
 
+def _rehearsed(recording: Recording, cycles: CamCycles) -> tuple[Finding, ...]:
+    try:
+        return rehearse(recording, cycles)
+    except Refusal as refusal:
+        return (Finding(RUN_REFUSED, "error", str(refusal), recording.config.path.name),)
+
+
 def missing_for_run(recording: Recording, cycles: CamCycles) -> list[str]:
     """Return what `run` would refuse this recording for although it can be aligned."""
     missing = {
-        "torque": cycles.torque is None,
-        "pressure": not recording.of("pressure"),
-        "[pump] with its lift table": recording.lift_table is None,
-        f"{LEAST_CYCLES} used cycles, odd and even ones": (
+        "torque is missing": cycles.torque is None,
+        "pressure is missing": not recording.of("pressure"),
+        "[pump] with its lift table is missing": recording.lift_table is None,
+        f"{LEAST_CYCLES} used cycles are needed, odd and even ones": (
             cycles.index.size < LEAST_CYCLES or bool(cycles.held_out.all()) or not cycles.held_out.any()
         ),
     }
@@ -77,7 +91,10 @@ def cut_flow_lines(cycles: CamCycles, lacks: list[str]) -> list[str]:
     lines = [f"{cycles.index.size} of {cycles.cycles_found} cycles used"]
     for row in cycles.cut_flow:
         lines.append(f"  {row.reason:24}{row.cycles_single:>6} fail {row.cycles_left:>6} left   {row.text}")
-    return [*lines, f"enough for: align; run needs {', '.join(lacks)}" if lacks else "enough for: align, run"]
+    return [
+        *lines,
+        f"enough for: align; run lacks or refuses {', '.join(lacks)}" if lacks else "enough for: align, run",
+    ]
 
 
 def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:

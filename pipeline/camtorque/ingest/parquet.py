@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.arrow_size import refuse_feather_bomb
 from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
 from camtorque.ingest.csv_layout import CsvLayout, name_and_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refusing
@@ -59,6 +60,7 @@ def _layout(path: Path) -> CsvLayout:
         else:
             with library.memory_map(str(path)) as memory:
                 schema = library.ipc.open_file(memory).schema
+            refuse_feather_bomb(path, library)
     names, units, first = [], [], []
     for item in schema:
         number = library.types.is_floating(item.type) or library.types.is_integer(item.type)

@@ -77,6 +77,7 @@ def recording_of(config: RecordingConfig) -> Recording:
             *findings,
             *_ends(config, channels),
             *_apart(config, raw),
+            *_other_run(config),
         ),
     )
     plausible = [*_plausible(config, cam_table), *check_loads(recording)]
@@ -91,7 +92,7 @@ def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]
     with problems.collecting():
         findings += check_pump(config, table)
     with problems.collecting():
-        check_trigger(config, table)
+        findings += check_trigger(config, table)
     problems.raise_any()
     return findings
 
@@ -107,6 +108,22 @@ def _other_pump(config: RecordingConfig) -> list[Finding]:
         return []
     said = f"the lift table names pump {named[0]}, recording.toml is about {config.pump_id}"
     return [Finding("lift_table_of_other_pump", "warning", said, config.pump.cam_table_path.name)]
+
+
+def _other_run(config: RecordingConfig) -> list[Finding]:
+    """Tell logs whose file name holds the number of another recording of the same series (run_016 for run_017)."""
+    series = re.fullmatch(r"(.*[A-Za-z].*?)(\d+)(\D*)", config.id)
+    if series is None:
+        return []
+    pattern = re.compile(rf"(?<!\w){re.escape(series[1])}(\d+){re.escape(series[3])}")
+    found = []
+    for path in dict.fromkeys(spec.path for spec in config.channels):
+        named = {match[1] for match in pattern.finditer(path.stem)}
+        if named and series[2] not in named:
+            other = f"{series[1]}{sorted(named)[0]}{series[3]}"
+            text = f"the file's name says {other}, recording.toml is about {config.id}: it may be of another run"
+            found.append(Finding("log_of_other_run", "warning", text, path.name))
+    return found
 
 
 def _said_once(*findings: Finding) -> tuple[Finding, ...]:

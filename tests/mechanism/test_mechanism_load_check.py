@@ -1,0 +1,51 @@
+"""Measured against rigid torque where the pressure loads the cam: another plunger, another run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from camtorque.align import align
+from camtorque.ingest import read_recording
+from camtorque.mechanism.load_check import load_findings, load_ratio
+from camtorque.records import CamCycles, Recording
+from camtorque.run import rigid_torque
+from damaged.logs import CALIBRATION
+
+EXAMPLES = CALIBRATION.parent / "raw_examples"
+
+
+@pytest.fixture(scope="module")
+def aligned() -> tuple[Recording, CamCycles]:
+    recording = read_recording(EXAMPLES / "A_0500rpm")
+    return recording, align(recording)
+
+
+def told(recording: Recording, cycles: CamCycles, diameter: float = 0.008) -> bool:
+    pump = replace(recording.config.pump, plunger_diameter=diameter)
+    recording = replace(recording, config=replace(recording.config, pump_sheet=pump))
+    found = load_findings(cycles, rigid_torque(recording, cycles), pump)
+    assert all(finding.code == "torque_against_model" for finding in found)
+    return bool(found)
+
+
+@pytest.mark.parametrize(("diameter", "seen"), [(0.008, False), (0.009, True), (0.0055, True), (0.0075, False)])
+def test_a_plunger_a_size_too_large_is_told(aligned, diameter: float, seen: bool):
+    assert told(*aligned, diameter) == seen
+
+
+def test_the_pressure_of_another_run_is_told(aligned):
+    recording, cycles = aligned
+    assert told(recording, replace(cycles, pressure=0.5 * cycles.pressure))
+    assert not told(recording, replace(cycles, pressure=0.9 * cycles.pressure))
+
+
+def test_where_pressure_hardly_loads_the_cam_nothing_is_said(aligned):
+    recording, cycles = aligned
+    cycles = replace(cycles, pressure=np.full_like(cycles.pressure, 1e5))
+    assert np.isnan(load_ratio(cycles, rigid_torque(recording, cycles)))
+    assert not told(recording, cycles)
+
+
+def test_without_torque_nothing_is_said(aligned):
+    recording, cycles = aligned
+    assert not told(recording, replace(cycles, torque=None))
