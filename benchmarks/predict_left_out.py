@@ -22,7 +22,7 @@ from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
 from camtorque.ingest import read_recording
 from camtorque.predict_from import Rig, chain_of
-from camtorque.run import rigid_torque
+from camtorque.rehearsal import rigid_torque
 
 
 def known_fit(used: Sequence[Prepared]) -> KnownFit:

@@ -19,10 +19,11 @@ from camtorque.fit.prepare import halves
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
 from camtorque.records import Array, Refusal
+from camtorque.rehearsal import rigid_torque
 from camtorque.report import ComparedCurves, ComparePage, output_folder, write_compare
 from camtorque.report.document import inputs_document
 from camtorque.results import NAME, read_result
-from camtorque.run import Progress, RunOptions, now, rigid_torque, silent
+from camtorque.run import Progress, RunOptions, now, silent
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__

@@ -28,7 +28,7 @@ from camtorque.fit.solver import LiftModes
 from camtorque.ingest import read_recording
 from camtorque.laws.chain import ChainOutput, evaluate
 from camtorque.records import Array, Recording, Refusal
-from camtorque.run import rigid_torque
+from camtorque.rehearsal import rigid_torque
 from camtorque.threads import on_one_thread
 from camtorque.toml_table import read_toml
 from camtorque.units import did_you_mean

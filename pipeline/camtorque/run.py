@@ -9,18 +9,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from camtorque.align import AlignOptions, align
 from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
-from camtorque.fit.prepare import fit_data, halves
 from camtorque.fit.result import fitted_torque
 from camtorque.ingest import read_recording
 from camtorque.limits import Limit
-from camtorque.mechanism import Mounting, lift_law, solve_rigid, spectral_law
 from camtorque.mechanism.load_check import load_findings
 from camtorque.plain import now
-from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
+from camtorque.records import Recording
+from camtorque.rehearsal import rigid_torque
 from camtorque.report import RunResult, output_folder, write_run
 from camtorque.threads import on_one_thread
 
@@ -66,33 +63,6 @@ def peak_memory_mb() -> float:
     if resource is None:
         return float("nan")
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
-    """Return the rigid solution for the mean line pressure at the mean speed."""
-    config = recording.config
-    law = lift_law(recording.cam_table)
-    if not cycles.pressure.size:
-        raise Refusal(
-            f"{config.id}: no pressure channel, expected one; the model needs the line pressure ('camtorque align' "
-            'does not); add a [[channels]] entry with quantity = "pressure"'
-        )
-    pressure = np.mean(cycles.pressure, axis=0)
-    mounting = Mounting(rotation=config.rotation)
-    return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
-
-
-def rehearse(recording: Recording, cycles: CamCycles) -> tuple[Finding, ...]:
-    """Do all that a run does before its search, and return what the model says of the measured load.
-
-    Raises
-    ------
-    Refusal : what the run would refuse after minutes
-    """
-    rigid, means = rigid_torque(recording, cycles), halves(cycles)
-    law = spectral_law(recording.cam_table)
-    fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
-    return load_findings(cycles, rigid, recording.config.pump)
 
 
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:

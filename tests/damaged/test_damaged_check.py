@@ -11,7 +11,7 @@ from camtorque.align import align
 from camtorque.commands import check
 from camtorque.ingest import read_recording
 from camtorque.records import Refusal
-from camtorque.run import rehearse
+from camtorque.rehearsal import rehearse
 from damaged.build import BUILDERS
 from damaged.logs import Plan, clean_log, write_folder
 

@@ -8,7 +8,7 @@ from camtorque.align import align
 from camtorque.ingest import read_recording
 from camtorque.mechanism.load_check import load_findings, load_ratio
 from camtorque.records import CamCycles, Recording
-from camtorque.run import rigid_torque
+from camtorque.rehearsal import rigid_torque
 from damaged.logs import CALIBRATION
 
 EXAMPLES = CALIBRATION.parent / "raw_examples"

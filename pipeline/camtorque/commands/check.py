@@ -14,7 +14,7 @@ from camtorque.ingest import RecordingSummary, read_recording, summarise
 from camtorque.plain import plain
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import CamCycles, Finding, Recording, Refusal
-from camtorque.run import rehearse
+from camtorque.rehearsal import rehearse
 from camtorque.toml_table import Refusals
 from camtorque.units import RPM
 

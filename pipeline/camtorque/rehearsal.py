@@ -1,0 +1,37 @@
+"""What a run does between alignment and search: the rigid model, the halves, the priors; `check` does it alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from camtorque.fit.prepare import fit_data, halves
+from camtorque.mechanism import Mounting, lift_law, solve_rigid, spectral_law
+from camtorque.mechanism.load_check import load_findings
+from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
+
+
+def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
+    """Return the rigid solution for the mean line pressure at the mean speed."""
+    config = recording.config
+    law = lift_law(recording.cam_table)
+    if not cycles.pressure.size:
+        raise Refusal(
+            f"{config.id}: no pressure channel, expected one; the model needs the line pressure ('camtorque align' "
+            'does not); add a [[channels]] entry with quantity = "pressure"'
+        )
+    pressure = np.mean(cycles.pressure, axis=0)
+    mounting = Mounting(rotation=config.rotation)
+    return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
+
+
+def rehearse(recording: Recording, cycles: CamCycles) -> tuple[Finding, ...]:
+    """Do all that a run does before its search, and return what the model says of the measured load.
+
+    Raises
+    ------
+    Refusal : what the run would refuse after minutes
+    """
+    rigid, means = rigid_torque(recording, cycles), halves(cycles)
+    law = spectral_law(recording.cam_table)
+    fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    return load_findings(cycles, rigid, recording.config.pump)
