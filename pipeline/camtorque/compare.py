@@ -14,7 +14,7 @@ from camtorque.align import align
 from camtorque.config_toml import load_recording_config
 from camtorque.fit import Prepared, prepare
 from camtorque.fit.changes import Attribution, attribution, together
-from camtorque.fit.difference import SAME_SPEED, Pair, evaluated, pair_of
+from camtorque.fit.pair import SAME_SPEED, Pair, pair_of
 from camtorque.fit.prepare import halves
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
@@ -136,10 +136,8 @@ def compare_prepared(before: Prepared, after: Prepared, progress: Progress = sil
     """
     progress("fitting both together")
     pair = pair_of(before, after, before.candidates[0])
-    values = np.array([pair.fixed[name] for name in pair.names])
-    state = evaluated(pair, values, values)
     progress("weighing what may have changed")
-    found, pair = attribution(pair, state)
+    found, pair = attribution(pair)
     return Compared(before, after, pair, found)
 
 

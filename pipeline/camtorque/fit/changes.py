@@ -1,23 +1,33 @@
 """Which parameters changed between two recordings: evidence over sets of plausible changes.
 
-A change is a group of parameters that one event moves (wear, mounting, temperature). For every set of up to three
-groups the linearised pair gives the evidence in closed form (values common to both, zeros and end of delivery
-integrated out); the best set is fitted again without linearising until it stays. Probabilities of a change are sums
-over the sets. The prior odds of each group, and a width per parameter of four steps that matter, pay for the length
-of the list.
+A change is a group of parameters that one event moves (wear, mounting, temperature). Every single event is fitted
+together with all that is common and own, and so are those sets of up to three that its linearisation makes worth it;
+the evidence of a set is taken at its own minimum, since what a change explains bends with the size of what it changes.
+Probabilities of a change are sums over the sets. The prior odds of each group, and a width per parameter of four steps
+that matter, pay for the length of the list.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from camtorque.fit.difference import OWN_NAMES, Linear, Pair, PairState, linearised, loosened, minimised
+from camtorque.fit.difference import (
+    Basis,
+    PairState,
+    along,
+    evaluated,
+    inflation,
+    loosened,
+    minimised,
+    normal_equations,
+    objective,
+)
+from camtorque.fit.pair import OWN_NAMES, Pair
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.laws.chain import BINS
 from camtorque.records import Array
 
 CHANGES: dict[str, tuple[str, ...]] = {
@@ -46,11 +56,18 @@ PRIOR, PRIOR_RARE = 0.10, 0.02
 """Probability of one change before the data, usual ones and others."""
 TOLD = 0.90
 """Probability from which a change is told."""
+STEPS_OF_CHANGE = 4.0
+"""Standard deviation of a plausible change, in steps that matter (`ParameterRow.step`)."""
 MOST_CHANGES = 3
-ROUNDS = 3
+EXTENDED, WORTH = 3, 8.0
+"""Sets of each size that are extended by another event, and by how much two ln evidence of the linearised extension may
+fall short of the best for it to be fitted."""
+OTHERS = 2
+"""Other events that may have happened beside the one whose smallest visible change is asked for."""
 TEMPERATURE_STD = 10.0
 VISCOSITY_PER_KELVIN, MODULUS_PER_KELVIN = -0.024, -0.0045
 """Test oils and diesel near 40 degrees: viscosity -2.4 % and bulk modulus -0.45 % per kelvin."""
+START_ITERATIONS = 2
 LEAST_FREEDOM = INDEPENDENT / 3.0
 
 
@@ -77,7 +94,8 @@ class Attribution:
     hypotheses : best first
     probabilities : of the hypotheses
     mean, covariance : of the differences, mixed over the hypotheses [SI]
-    free_mean, free_std : with every parameter free to differ, (m,) [SI]
+    free_mean, free_std : farthest from zero and widest of each difference while it, and any two other events beside the
+        best ones, are free, (m,) [SI]
     inflation : factors on the variance of mean and difference that their residuals ask for
     state : the pair at the best hypothesis
     """
@@ -109,19 +127,16 @@ class Attribution:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """Normal equations of the differences, linearised and extrapolated to zero, the common values integrated out.
+class Fitted:
+    """A set of groups at its own minimum.
 
-    In units of ``widths`` [SI]; ``own`` says how far each parameter differs without an event, in the same unit.
+    covariance : along the directions, whatever the common values are, (m, m)
     """
 
-    names: tuple[str, ...]
-    own: Array
-    matrix: Array
-    vector: Array
-    constant: float
-    widths: Array
-    directions: Mapping[str, Array] = field(default_factory=dict)
+    groups: tuple[str, ...]
+    state: PairState
+    covariance: Array
+    two_ln_evidence: float
 
 
 def candidates(pair: Pair) -> tuple[str, ...]:
@@ -130,119 +145,164 @@ def candidates(pair: Pair) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*pair.own, *(name for name in wanted if name in pair.names))))
 
 
-def evidence_at(pair: Pair, state: PairState) -> Evidence:
-    """Return the normal equations at a state, extrapolated to where nothing differs."""
-    names = candidates(pair)
-    line: Linear = linearised(pair, state, names)
-    place = [pair.names.index(name) for name in names]
-    means, stds = pair.priors
-    own = np.array([pair.own.get(name, 0.0) for name in names])
-    changes = np.array([own[j] if name in ALWAYS else pair.change(name) for j, name in enumerate(names)])
-    scale = np.r_[stds, changes]
-    k = means.size
-    jacobian = line.matrix * scale
-    residual = line.residual + line.matrix[:, k:] @ (state.after - state.before)[place]
-    prior = np.r_[np.ones(k), np.zeros(len(names))]
-    away = np.r_[(state.before - means) / stds, np.zeros(len(names))]
-    matrix = jacobian.T @ jacobian + np.diag(prior)
-    vector = jacobian.T @ residual - prior * away
-    gain = np.linalg.solve(matrix[:k, :k], np.column_stack([matrix[:k, k:], vector[:k]]))
-    matrix, rest = matrix[k:, k:] - matrix[k:, :k] @ gain[:, :-1], vector[k:] - matrix[k:, :k] @ gain[:, -1]
-    constant = float(residual @ residual + away @ away - vector[:k] @ gain[:, -1])
-    directions = {"temperature": temperature(pair, state, names)}
-    return Evidence(names, own / changes, matrix, rest, constant, changes, directions)
+def basis_of(pair: Pair, values: Array, groups: Sequence[str]) -> Basis:
+    """Return the directions of a set of events at values of the free parameters, (k,) [SI]; own ones first."""
+    labels: list[tuple[str, str]] = [("", name) for name in pair.own]
+    columns = [pair.own[name] * _unit(pair, name) for name in pair.own]
+    for group in groups:
+        if group == "temperature":
+            labels.append((group, ""))
+            columns.append(temperature(pair.names, values) * TEMPERATURE_STD)
+            continue
+        for name in CHANGES[group]:
+            if name in pair.names:
+                labels.append((group, name))
+                columns.append(STEPS_OF_CHANGE * pair.items[0].rows[name].step * _unit(pair, name))
+    return Basis(tuple(labels), np.array(columns).T.reshape(len(pair.names), -1))
 
 
-def temperature(pair: Pair, state: PairState, names: tuple[str, ...]) -> Array:
-    """Return what one kelvin does to each difference [SI/K]: thinner fluid, softer fluid."""
+def _unit(pair: Pair, name: str) -> Array:
+    return np.eye(len(pair.names))[pair.names.index(name)]
+
+
+def temperature(names: Sequence[str], values: Array) -> Array:
+    """Return what one kelvin does to each parameter, (k,) [SI/K]: thinner fluid, softer fluid."""
     thinner = {"leakage": -VISCOSITY_PER_KELVIN, "bulk_modulus": MODULUS_PER_KELVIN}
     thinner.update(dict.fromkeys(("shaft_viscous", "plunger_viscous"), VISCOSITY_PER_KELVIN))
-    size = dict(zip(pair.names, state.before.tolist(), strict=True))
-    return np.array([thinner.get(name, 0.0) * size[name] for name in names])
+    return np.array([thinner.get(name, 0.0) for name in names]) * values
 
 
-def hypothesis(found: Evidence, groups: tuple[str, ...]) -> Hypothesis:
-    """Return the evidence and the posterior differences of a set of groups."""
-    m = len(found.names)
-    moved = {name for group in groups for name in CHANGES[group]}
-    columns = [own * np.eye(m)[j] for j, own in enumerate(found.own) if own and found.names[j] not in moved]
-    for group in groups:
-        if group in found.directions:
-            columns.append(found.directions[group] / found.widths * TEMPERATURE_STD)
-        else:
-            columns.extend(np.eye(m)[found.names.index(n)] for n in CHANGES[group] if n in found.names)
-    basis = np.array(columns).T
-    matrix = basis.T @ found.matrix @ basis + np.eye(basis.shape[1])
-    vector = basis.T @ found.vector
-    inverse = np.linalg.inv(matrix)
-    solved = inverse @ vector
-    chi = found.constant - float(vector @ solved)
-    scaled = found.widths[:, None] * basis
-    evidence = -chi - float(np.linalg.slogdet(matrix)[1]) + two_ln_odds(groups)
-    return Hypothesis(groups, evidence, scaled @ solved, scaled @ inverse @ scaled.T)
+def marginal(matrix: Array, vector: Array, k: int) -> tuple[Array, Array]:
+    """Return normal equations of all unknowns after the first ``k``, which are integrated out."""
+    gain = np.linalg.solve(matrix[:k, :k], np.column_stack([matrix[:k, k:], vector[:k]]))
+    return matrix[k:, k:] - matrix[k:, :k] @ gain[:, :-1], vector[k:] - matrix[k:, :k] @ gain[:, -1]
 
 
-def weighed(found: Evidence, groups: tuple[str, ...]) -> tuple[Hypothesis, ...]:
-    """Return all sets of up to `MOST_CHANGES` groups, best first."""
-    result = [hypothesis(found, chosen) for size in range(MOST_CHANGES + 1) for chosen in combinations(groups, size)]
-    return tuple(sorted(result, key=lambda item: -item.two_ln_evidence))
+def fitted(pair: Pair, state: PairState, groups: tuple[str, ...], iterations: int) -> Fitted:
+    """Return a set of groups at its minimum, starting at the state of a smaller set."""
+    state = minimised(pair, along(pair, state, basis_of(pair, state.before, groups)), iterations)
+    matrix, vector = normal_equations(pair, state, state.basis.columns, state.moved)
+    apart, _ = marginal(matrix, vector, len(pair.names))
+    evidence = -objective(pair, state) - float(np.linalg.slogdet(apart)[1]) + two_ln_odds(groups)
+    return Fitted(groups, state, np.asarray(np.linalg.inv(apart)), evidence)
 
 
-def members(pair: Pair, groups: tuple[str, ...]) -> dict[str, float]:
-    """Return the parameters that differ under a set of groups with how far, own ones first [SI]."""
-    named = dict.fromkeys(name for group in groups for name in CHANGES[group] if name in pair.names)
-    return {**pair.own, **{name: pair.change(name) for name in named}}
+def differences(pair: Pair, item: Fitted, names: Sequence[str]) -> Hypothesis:
+    """Return the differences of some parameters under a set of groups: what its events moved, and what always differs.
+
+    The error of edges and starts that each recording has its own is no change of the trigger.
+    """
+    state = item.state
+    counts = [bool(event) or name in ALWAYS for event, name in state.basis.labels]
+    place = [pair.names.index(name) for name in names]
+    rows = state.basis.columns[place] * counts
+    beside = (state.basis.columns @ (state.moved * np.logical_not(counts)))[place]
+    mean = np.where(rows.any(axis=1), (state.after - state.before)[place] - beside, 0.0)
+    return Hypothesis(item.groups, item.two_ln_evidence, mean, rows @ item.covariance @ rows.T)
 
 
-def inflated(pair: Pair, state: PairState, taken: int) -> tuple[Pair, tuple[float, float]]:
-    """Return the pair with its covariances widened to what the residuals ask for."""
-    line = linearised(pair, state, ())
-    chi = [float(part @ part) for part in (line.residual[:BINS], line.residual[BINS:])]
-    factors = max(1.0, chi[0] / LEAST_FREEDOM / 1.5), max(1.0, chi[1] / (INDEPENDENT - taken))
-    roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
-    return replace(pair, mean_root=roots[0], difference_root=roots[1]), factors
+def foreseen(pair: Pair, item: Fitted, group: str) -> float:
+    """Return two ln evidence of a set with one more event, linearised where the set has its minimum."""
+    basis = basis_of(pair, item.state.before, (*item.groups, group))
+    place = {label: k for k, label in enumerate(item.state.basis.labels)}
+    moved = np.array([item.state.moved[place[label]] if label in place else 0.0 for label in basis.labels])
+    matrix, vector = normal_equations(pair, item.state, basis.columns, moved)
+    matrix, vector = marginal(matrix, vector, len(pair.names))
+    gain = float(vector @ np.linalg.solve(matrix, vector))
+    return gain - objective(pair, item.state) - float(np.linalg.slogdet(matrix)[1]) + two_ln_odds((*item.groups, group))
 
 
-def attribution(pair: Pair, state: PairState) -> tuple[Attribution, Pair]:
-    """Return what changed, starting near the minimum without changes, and the pair with the weights that were used."""
+def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Sequence[str]) -> tuple[Fitted, ...]:
+    """Return no event, every single one, and the sets of up to `MOST_CHANGES` that are worth it, best first.
+
+    Parameters
+    ----------
+    states : near the minimum of no event and of each single one
+    """
+    found = {chosen: fitted(pair, state, chosen, 20) for chosen, state in states.items()}
+    for size in range(1, MOST_CHANGES):
+        best = max(item.two_ln_evidence for item in found.values())
+        smaller = sorted((item for item in found.values() if len(item.groups) == size),
+                         key=lambda item: -item.two_ln_evidence)[:EXTENDED]  # fmt: skip
+        for item in smaller:
+            for group in groups:
+                chosen = tuple(sorted((*item.groups, group), key=list(CHANGES).index))
+                if group in item.groups or chosen in found:
+                    continue
+                if foreseen(pair, item, group) > best - WORTH:
+                    found[chosen] = fitted(pair, item.state, chosen, 12)
+    return tuple(sorted(found.values(), key=lambda item: -item.two_ln_evidence))
+
+
+def attribution(pair: Pair) -> tuple[Attribution, Pair]:
+    """Return what changed, and the pair with the weights that were used."""
     groups = tuple(name for name, names in CHANGES.items() if any(n in pair.names for n in names))
-    base = minimised(pair, state, pair.own, 40)
-    pair = loosened(pair, base)
-    base = minimised(pair, base, pair.own, 40)
-    tried: dict[tuple[str, ...], PairState] = {(): base}
-    for group in groups:
-        tried[(group,)] = minimised(pair, base, members(pair, (group,)), 8)
-    chosen = _least(pair, tried)
-    for _ in range(ROUNDS):
-        state = minimised(pair, tried.get(chosen, state), members(pair, chosen), 40)
-        wide, factors = inflated(pair, state, len(members(pair, chosen)))
-        state = minimised(wide, state, members(pair, chosen), 20)
-        found = evidence_at(wide, state)
-        hypotheses = weighed(found, groups)
-        if hypotheses[0].groups == chosen:
-            break
-        chosen = hypotheses[0].groups
-    return _mixed(found, hypotheses, factors, state), wide
-
-
-def _least(pair: Pair, tried: Mapping[tuple[str, ...], PairState]) -> tuple[str, ...]:
-    """Return the set whose own linearisation gives the most evidence."""
-    scores = {}
+    values = np.array([pair.fixed[name] for name in pair.names])
+    own = basis_of(pair, values, ())
+    # each starts at the first recording's own fit: what is common runs away where a change has no name
+    start = minimised(pair, evaluated(pair, values, own, np.zeros(len(own.labels))), START_ITERATIONS)
+    sets = [(), *((group,) for group in groups)]
+    states = {chosen: minimised(pair, along(pair, start, basis_of(pair, values, chosen)), 8) for chosen in sets}
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
-    wide = min((inflated(pair, state, 10) for state in tried.values()), key=lambda item: item[1][1])[0]
-    for groups, state in tried.items():
-        scores[groups] = hypothesis(evidence_at(wide, state), groups).two_ln_evidence
-    return max(scores, key=lambda groups: scores[groups])
+    pair = loosened(pair, min(states.values(), key=lambda state: objective(pair, state)))
+    states = nested(pair, {chosen: minimised(pair, state, 20) for chosen, state in states.items()})
+    factors = min((inflation(pair, state, LEAST_FREEDOM) for state in states.values()), key=lambda item: item[1])
+    roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
+    pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
+    return _mixed(pair, searched(pair, states, groups), groups, factors), pair
 
 
-def _mixed(
-    found: Evidence, hypotheses: tuple[Hypothesis, ...], factors: tuple[float, float], state: PairState
-) -> Attribution:
+def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
+    """Return states of which none lies above that of no event, which itself starts again from the least one."""
+    values = {chosen: objective(pair, state) for chosen, state in states.items()}
+    least = states[min(values, key=lambda chosen: values[chosen])]
+    again = minimised(pair, along(pair, least, states[()].basis), 20)
+    base = min((states[()], again), key=lambda state: objective(pair, state))
+    floor = objective(pair, base)
+    found: dict[tuple[str, ...], PairState] = {(): base}
+    for chosen, state in states.items():
+        if chosen and values[chosen] > floor:
+            state = minimised(pair, along(pair, base, state.basis), 20)
+        found.setdefault(chosen, state)
+    return found
+
+
+def _mixed(pair: Pair, sets: Sequence[Fitted], groups: Sequence[str], factors: tuple[float, float]) -> Attribution:
+    names = candidates(pair)
+    hypotheses = [differences(pair, item, names) for item in sets]
     weight, mean, covariance = _mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
-    every = tuple(name for name in CHANGES if name != "temperature" and any(n in found.names for n in CHANGES[name]))
-    free = hypothesis(found, every)
-    free_std = np.sqrt(np.maximum(np.diag(free.covariance), 0.0))
-    return Attribution(found.names, hypotheses, weight, mean, covariance, free.mean, free_std, factors, state)
+    free_mean, free_std = freed(pair, sets[0], names, groups)
+    return Attribution(names, tuple(hypotheses), weight, mean, covariance, free_mean, free_std, factors, sets[0].state)
+
+
+def freed(pair: Pair, best: Fitted, names: Sequence[str], groups: Sequence[str]) -> tuple[Array, Array]:
+    """Return how far each difference may be from zero and how well it is known, whatever two other events did, (m,)."""
+    state = best.state
+    basis = basis_of(pair, state.before, [group for group in groups if group != "temperature"])
+    apart = (state.after - state.before) / np.max(np.abs(basis.columns), axis=1, initial=1e-300)
+    own = len(pair.own)
+    moved = np.array([0.0 if not event else apart[pair.names.index(name)] for event, name in basis.labels])
+    moved[:own] = state.moved[:own]
+    matrix, vector = normal_equations(pair, state, basis.columns, moved)
+    matrix, vector = marginal(matrix, vector, len(pair.names))
+    vector = vector + matrix @ moved  # extrapolated to where nothing differs
+    events = list(dict.fromkeys(event for event, _ in basis.labels[own:]))
+    index = {event: [j for j, label in enumerate(basis.labels) if label[0] == event] for event in ("", *events)}
+    always = [*index[""], *(j for event in best.groups for j in index.get(event, []))]
+    result = np.zeros((2, len(names)))
+    for j, (event, name) in enumerate(basis.labels):
+        if not event:
+            continue
+        width = float(np.max(np.abs(basis.columns[:, j])))
+        for others in combinations([other for other in events if other != event and other not in best.groups], OTHERS):
+            chosen = sorted({j, *always, *(i for other in others for i in index[other])})
+            covariance = np.linalg.inv(matrix[np.ix_(chosen, chosen)])
+            at = chosen.index(j)
+            mean, std = float(covariance[at] @ vector[chosen]), float(np.sqrt(covariance[at, at]))
+            k = list(names).index(name)
+            result[0, k] = max(result[0, k], mean * width, key=abs)
+            result[1, k] = max(result[1, k], std * width)
+    return result[0], result[1]
 
 
 def _mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[float, ...], Array, Array]:
@@ -257,10 +317,10 @@ def _mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[f
 
 def together(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
     """Return the attributions of several pairs of one pump when the same events are behind all of them."""
-    each = [{item.groups: item for item in one.hypotheses} for one in found]
-    common = set.intersection(*(set(one) for one in each))
-    score = {g: sum(one[g].two_ln_evidence for one in each) - (len(each) - 1) * two_ln_odds(g) for g in common}
-    order = sorted(common, key=lambda groups: (-score[groups], groups))
+    every = dict.fromkeys(item.groups for one in found for item in one.hypotheses)
+    each = [{groups: _within(one.hypotheses, groups) for groups in every} for one in found]
+    score = {g: sum(one[g].two_ln_evidence for one in each) - (len(each) - 1) * two_ln_odds(g) for g in every}
+    order = sorted(every, key=lambda groups: (-score[groups], groups))
     evidence = np.array([score[groups] for groups in order])
     result = []
     for one, table in zip(found, each, strict=True):
@@ -268,6 +328,18 @@ def together(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
         weight, mean, covariance = _mixture(hypotheses, evidence)
         result.append(replace(one, hypotheses=hypotheses, probabilities=weight, mean=mean, covariance=covariance))
     return tuple(result)
+
+
+def _within(hypotheses: Sequence[Hypothesis], groups: tuple[str, ...]) -> Hypothesis:
+    """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds."""
+    parts = [item for item in hypotheses if set(item.groups) <= set(groups)]
+
+    def score(item: Hypothesis) -> float:
+        return item.two_ln_evidence + two_ln_odds([name for name in groups if name not in item.groups])
+
+    exact = [item for item in parts if item.groups == groups]
+    best = exact[0] if exact else max(parts, key=score)
+    return replace(best, groups=groups, two_ln_evidence=score(best))
 
 
 def two_ln_odds(groups: Sequence[str]) -> float:

@@ -1,8 +1,8 @@
 """Differences of parameters and losses with their verdicts: changed, not changed, cannot tell.
 
-*Changed*: the sets of changes that move it hold `TOLD` of the probability and its interval leaves zero out. *Not
-changed*: with every parameter free to differ the interval stays within the smallest change that would have been seen,
-and that is smaller than what matters. Everything else cannot be told.
+*Changed*: the sets of changes that move it hold `TOLD` of the probability. *Not changed*: whatever any two other events
+did, the interval stays within the smallest change that would have been seen, and that is smaller than what matters.
+Everything else cannot be told.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution
-from camtorque.fit.difference import Pair
+from camtorque.fit.pair import Pair
 from camtorque.laws import GROUPS
 from camtorque.laws.causes import cam_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
@@ -50,7 +50,11 @@ class Difference:
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """95 % interval of the difference."""
+        """95 % interval of the difference; that of a change that is told has its sign: only its size is in doubt."""
+        if self.verdict == "changed" and self.difference:
+            factor = float(np.exp(COVERAGE * self.stderr / abs(self.difference)))
+            low, high = sorted((self.difference / factor, self.difference * factor))
+            return low, high
         return self.difference - COVERAGE * self.stderr, self.difference + COVERAGE * self.stderr
 
 
@@ -60,7 +64,7 @@ def verdict(told: bool, free: tuple[float, float], matters: float) -> str:
     Parameters
     ----------
     told : whether the evidence names it
-    free : difference and standard error with every parameter free to differ
+    free : difference and standard error whatever two other events did
     matters : size that matters, in the same unit
     """
     if told:
@@ -81,7 +85,7 @@ def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, .
         per = row.per_unit
         mean, std = found.mean[j] / per, float(np.sqrt(found.covariance[j, j])) / per
         free = float(found.free_mean[j]) / per, float(found.free_std[j]) / per
-        told = found.moved(name) > TOLD and _alone(found, name) and abs(mean) > COVERAGE * std
+        told = found.moved(name) > TOLD and _alone(found, name)
         before = float(found.state.before[k]) / per
         if not told:
             mean, std = free

@@ -1,0 +1,259 @@
+"""Two recordings of one pump at one speed in one structure, and what two runs of an unchanged pump may differ by.
+
+The errors of sheets, certificates, lift table and laws are the same in both, so they weigh on the mean of both
+residuals only. Their difference is known by the scatter of the cycles, by what clocks, starts of files and trigger
+edges may have shifted, and by the small share of the laws' error that two runs do not have in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
+from camtorque.fit.problem import FitData, build_problem
+from camtorque.fit.single import Candidate, Prepared
+from camtorque.fit.solver import lifts_at
+from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, evaluate
+from camtorque.records import Array, CamCycles, Refusal, freeze_arrays
+
+SAME_SPEED = 0.02
+"""Relative difference of speed up to which the laws' error counts as common."""
+UNCOMMON = 3.0e-4
+"""Share of the torque by which two runs of an unchanged pump may differ for reasons no law knows."""
+UNCOMMON_FLOOR = 1.0e-4
+"""The same as a share of the peak torque."""
+RESIDUAL_SHARE, RESIDUAL_REACH = 0.05, 15
+"""Share of what the laws leave that two runs do not have in common, and bins over which its size is taken."""
+OWN_NAMES = (
+    "torque_zero", "pressure_zero", "end_of_delivery", "end_width", "spill_lift", "spill_width", "trigger_offset",
+    "delay_error",
+)  # fmt: skip
+"""Parameters that each recording has its own: set anew, or known to the error of edges and starts of files."""
+ZERO_DRIFT = 2.0e-3
+"""Drift of the torque's zero between its standstill reading and the run, as a share of the peak torque."""
+MOST_BLOCKS = 48
+"""Blocks of consecutive cycles at most whose scatter tells how well a mean residual is known."""
+EDGE_SHARE = 0.5
+"""Share of the time error of one trigger edge that does not average out: levels and samples are the same in each."""
+LEAST_EDGE = np.radians(0.002)
+COMMON_TIME_BASE = "common time base"
+START_ERROR = 8.0e-6
+"""Standard error of the start of a file that shares a time base with others but starts by itself [s]: headers write it
+to 10 us."""
+PRESSURE_SHIFT = 1.0e-6
+"""Time by which the line pressure is shifted to see what a clock error does [s]."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two recordings in one structure.
+
+    Attributes
+    ----------
+    items : both as the fit sees them, means of all used cycles
+    cycles : of both
+    names : free parameters
+    fixed : values of the others
+    mean_root, difference_root : (BINS, BINS) lower Cholesky factors of the covariances [N m]
+    expected : chi-square of the difference that these covariances lead to expect where nothing is fitted
+    """
+
+    items: tuple[FitData, FitData]
+    cycles: tuple[CamCycles, CamCycles]
+    names: tuple[str, ...]
+    fixed: Mapping[str, float]
+    mean_root: Array
+    difference_root: Array
+    expected: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def own(self) -> dict[str, float]:
+        """Parameters of which each recording has its own, with how far they differ [SI]."""
+        wide = dict(zip(self.names, np.sqrt(2.0) * self.priors[1], strict=True))
+        wide["torque_zero"] = np.hypot(wide["torque_zero"], ZERO_DRIFT * np.max(np.abs(self.items[0].torque)))
+        edges = [np.nan_to_num(c.trigger_jitter_s) * c.mean_speed for c in self.cycles]
+        start = self.start_error
+        turned = np.hypot(EDGE_SHARE * np.hypot(*edges), start * self.cycles[0].mean_speed)
+        wide["trigger_offset"] = max(float(turned), LEAST_EDGE)
+        wide["delay_error"] = float(np.hypot(self.clock_error, start))
+        return {name: float(wide[name]) for name in self.names if name in OWN_NAMES and wide[name] > 0.0}
+
+    @property
+    def start_error(self) -> float:
+        """Standard error of the starts of both recordings' files of one channel against each other [s]."""
+        return START_ERROR * float(np.sqrt(sum(separate_starts(cycles) for cycles in self.cycles)))
+
+    @property
+    def clock_error(self) -> float:
+        """Standard error of both recordings' clocks against each other [s]."""
+        return float(np.linalg.norm([max((c.stderr_s for c in cycles.clocks), default=0.0) for cycles in self.cycles]))
+
+    def row_values(self, field: str) -> Array:
+        """Return one field of the rows of the free parameters."""
+        return np.array([getattr(self.items[0].rows[name], field) for name in self.names])
+
+    @property
+    def priors(self) -> tuple[Array, Array]:
+        """Means and standard deviations of the free parameters; as wide as the bounds where nothing is known."""
+        lower, upper = self.row_values("lower"), self.row_values("upper")
+        rows = [self.items[0].rows[name].prior for name in self.names]
+        means = [row[0] if row else 0.5 * (a + b) for row, a, b in zip(rows, lower, upper, strict=True)]
+        stds = [row[1] if row else b - a for row, a, b in zip(rows, lower, upper, strict=True)]
+        return np.array(means), np.array(stds)
+
+    def values(self, free: Array) -> dict[str, float]:
+        """Return every parameter of the chain at values of the free ones, (k,) [SI]."""
+        return {**self.fixed, **dict(zip(self.names, free.tolist(), strict=True))}
+
+
+def separate_starts(cycles: CamCycles) -> bool:
+    """Return whether torque, pressure and trigger lie in files of one time base that start each at its own time."""
+    return any(clock.method == COMMON_TIME_BASE for clock in cycles.clocks)
+
+
+def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
+    """Return two recordings in the structure of one of the minima of the first.
+
+    Raises
+    ------
+    Refusal : they run at different speeds
+    """
+    speeds = [item.cycles.mean_speed * 30.0 / np.pi for item in (before, after)]
+    if abs(speeds[1] / speeds[0] - 1.0) > SAME_SPEED:
+        raise Refusal(
+            f"compare: {before.recording.config.id} runs at {speeds[0]:.1f} rpm and {after.recording.config.id} at "
+            f"{speeds[1]:.1f} rpm, "
+            f"expected one speed within {100 * SAME_SPEED:.0f} %; the laws' error cancels at one speed only; compare "
+            "recordings of one speed, or campaigns that hold the same speeds"
+        )
+    hidden = start.data.chain.shaft_torque - before.measured
+    items = tuple(_item(side, start.data, hidden) for side in (before, after))
+    problem = start.problem
+    names = tuple(slot.row.name for slot in problem.slots)
+    values, coefficients = problem.values(start.solution.z, 0)
+    fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
+    none = np.eye(BINS)
+    pair = Pair(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
+    pair = with_difference(pair, fixed, np.zeros(BINS))
+    noise = scatter_of_both(pair, fixed)
+    return replace(pair, mean_root=root_of(mean_covariance(items[0], start) + noise / 4.0))
+
+
+def with_difference(pair: Pair, values: Mapping[str, float], left: Array) -> Pair:
+    """Return the pair with the covariance of the difference as it is at values of all parameters.
+
+    Parameters
+    ----------
+    left : (BINS,) what the laws leave [N m]; a share of its size is not common to both
+    """
+    item = pair.items[0]
+    known = scatter_of_both(pair, values) + shift_covariance(pair, values)
+    peak = float(np.max(np.abs(item.torque)))
+    reach = np.full(2 * RESIDUAL_REACH + 1, 1.0 / (2 * RESIDUAL_REACH + 1))
+    size = np.convolve(np.pad(left**2, RESIDUAL_REACH, "wrap"), reach, "valid")
+    error = (UNCOMMON * item.torque) ** 2 + (UNCOMMON_FLOOR * peak) ** 2 + RESIDUAL_SHARE**2 * size
+    weighed = known + np.diag(error * BINS / INDEPENDENT)
+    # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than
+    # it is, so that chi-square falls short of the number of bins
+    expected = float(np.trace(np.linalg.solve(weighed, known + np.diag(error))))
+    return replace(pair, difference_root=root_of(weighed), expected=expected)
+
+
+def scatter_of_both(pair: Pair, values: Mapping[str, float]) -> Array:
+    """Return the covariance of the scatter of the difference, (BINS, BINS) [(N m)^2]."""
+    own = tuple(pair.own)
+    return np.asarray(sum(mean_scatter(c, one, values, own) for c, one in zip(pair.cycles, pair.items, strict=True)))
+
+
+def root_of(covariance: Array) -> Array:
+    """Return the lower Cholesky factor."""
+    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+
+
+def _item(side: Prepared, data: FitData, hidden: Array) -> FitData:
+    cycles = side.cycles
+    assert cycles.torque is not None
+    n = data.chain.theta.size
+    torque = np.mean(cycles.torque, axis=0)
+    turned = cycles.details.get("angle_deviation")  # of each recording, where a wheel on the cam measured it
+    deviation = on_grid(np.asarray(turned), n) if data.chain.deviation.size and turned is not None else np.zeros(0)
+    chain = replace(
+        data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
+        shaft_torque=on_grid(torque, n) + hidden, deviation=deviation,
+    )  # fmt: skip
+    return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque))
+
+
+def mean_covariance(item: FitData, start: Candidate) -> Array:
+    """Return the covariance of what the laws and the lift table leave, (BINS, BINS) [(N m)^2]."""
+    problem = build_problem([start.data])
+    lift = lifts_at(problem, start.solution.z)[0]
+    modes = lift.vectors * lift.strength / item.weight[:, None]
+    return np.asarray(np.diag(1.0 / item.weight**2) + modes @ modes.T)
+
+
+def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], own: Sequence[str]) -> Array:
+    """Return the covariance of the mean residual, (BINS, BINS) [(N m)^2].
+
+    Each block of cycles is modelled with its own line pressure, its own zeros and its own end of delivery: what noise,
+    jitter and changing loads do to torque and model together is no scatter of the difference, since each recording has
+    its own ``own`` parameters there too.
+    """
+    assert cycles.torque is not None
+    n = item.chain.theta.size
+    nonlinear = {name: values[name] for name in NONLINEAR_NAMES}
+    linear = np.array([values[name] for name in COLUMN_NAMES])
+    blocks = np.array_split(np.arange(cycles.speed.size), min(MOST_BLOCKS, cycles.speed.size))
+    each = []
+    for block in blocks:
+        pressure = on_grid(np.mean(cycles.pressure[block], axis=0), n)
+        output = evaluate(replace(item.chain, line_pressure=pressure), nonlinear)
+        torque = binned_at_centres(np.mean(cycles.torque[block], axis=0))
+        each.append(torque - output.torque - output.linear @ linear)
+    apart = np.array(each) - np.mean(each, axis=0)
+    count = apart.shape[0]
+    size = np.sqrt(np.mean(apart**2, axis=0)) + 1e-12
+    columns = tangents_at(item, values, own) / size[:, None]
+    columns /= np.linalg.norm(columns, axis=0) + 1e-300
+    share = np.linalg.lstsq(columns, (apart / size).T, rcond=1e-6)[0]
+    apart = apart - (columns @ share).T * size
+    covariance = apart.T @ apart / (count - 1) / count
+    return np.asarray(0.5 * (covariance + np.diag(np.diag(covariance))))
+
+
+def tangents_at(item: FitData, values: Mapping[str, float], names: Sequence[str]) -> Array:
+    """Return the derivatives of the model by some parameters, (BINS, m) [N m per SI]."""
+    linear = np.array([values[name] for name in COLUMN_NAMES])
+    output = evaluate(item.chain, {name: values[name] for name in NONLINEAR_NAMES}, linear, tangents=True)
+    assert output.derivative is not None
+    order = (*NONLINEAR_NAMES, *COLUMN_NAMES)
+    whole = np.column_stack([output.derivative[:, : len(NONLINEAR_NAMES)], output.linear])
+    return np.asarray(whole[:, [order.index(name) for name in names]])
+
+
+def shift_covariance(pair: Pair, values: Mapping[str, float]) -> Array:
+    """Return the covariance of what clocks and starts may have shifted the line pressure by, (BINS, BINS) [(N m)^2]."""
+    item = pair.items[0]
+    chain = item.chain
+    nonlinear = {name: values[name] for name in NONLINEAR_NAMES}
+    linear = np.array([values[name] for name in COLUMN_NAMES])
+    late = _slope(chain.line_pressure, chain.speed) * PRESSURE_SHIFT
+    ends = []
+    for sign in (-1.0, 1.0):
+        output = evaluate(replace(chain, line_pressure=chain.line_pressure + sign * late), nonlinear)
+        ends.append(output.torque + output.linear @ linear)
+    pressure = (ends[1] - ends[0]) / (2.0 * PRESSURE_SHIFT)
+    shift = pressure * float(np.hypot(pair.clock_error, pair.start_error))
+    return np.outer(shift, shift)
+
+
+def _slope(values: Array, speed: float) -> Array:
+    """Return the time derivative of a periodic signal on a uniform angle grid."""
+    step = 2.0 * np.pi / values.size
+    return np.asarray((np.roll(values, -1) - np.roll(values, 1)) / (2.0 * step) * speed)

@@ -1,0 +1,123 @@
+"""Events behind a difference of two recordings made from the model: found, and found where they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from camtorque.fit.changes import (
+    Attribution,
+    Hypothesis,
+    attribution,
+    basis_of,
+    fitted,
+    foreseen,
+    marginal,
+    together,
+    two_ln_odds,
+)
+from camtorque.fit.difference import evaluated, minimised
+from camtorque.fit.pair import COMMON_TIME_BASE, Pair
+from camtorque.fit.verdicts import parameter_differences
+from camtorque.laws.chain import BINS, angle_grid
+from camtorque.units import DEGREE
+from compare_pair import made_pair
+
+LEAK, TURNED, SPRING = 3e-15, 0.3 * DEGREE, -0.06
+RINGING = 1.5 * np.cos(90.0 * angle_grid(BINS)) * np.exp(-angle_grid(BINS))
+
+
+@cache
+def told(leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: float = 0.0) -> tuple[Attribution, Pair]:
+    return attribution(made_pair({
+        "leakage": leak, "trigger_offset": turned, "spring_preload_error": spring, "torque_zero": zero,
+    }))  # fmt: skip
+
+
+@pytest.mark.parametrize(("truth", "found"), [
+    ({}, ()), ({"zero": 0.05}, ()), ({"leak": LEAK}, ("leakage",)), ({"turned": TURNED}, ("trigger",)),
+    ({"leak": LEAK, "spring": SPRING}, ("leakage", "spring")),
+])  # fmt: skip
+def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
+    assert told(**truth)[0].best == found
+
+
+def test_differences_cover_what_was_changed() -> None:
+    rows = {row.name: row for row in parameter_differences(told(leak=LEAK)[1], told(leak=LEAK)[0])}
+    assert rows["leakage"].verdict == "changed"
+    assert rows["leakage"].ci95[0] < LEAK / 1e-14 < rows["leakage"].ci95[1]
+    assert rows["trigger_offset"].difference == pytest.approx(0.0, abs=rows["trigger_offset"].smallest_change)
+
+
+def test_a_change_is_never_called_unchanged_above_the_smallest_stated() -> None:
+    unchanged = {row.name: row for row in parameter_differences(told()[1], told()[0])}
+    for size in (1.05, 2.0):
+        leak = size * unchanged["leakage"].smallest_change * 1e-14
+        rows = {row.name: row for row in parameter_differences(*reversed(told(leak=leak)))}
+        assert rows["leakage"].verdict != "not changed"
+
+
+def test_what_no_law_explains_stays_where_it_is_on_the_cam() -> None:
+    found, _ = attribution(made_pair({"trigger_offset": TURNED}, RINGING))
+    assert found.best == ("trigger",)
+    assert found.inflation[1] == pytest.approx(1.0, abs=0.1)
+    place = found.names.index("trigger_offset")
+    assert found.mean[place] == pytest.approx(TURNED, abs=3.0 * np.sqrt(found.covariance[place, place]))
+
+
+def test_the_start_of_a_file_is_no_event() -> None:
+    late = 12e-6
+    with_starts = made_pair({}, RINGING, COMMON_TIME_BASE, late)
+    assert with_starts.own["delay_error"] == pytest.approx(8e-6 * np.sqrt(2.0))
+    assert attribution(with_starts)[0].best == ()
+    one_clock = made_pair({}, RINGING, late=late)
+    assert "delay_error" not in one_clock.own
+    assert attribution(one_clock)[0].best != ()
+
+
+@pytest.mark.parametrize("name", ["trigger_offset", "delay_error", "leakage"])
+def test_derivatives_of_the_difference_are_those_of_finite_steps(name: str) -> None:
+    pair = made_pair({}, RINGING, COMMON_TIME_BASE)
+    values = np.array([pair.fixed[key] for key in pair.names])
+    k = pair.names.index(name)
+    step = 1e-3 * pair.items[0].rows[name].step
+    basis = replace(basis_of(pair, values, ()), labels=(("", name),), columns=np.eye(len(pair.names))[:, [k]] * step)
+    ends = [evaluated(pair, values, basis, np.array([way])).residuals[1] for way in (-1.0, 1.0)]
+    state = evaluated(pair, values, basis, np.zeros(1))
+    expected = -((state.jacobians[1] + state.turned) @ basis.columns)[:, 0]
+    assert 0.5 * (ends[1] - ends[0]) == pytest.approx(expected, abs=2e-3 * np.max(np.abs(expected)))
+
+
+def test_evidence_of_a_small_change_is_that_foreseen() -> None:
+    pair = made_pair({"leakage": 2e-17})
+    values = np.array([pair.fixed[name] for name in pair.names])
+    start = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(len(pair.own)))
+    none = fitted(pair, start, (), 20)
+    both = fitted(pair, minimised(pair, none.state, 5), ("leakage",), 20)
+    assert foreseen(pair, none, "leakage") == pytest.approx(both.two_ln_evidence, abs=0.3)
+
+
+def test_integrating_out_is_conditioning_on_nothing() -> None:
+    rng = np.random.default_rng(2)
+    design = rng.standard_normal((30, 5))
+    matrix, vector = design.T @ design, design.T @ rng.standard_normal(30)
+    left, rest = marginal(matrix, vector, 2)
+    assert np.linalg.inv(left) == pytest.approx(np.linalg.inv(matrix)[2:, 2:])
+    assert np.linalg.solve(left, rest) == pytest.approx(np.linalg.solve(matrix, vector)[2:])
+
+
+def test_pairs_of_a_campaign_share_their_events() -> None:
+    def of(scores: dict[tuple[str, ...], float]) -> Attribution:
+        sets = tuple(Hypothesis(g, s, np.zeros(1), np.eye(1)) for g, s in scores.items())
+        state = told()[0].state
+        return Attribution(("leakage",), sets, (), np.zeros(1), np.eye(1), np.zeros(1), np.ones(1), (1.0, 1.0), state)
+
+    odds = two_ln_odds(("leakage",))
+    joined = together(
+        [of({(): 0.0, ("leakage",): 3.0 + odds}), of({(): 0.0, ("leakage",): 4.0 + odds, ("spring",): -60.0})]
+    )
+    assert joined[0].best == ("leakage",)
+    assert joined[0].hypotheses[0].groups == joined[1].hypotheses[0].groups
+    assert joined[0].probability("leakage") == pytest.approx(1.0 / (1.0 + np.exp(-0.5 * (7.0 + odds))), rel=1e-3)
