@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque import cli
-from camtorque.campaign import find_recordings
+from camtorque.campaign.find import search
 from camtorque.fit.metrics import metrics
 from camtorque.records import Refusal
 from camtorque.report import FIGURES
@@ -97,7 +97,7 @@ def test_recordings_are_found_at_and_below_a_folder(tmp_path: Path) -> None:
     for name in ("b/deep", "a"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "recording.toml").touch()
-    assert list(find_recordings(tmp_path)) == ["a", "b/deep"]
-    assert list(find_recordings(tmp_path / "a")) == ["a"]
+    assert list(search(tmp_path)[0]) == ["a", "b/deep"]
+    assert list(search(tmp_path / "a")[0]) == ["a"]
     with pytest.raises(Refusal, match="no such folder"):
-        find_recordings(tmp_path / "c")
+        search(tmp_path / "c")

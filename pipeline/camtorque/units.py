@@ -15,6 +15,8 @@ RPM = 2.0 * np.pi / 60.0
 """Radian per second per revolution per minute."""
 DEGREE = np.pi / 180.0
 """Radian per degree."""
+STEEL_DENSITY = 7850.0
+"""Density of bearing steel 100Cr6 [kg/m^3] (EN ISO 683-17 sheets: 7800 to 7850)."""
 ATMOSPHERE = 101_325.0
 """Standard atmosphere [Pa], taken off the reading of an absolute sensor."""
 POUND_FORCE = 4.448_221_615_260_5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from align_truth import TWO_PI, Rig, make, torque_of
 from camtorque.align import align
-from camtorque.align.revolution import angle_correction, speed_ripple
+from camtorque.align.revolution import angle_correction
 from scipy.interpolate import CubicSpline
 
 
@@ -78,13 +78,6 @@ def test_torque_lands_at_its_true_angle_after_the_correction() -> None:
     after = np.max(np.abs(measured - torque_of(cycles.theta + correction)))
     # 0.01 degrees on the steepest flank (3 N m per degree).
     assert after < 0.03 < before
-
-
-def test_speed_ripple_of_one_harmonic_is_the_closed_form() -> None:
-    theta = np.arange(720) * TWO_PI / 720
-    speed, inertia = 50.0, 0.2
-    ripple = speed_ripple(3.0 + 7.0 * np.cos(2.0 * theta), speed, inertia)
-    np.testing.assert_allclose(ripple, -7.0 * np.sin(2.0 * theta) / (2.0 * speed**2 * inertia), atol=1e-15)
 
 
 def test_twist_is_torque_over_stiffness_and_zero_at_the_trigger() -> None:

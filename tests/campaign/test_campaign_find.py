@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from campaign_cases import make
-from camtorque.campaign.find import find_recordings, search
+from camtorque.campaign.find import search
 from camtorque.records import Refusal
 
 
@@ -14,14 +14,14 @@ def test_links_are_followed(tmp_path: Path) -> None:
     make(tmp_path / "elsewhere" / "deep", b="")
     make(tmp_path / "raw", a="")
     (tmp_path / "raw" / "link").symlink_to(tmp_path / "elsewhere")
-    assert list(find_recordings(tmp_path / "raw")) == ["a", "link/deep/b"]
+    assert list(search(tmp_path / "raw")[0]) == ["a", "link/deep/b"]
 
 
 def test_a_loop_is_refused(tmp_path: Path) -> None:
     make(tmp_path, a="")
     (tmp_path / "a" / "up").symlink_to(tmp_path)
     with pytest.raises(Refusal, match="up: found a link that leads back"):
-        find_recordings(tmp_path)
+        search(tmp_path)
 
 
 def test_a_recording_counts_once_and_the_other_name_is_told(tmp_path: Path) -> None:
@@ -34,4 +34,4 @@ def test_a_recording_counts_once_and_the_other_name_is_told(tmp_path: Path) -> N
 
 def test_half_written_hidden_folders_are_passed_over(tmp_path: Path) -> None:
     make(tmp_path, **{"a": "", ".a.partial": ""})
-    assert list(find_recordings(tmp_path)) == ["a"]
+    assert list(search(tmp_path)[0]) == ["a"]

@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 from camtorque.grid_choice import GRID_ERRORS, choose_grid, grid_note
 from camtorque.records import Refusal
-from camtorque.studies import run_speed_accuracy, run_stability
-from camtorque.studies.speed_accuracy import CHARTS
-from camtorque.studies.stability import MAPS
-from camtorque.studies.table import FRONT_FACTOR, front_factor, read_charts, read_maps
-from camtorque.studies.verdicts import silent_defaults
+from camtorque.studies.study import CHARTS, MAPS
+from study_cases import FRONT_FACTOR, front_factor, read_charts, read_maps, silent_defaults
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "studies"
 CHART_LIST = read_charts(FOLDER / "speed_accuracy.json")
@@ -75,10 +72,3 @@ def test_note_on_the_grid_says_what_it_implies():
     raised, note = grid_note(1e-2, least=360)
     assert raised == 360
     assert "180 points per revolution, raised to the 360 that the fit needs" in note.text
-
-
-@pytest.mark.parametrize("run", [run_stability, run_speed_accuracy])
-def test_study_without_examples_is_refused_and_leaves_nothing(run, tmp_path):
-    with pytest.raises(Refusal, match=r"no example recordings in .*expected A_0500rpm"):
-        run(tmp_path / "out", examples=tmp_path)
-    assert not (tmp_path / "out").exists()

@@ -1,17 +1,12 @@
 """The Pareto front, the factor to it, and what may stand in a table."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
-from camtorque.studies.table import (
-    Cell,
-    Chart,
-    Point,
-    document,
-    front_factor,
-    pareto_front,
-    read_charts,
-    write_document,
-)
+from camtorque.report.study_figures import _front
+from camtorque.studies.table import Cell, Chart, Point, document, write_document
+from study_cases import front_factor, read_charts
 
 
 def points():
@@ -24,7 +19,7 @@ def points():
 
 
 def test_front_leaves_out_the_beaten_and_the_foreign():
-    assert [(p.family, p.setting) for p in pareto_front(points())] == [("a", "1"), ("a", "2")]
+    assert [(p["family"], p["setting"]) for p in _front([asdict(p) for p in points()])] == [("a", "1"), ("a", "2")]
 
 
 def test_factor_compares_with_the_cheapest_as_accurate():

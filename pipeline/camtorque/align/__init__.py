@@ -19,7 +19,7 @@ cycles                 `align`: all of it, in order
 from camtorque.align.cycles import align
 from camtorque.align.options import AlignOptions
 from camtorque.align.quality import CUTS
-from camtorque.align.revolution import angle_correction, speed_ripple
+from camtorque.align.revolution import angle_correction
 from camtorque.align.summary import alignment_summary
 
-__all__ = ["CUTS", "AlignOptions", "align", "alignment_summary", "angle_correction", "speed_ripple"]
+__all__ = ["CUTS", "AlignOptions", "align", "alignment_summary", "angle_correction"]

@@ -45,15 +45,6 @@ def angle_correction(
     return np.fft.irfft(correction, torque.size) - at_trigger
 
 
-def speed_ripple(torque: Array, speed: float, inertia: float) -> Array:
-    """Return the relative deviation of the drive's speed from its mean, -1/(J omega) integral (T - mean T) dt [-]."""
-    harmonics = np.fft.rfft(torque)
-    order = np.arange(harmonics.size)
-    harmonics[0] = 0.0
-    harmonics[1:] /= -1j * order[1:] * speed * inertia * speed
-    return np.fft.irfft(harmonics, torque.size)
-
-
 def _value_at(harmonics: NDArray[np.complex128], angle: float, n: int) -> float:
     """Value of a real Fourier series (as of rfft) at an angle."""
     weight = np.full(harmonics.size, 2.0)

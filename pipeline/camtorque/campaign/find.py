@@ -11,22 +11,12 @@ from camtorque.records import Finding, Refusal
 CONFIG_NAME = "recording.toml"
 
 
-def find_recordings(folder: Path) -> dict[str, Path]:
-    """Return every recording at or below a folder, by its path relative to it, in the order of the names.
+def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
+    """Return every recording at or below a folder by its relative path, and a finding for each further link to one.
 
     Raises
     ------
     Refusal : the folder is missing or holds no recording; a link leads back to a folder above it
-    """
-    return search(folder)[0]
-
-
-def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
-    """Return recordings by name, and a finding for each further link to one of them.
-
-    Raises
-    ------
-    Refusal : see `find_recordings`
     """
     if not folder.is_dir():
         raise Refusal(f"{folder}: found no such folder, expected one with recordings below it; check the path")

@@ -6,13 +6,11 @@ import argparse
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.report import check_writable
-from camtorque.studies import run_speed_accuracy, run_stability
-
-STUDIES = {"speed-accuracy": run_speed_accuracy, "stability": run_stability}
+from camtorque.studies.study import run_study
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Make one study again."""
     check_writable(arguments.out)
-    paths = STUDIES[arguments.name](arguments.out, arguments.quick, progress=tell)
+    paths = run_study(arguments.name, arguments.out, arguments.quick, progress=tell)
     return Outcome("\n".join(str(path) for path in paths), {})

@@ -27,7 +27,7 @@ from camtorque.fit.difference import (
     objective,
 )
 from camtorque.fit.pair import OWN_NAMES, Pair
-from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.records import Array
 
 CHANGES: dict[str, tuple[str, ...]] = {
@@ -68,7 +68,6 @@ TEMPERATURE_STD = 10.0
 VISCOSITY_PER_KELVIN, MODULUS_PER_KELVIN = -0.024, -0.0045
 """Test oils and diesel near 40 degrees: viscosity -2.4 % and bulk modulus -0.45 % per kelvin."""
 START_ITERATIONS = 2
-LEAST_FREEDOM = INDEPENDENT / 3.0
 
 
 @dataclass(frozen=True)

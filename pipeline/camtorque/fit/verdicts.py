@@ -14,12 +14,12 @@ import numpy as np
 
 from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution
 from camtorque.fit.pair import Pair
+from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import GROUPS
 from camtorque.laws.causes import cam_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
 from camtorque.records import Array
 
-COVERAGE = 1.959964
 SEEN = 4.3
 """Standard errors of a change that would have been told nearly always, the whole list counted."""
 SURE = 2.6

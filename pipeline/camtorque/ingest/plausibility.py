@@ -17,19 +17,18 @@ import numpy as np
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.toml_table import Problems
-from camtorque.units import BAR
+from camtorque.units import BAR, STEEL_DENSITY
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
 CLOSING_LIFT = (0.04, 0.5)
 """Share of the lift at which a pre-stroke ends; 21 pumps of other makers have 0.11 to 0.34."""
-STEEL_DENSITY = 7850.0
 BLOCKS, BLOCK_SAMPLES = 16, 50_000
+"""Pieces of a log looked at for its largest values; each holds several revolutions at usual rates."""
 MOST_RANKED = 200_000
 """Of these samples, as many are ranked as make the highest 0.1 % a sound choice."""
-"""Pieces of a log looked at for its largest values; each holds several revolutions at usual rates."""
 LOADED = 30.0 * BAR
 """Below this peak pressure friction and spring rule the torque."""
-LOAD_SEEN, LOAD_USUAL, LOAD_POSSIBLE = (0.8, 1.5), (0.55, 2.2), (0.3, 4.0)
+LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)
 HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
 """Contact stress of rolling steel is 0.5 to 2.5 GPa; 6 GPa marks any steel at first touch [Pa]."""
 

@@ -11,13 +11,13 @@
 
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss
-from camtorque.mechanism.friction import Friction, contact_load, jamming_friction
+from camtorque.mechanism.friction import Friction, jamming_friction
 from camtorque.mechanism.interpolants import cubic_law, quintic_law, smoothing_law
 from camtorque.mechanism.kinematics import Kinematics, kinematics
 from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
 from camtorque.mechanism.shaft import METHODS, ShaftForces, solve_shaft
-from camtorque.mechanism.solve import acceleration_of, forces_of, solve_rigid
+from camtorque.mechanism.solve import forces_of, solve_rigid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.mechanism.torque import CAUSES, OUTPUTS, ClosedForm, closed_form_tables
 
@@ -35,10 +35,8 @@ __all__ = [
     "PumpUnit",
     "Roller",
     "ShaftForces",
-    "acceleration_of",
     "assumed_roller",
     "closed_form_tables",
-    "contact_load",
     "cubic_law",
     "forces_of",
     "jamming_friction",

@@ -8,13 +8,12 @@ rise as ``mu |tan phi|`` goes to 1 and can do so nowhere else.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
 
 from camtorque.mechanism.kinematics import Kinematics
-from camtorque.records import Array, Refusal
+from camtorque.records import Refusal
 
 SMOOTH_SLOPE = 2.0e-5
 """Slope of the lift over which the sign of the sliding velocity turns smoothly [m/rad]; a flank has some 1e-2."""
@@ -82,24 +81,6 @@ def guide_gain(tangent, slope, friction):  # type: ignore[no-untyped-def]
     return 1.0 / (1.0 - friction * guide_share(tangent, slope))
 
 
-def contact_load(axial: Any, tan_pressure_angle: Array, velocity: Array, guide_friction: float) -> Array:
-    """Return the contact load along the follower, lambda_y [N].
-
-    Parameters
-    ----------
-    axial : spring, fluid, inertia and weight along the follower [N], broadcast against the angles
-    tan_pressure_angle, velocity : (n_theta,) tan(phi), y' [m/rad]
-
-    Raises
-    ------
-    Refusal : the follower jams
-    """
-    share = guide_share(tan_pressure_angle, velocity)
-    if guide_friction * np.max(share, initial=0.0) >= 1.0:
-        raise _jammed(guide_friction, float(np.max(share)), "")
-    return np.asarray(axial / (1.0 - guide_friction * share), dtype=np.float64)
-
-
 def jamming_friction(path: Kinematics) -> tuple[float, float]:
     """Return the least guide friction that jams the follower, and the cam angle [rad]; inf, nan where nothing rises."""
     share = guide_share(path.tan_pressure_angle, path.velocity)
@@ -118,12 +99,8 @@ def refuse_jammed(path: Kinematics, friction: Friction) -> None:
     """
     limit, theta = jamming_friction(path)
     if friction.guide >= limit:
-        raise _jammed(friction.guide, 1.0 / limit, f" at {np.rad2deg(theta):.1f} degrees of cam angle")
-
-
-def _jammed(coefficient: float, share: float, where: str) -> Refusal:
-    return Refusal(
-        f"guide friction {coefficient:.3g}: the follower jams in its guide{where}, where the tangent of the pressure "
-        f"angle is {share:.3g} on the rise, expected a friction below {1.0 / share:.3g} on this cam; lower it, or "
-        "check offset, base circle and lift table"
-    )
+        raise Refusal(
+            f"guide friction {friction.guide:.3g}: the follower jams in its guide at {np.rad2deg(theta):.1f} degrees "
+            f"of cam angle, where the tangent of the pressure angle is {1.0 / limit:.3g} on the rise, expected a "
+            f"friction below {limit:.3g} on this cam; lower it, or check offset, base circle and lift table"
+        )

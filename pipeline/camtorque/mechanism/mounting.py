@@ -9,9 +9,8 @@ import numpy as np
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.friction import NO_FRICTION, Friction
+from camtorque.units import STEEL_DENSITY
 
-STEEL_DENSITY = 7850.0
-"""Density of bearing steel 100Cr6 [kg/m^3] (EN ISO 683-17 sheets: 7800 to 7850)."""
 LARGEST_ROLLER_SHARE = 0.5
 """A roller is at most half of the sliding mass: tappet, plunger and spring third are the rest."""
 

@@ -66,10 +66,10 @@ class Prediction:
         freeze_arrays(self)
 
 
-def cam_of(config: PumpConfig, method: str = "smoothing") -> CamLaw:
+def cam_of(config: PumpConfig) -> CamLaw:
     """Return the lift law of a pump file, from its table or from its sections."""
     if config.cam_table is not None:
-        return lift_law(config.cam_table, method)
+        return lift_law(config.cam_table)
     if not config.sections:
         raise Refusal(f"{config.path}: its lift table has not been read; use camtorque.ingest.pump_file.read_pump")
     sections: list[Section] = []
@@ -104,7 +104,6 @@ def predict(
     speeds: Sequence[float] | Array,
     pressure: PressureCurve | None = None,
     *,
-    lift_method: str = "smoothing",
     n_theta: int = SAMPLES,
     method: str = "closed",
 ) -> Prediction:
@@ -123,7 +122,7 @@ def predict(
     Refusal : no speed, a speed that is not positive, a cam that cannot be built, friction with a frictionless method
     """
     speed = _positive(speeds)
-    law, mounting = cam_of(config, lift_method), mounting_of(config)
+    law, mounting = cam_of(config), mounting_of(config)
     theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
     friction = Friction(*config.friction)
     units = [PumpUnit(config.pump, law, phase, mounting, friction) for phase in config.phases]

@@ -214,7 +214,7 @@ def prescribed_motion(
     if acceleration is None and np.ptp(rate) > 0.0:
         raise Refusal(
             f"mechanism: speed varies from {rate.min():.6g} to {rate.max():.6g} rad/s without an acceleration; "
-            "give it (see acceleration_of), or one constant speed"
+            "give it (omega d omega / d theta), or one constant speed"
         )
     change = np.broadcast_to(np.asarray(0.0 if acceleration is None else acceleration), angle.shape)
     load = np.broadcast_to(np.asarray(pressure, dtype=np.float64), (pumps, angle.size))

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from camtorque.config import PumpData
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
 from camtorque.mechanism.flight import fly, is_revolution
 from camtorque.mechanism.friction import NO_FRICTION, Friction
@@ -17,18 +16,6 @@ from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array, Forces, RigidTorque
-
-
-def acceleration_of(theta: Array, speed: Array) -> Array:
-    """Return alpha = omega d omega / d theta of a speed given over one revolution [rad/s^2].
-
-    Parameters
-    ----------
-    theta : (n_theta,) increasing within one revolution, any spacing [rad]
-    speed : (n_theta,) periodic in it [rad/s]
-    """
-    spline = CubicSpline(np.append(theta, theta[0] + TURN), np.append(speed, speed[0]), bc_type="periodic")
-    return np.asarray(speed) * spline(theta, 1)
 
 
 def solve_rigid(

@@ -17,7 +17,7 @@ class Line:
     """One curve; NaN is a gap.
 
     values : (n,) in the unit of the panel; tone : key of `tones.TONES`; points : markers in place of a line;
-    error : (n,) half height of error bars; shown : False where the reader has to switch it on
+    error : (n,) half height of error bars
     """
 
     label: str
@@ -27,7 +27,6 @@ class Line:
     dash: str = ""
     points: bool = False
     error: Array | None = None
-    shown: bool = True
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -122,7 +121,7 @@ class Marks:
 class RowPanel:
     """Marks over one abscissa.
 
-    log : logarithmic abscissa; shaded : a stretch behind all rows; references : dotted lines with their names;
+    log : logarithmic abscissa; shaded : a stretch behind all rows;
     notes : text beside each row's mark
     """
 
@@ -130,7 +129,6 @@ class RowPanel:
     marks: tuple[Marks, ...]
     log: bool = False
     shaded: tuple[float, float] | None = None
-    references: tuple[tuple[float, str], ...] = ()
     notes: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
 

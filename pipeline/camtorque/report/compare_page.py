@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from camtorque.fit.uncertainty import COVERAGE
 from camtorque.plain import plain
 from camtorque.records import Array, freeze_arrays
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
@@ -21,7 +22,6 @@ from camtorque.report.phases import phases
 from camtorque.units import BAR, DEGREE
 
 TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
-COVER = 1.96
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
 def _changes(rows: Mapping[str, Mapping[str, Any]]) -> Rows:
     ratio = np.array([row["difference"] / row["stderr"] for row in rows.values()])
     marks = Marks("", tuple(ratio.tolist()), tuple(TONES[row["verdict"]] for row in rows.values()), "point",
-                  tuple((ratio - COVER).tolist()), tuple((ratio + COVER).tolist()))  # fmt: skip
+                  tuple((ratio - COVERAGE).tolist()), tuple((ratio + COVERAGE).tolist()))  # fmt: skip
     notes = tuple(row["verdict"] for row in rows.values())
-    panel = RowPanel("difference over its standard uncertainty", (marks,), shaded=(-COVER, COVER), notes=notes)
+    panel = RowPanel("difference over its standard uncertainty", (marks,), shaded=(-COVERAGE, COVERAGE), notes=notes)
     return Rows(tuple(words(name) for name in rows), (panel,), 960.0)

@@ -74,7 +74,7 @@ def _shaded(chart: Curves, across: Scale, y: float, height: float, first: bool, 
 
 
 def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> list[str]:
-    shown = [item for item in panel.lines if item.shown]
+    shown = list(panel.lines)
     ends = [part[inside] for item in panel.bands for part in (item.low, item.high)]
     low, high = panel.limits or padded([item.values[inside] for item in shown] + ends + _error_ends(shown, inside))
     up = Scale(low, high, y + panel.height, y)
@@ -132,7 +132,7 @@ def _legend(panel: Panel, width: float) -> list[list[Line | Band]]:
     """Return the entries of a legend by lines; one curve that has the name of its ordinate needs none."""
     if not panel.keys:
         return []
-    entries: list[Line | Band] = [*(item for item in panel.lines if item.shown), *panel.bands]
+    entries: list[Line | Band] = [*panel.lines, *panel.bands]
     if len(entries) == 1 and entries[0].label in panel.ordinate:
         return []
     rows: list[list[Line | Band]] = [[]]

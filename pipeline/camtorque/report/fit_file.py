@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.problem import SEPARATOR
 from camtorque.laws import ROWS
 from camtorque.records import ParameterEstimate
 from camtorque.report.bundle import CampaignResult, RunResult
@@ -14,8 +15,6 @@ from camtorque.units import RPM
 
 NAME = "fit.json"
 SCHEMA = "camtorque.fit/1"
-SEPARATOR = "__"
-"""Joins an own parameter and its recording, as in a joint fit."""
 
 
 def run_fit_document(result: RunResult) -> dict[str, Any]:

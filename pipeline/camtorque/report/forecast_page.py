@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from camtorque.fit.forecast import Forecast
+from camtorque.fit.uncertainty import COVERAGE
 from camtorque.plain import now, plain
 from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
@@ -22,7 +23,6 @@ from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.predict_from/1"
-COVER = 1.959964
 KEPT = 600
 SAME_SPEED = 0.02
 """Distance in ln speed that is still a fitted speed."""
@@ -59,7 +59,7 @@ def _value(value: float, std: float) -> dict[str, Any]:
     return {
         "value": float(value),
         "stderr": float(std),
-        "ci95": [float(value - COVER * std), float(value + COVER * std)],
+        "ci95": [float(value - COVERAGE * std), float(value + COVERAGE * std)],
     }
 
 
@@ -110,13 +110,13 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
 
 def _cell(value: Any) -> str:
     if isinstance(value, Mapping):
-        return f"{num(value['value'], 4)} ± {plus_minus(COVER * value['stderr'])}"
+        return f"{num(value['value'], 4)} ± {plus_minus(COVERAGE * value['stderr'])}"
     return num(value, 4)
 
 
 def _drawing(name: str, item: Forecast) -> Drawing:
     def panel(title: str, label: str, values: Array, std: Array, height: float) -> Panel:
-        band = Band("95 %", values - COVER * std, values + COVER * std, "chamber")
+        band = Band("95 %", values - COVERAGE * std, values + COVERAGE * std, "chamber")
         return Panel(title, (Line(label, values, "fitted", 1.6),), (band,), height)
 
     causes = tuple(

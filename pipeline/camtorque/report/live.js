@@ -150,7 +150,7 @@
     const series = [{}];
     for (const item of ends.flat()) series.push({ stroke: "transparent", width: 0, points: { show: false } });
     for (const item of panel.lines) {
-      series.push({ label: item.l, show: item.on, stroke: () => color(item.t), width: item.p ? 0 : item.w, dash: item.s.length ? item.s : undefined,
+      series.push({ label: item.l, stroke: () => color(item.t), width: item.p ? 0 : item.w, dash: item.s.length ? item.s : undefined,
         paths: item.p ? () => null : undefined, points: item.p ? { show: true, size: 6, fill: () => color(item.t) } : { show: false } });
     }
     const box = make("div", "panel");
@@ -179,8 +179,8 @@
     const rows = [];
     const u = new uPlot(options, data, field);
     u.first = number === 0; u.whole = true;
-    const key = (label, tone, picked, show, dashed) => {
-      const button = make("button", "key"); button.type = "button"; button.setAttribute("aria-pressed", String(show));
+    const key = (label, tone, picked, dashed) => {
+      const button = make("button", "key"); button.type = "button"; button.setAttribute("aria-pressed", "true");
       const swatch = make("i", "swatch" + (dashed ? " dashed" : "")); swatch.style.setProperty("--of", "var(--" + tone + ")");
       const value = make("span", "value");
       button.append(swatch, make("span", "", label), value);
@@ -193,10 +193,10 @@
       return value;
     };
     if (panel.keys) panel.lines.forEach((item, k) => {
-      const value = key(item.l, item.t, [k + 1 + shift], item.on, item.s.length > 0);
+      const value = key(item.l, item.t, [k + 1 + shift], item.s.length > 0);
       rows.push((index) => { value.textContent = index === null || index === undefined ? "" : digits(lines[k][index], range); });
     });
-    panel.bands.forEach((item, k) => { key(item.l, item.t, [2 * k + 1, 2 * k + 2], true, false); });
+    panel.bands.forEach((item, k) => { key(item.l, item.t, [2 * k + 1, 2 * k + 2], false); });
     const plot = { u, chart, panel, host, full, say: (index) => !panel.keys && panel.lines.length > 1 ? panel.y + ": " + panel.lines.length + " curves, " + digits(lines.reduce((m, all) => Math.min(m, all[index]), Infinity), range) + " to " + digits(lines.reduce((m, all) => Math.max(m, all[index]), -Infinity), range) : panel.lines.map((item, k) => (u.series[k + 1 + shift].show ? item.l + " " + digits(lines[k][index], range) + unit(panel.y) : "")).filter(Boolean).join(", ") };
     u.over.addEventListener("dblclick", () => group.zoom(...full));
     if (chart.links.length) {

@@ -74,7 +74,7 @@ def _line(item: Line, keep: slice) -> dict[str, Any]:
     error = None if item.error is None else packed(item.error[keep])
     return {
         "l": item.label, "t": item.tone, "w": item.width, "s": [int(part) for part in item.dash.split()],
-        "p": item.points, "on": item.shown, "v": packed(item.values[keep]), "e": error,
+        "p": item.points, "v": packed(item.values[keep]), "e": error,
     }  # fmt: skip
 
 

@@ -39,8 +39,8 @@ SWEEP = {
 """Key of a row of the sweep -> what the page calls it."""
 
 
-def _line(label: str, values: np.ndarray, place: int, width: float = 1.5) -> Line:
-    return Line(label, values, CYCLE[place % len(CYCLE)], width, DASHES[(place // len(CYCLE)) % len(DASHES)])
+def _line(label: str, values: np.ndarray, place: int) -> Line:
+    return Line(label, values, CYCLE[place % len(CYCLE)], dash=DASHES[(place // len(CYCLE)) % len(DASHES)])
 
 
 def _by_speed(prediction: Prediction, curves: Any) -> tuple[Line, ...]:

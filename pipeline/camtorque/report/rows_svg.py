@@ -41,8 +41,7 @@ def rows_svg(chart: Rows, label: str) -> str:
     panels = len(chart.panels)
     width = (chart.width - left - RIGHT - GAP * (panels - 1)) / panels
     legends = [_legend_rows(panel, width) for panel in chart.panels]
-    references = 15.0 if any(panel.references for panel in chart.panels) else 0.0
-    top = TOP + LEGEND_LINE * max(map(len, legends)) + references
+    top = TOP + LEGEND_LINE * max(map(len, legends))
     bottom = top + ROW * len(chart.labels)
     parts = [
         text(left - 8.0, top + ROW * (k + 0.5) + 4.0, name, "end") for k, name in enumerate(chart.labels)
@@ -87,10 +86,6 @@ def _panel(panel: RowPanel, across: tuple[float, float], rows: tuple[float, floa
         parts.append(text(scale(place), bottom + 15.0, words, "middle", "muted"))
     if not panel.log and scale.low < 0.0 < scale.high:
         parts.append(line(scale(0.0), top, scale(0.0), bottom, "axis"))
-    for value, name in panel.references:
-        if scale.low <= value <= scale.high:
-            parts.append(line(scale(value), top, scale(value), bottom, "muted", 1.0, "3 3"))
-            parts.append(text(scale(value), top - 4.0, name, "middle", "muted", f'font-size="{SMALL:g}"'))
     for item in panel.marks:
         parts += _marks(item, scale, top)
     parts += _notes(panel, scale, top)

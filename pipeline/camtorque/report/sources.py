@@ -63,10 +63,10 @@ def source_chart(table: Mapping[str, Mapping[str, float]], abscissa: str) -> Row
     return Rows(tuple(words(outcome) for outcome in outcomes), (panel,), WIDE)
 
 
-def ranking(table: Mapping[str, Mapping[str, float]], most: int = 3) -> list[dict[str, str]]:
-    """Return for each outcome its largest sources in words."""
+def ranking(table: Mapping[str, Mapping[str, float]]) -> list[dict[str, str]]:
+    """Return for each outcome its three largest sources in words."""
     rows = []
     for outcome, parts in table.items():
-        first = sorted(parts.items(), key=lambda item: -item[1])[:most]
+        first = sorted(parts.items(), key=lambda item: -item[1])[:3]
         rows.append({"outcome": words(outcome), "sources": ", ".join(f"{name} {share:.0f} %" for name, share in first)})
     return rows

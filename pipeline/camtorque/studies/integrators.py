@@ -130,11 +130,11 @@ def march(table, shaft, scheme, steps, turns, lead, rate, kept):  # type: ignore
     return True
 
 
-def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int, turns: int = 5) -> tuple[Array, Array, bool]:
-    """Return cam angle (steps,), shaft torque (steps,) of the last turn from rest, and whether it stayed bounded."""
+def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int) -> tuple[Array, Array, bool]:
+    """Return cam angle (steps,), shaft torque (steps,) of the fifth turn from rest, and whether it stayed bounded."""
     kept = np.empty((steps, 2))
     vector = (shaft.stiffness, shaft.damping, shaft.speed)
-    bounded = bool(march(table, vector, SCHEMES.index(scheme), steps, turns, 0.0, 0.0, kept))
+    bounded = bool(march(table, vector, SCHEMES.index(scheme), steps, 5, 0.0, 0.0, kept))
     lead, rate = kept.T
     return np.arange(steps) * (TURN / steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
 

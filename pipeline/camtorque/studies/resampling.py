@@ -18,6 +18,8 @@ from camtorque.studies.table import Chart, Point, shortest_times
 
 TURN = 2.0 * np.pi
 N_THETA = 3600
+DRIFT = 0.02
+"""Relative change of the speed over the record."""
 NOISE = 0.3
 """Standard deviation of the torque's noise per sample [N m]."""
 HALF_WIDTH = 8
@@ -33,21 +35,21 @@ class Signal:
     pulses: Array
 
 
-def make_signal(cycles: int, rate: float, noise: float, ripple: float, drift: float = 0.02) -> Signal:
+def make_signal(cycles: int, rate: float, noise: float, ripple: float) -> Signal:
     """Return a record of the study pump whose speed drifts over the record and ripples twice per revolution.
 
-    ``theta = phi + ripple / 2 sin(2 phi)`` and ``phi`` runs through a parabola of time with relative change ``drift``.
+    ``theta = phi + ripple / 2 sin(2 phi)`` and ``phi`` runs through a parabola of time with relative change `DRIFT`.
     """
     duration = cycles * TURN / SPEED
     time = np.arange(int(duration * rate)) / rate
-    phase = SPEED * (time + 0.5 * drift * time**2 / duration)
+    phase = SPEED * (time + 0.5 * DRIFT * time**2 / duration)
     theta = phase + 0.5 * ripple * np.sin(2.0 * phase)
     torque = torque_on(uniform(7200), study_law())
     curve = CubicSpline(np.append(uniform(7200), TURN), np.append(torque, torque[0]), bc_type="periodic")
     values = curve(np.mod(theta, TURN)) + noise * np.random.default_rng(4).standard_normal(time.size)
     turns = np.arange(1, int(phase[-1] / TURN))
     # phase at the pulse is 2 pi k, since the ripple vanishes there
-    pulses = duration / drift * (np.sqrt(1.0 + 2.0 * drift * turns * TURN / SPEED / duration) - 1.0)
+    pulses = duration / DRIFT * (np.sqrt(1.0 + 2.0 * DRIFT * turns * TURN / SPEED / duration) - 1.0)
     return Signal(values, rate, pulses)
 
 

@@ -97,9 +97,9 @@ def _config() -> RecordingConfig:
     )  # fmt: skip
 
 
-def damaged_recording(damage: Damage, seed: int = 11) -> Recording:
+def damaged_recording(damage: Damage) -> Recording:
     """Return a record of the study pump with the damage applied; the true pulse stands at angle zero."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(11)
     count = round(damage.cycles * TURN / SPEED * RATE) if damage.samples is None else damage.samples
     # The second logger counts its samples by a clock that runs fast: sample i lies earlier in true time.
     rates = {"A": RATE, "B": RATE * (1.0 + 1e-6 * damage.drift_ppm)} if damage.own_clock else {"A": RATE}

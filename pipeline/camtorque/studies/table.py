@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+LEAST_TIME = 2.0e-3
+"""Shorter calls are repeated until they last this long [s]."""
 VERDICTS = ("works", "degrades", "fails loudly", "fails silently")
-FRONT_FACTOR = 1.5
-"""A default may cost this much more than the cheapest choice that is at least as accurate."""
 
 
 @dataclass(frozen=True)
@@ -86,33 +86,12 @@ class StabilityMap:
     note: str = ""
 
 
-def pareto_front(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Return the points that nothing beats in both error and cost, cheapest first."""
-    front: list[Point] = []
-    for point in sorted((p for p in points if p.candidate and math.isfinite(p.error)), key=lambda p: (p.cost, p.error)):
-        if not front or point.error < front[-1].error:
-            front.append(point)
-    return tuple(front)
-
-
-def front_factor(chart: Chart, point: Point) -> float:
-    """Return by how much a point costs more than the cheapest that is at least as accurate (1 on the front).
-
-    Where the cost is given, by how much its error exceeds the least at that cost.
-    """
-    if chart.given_cost:
-        same = [p.error for p in chart.points if p.candidate and p.cost == point.cost]
-        return point.error / max(min(same, default=point.error), 1e-300)
-    as_good = [p.cost for p in chart.points if p.candidate and p.error <= point.error]
-    return point.cost / min(as_good, default=point.cost)
-
-
-def shortest_times(functions: Sequence[Callable[[], Any]], repeats: int = 5, least: float = 2e-3) -> list[float]:
+def shortest_times(functions: Sequence[Callable[[], Any]], repeats: int = 5) -> list[float]:
     """Return the least time of one call of each function [s], after one call to warm up.
 
-    They take turns, so that the machine's mood hits all alike; short calls are repeated until they last ``least``.
+    They take turns, so that the machine's mood hits all alike; short calls are repeated until they last `LEAST_TIME`.
     """
-    counts = [max(1, math.ceil(least / max(_duration(function, 1), 1e-9))) for function in functions]
+    counts = [max(1, math.ceil(LEAST_TIME / max(_duration(function, 1), 1e-9))) for function in functions]
     best = [math.inf] * len(functions)
     for _ in range(repeats):
         for place, (function, count) in enumerate(zip(functions, counts, strict=True)):
@@ -138,7 +117,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def document(study: str, parts: Sequence[Chart] | Sequence[StabilityMap], quick: bool) -> dict[str, Any]:
+def document(study: str, parts: Sequence[Chart | StabilityMap], quick: bool) -> dict[str, Any]:
     """Return a study as plain data."""
     return {"study": study, "quick": quick, "parts": [_plain(asdict(part)) for part in parts]}
 
@@ -147,18 +126,3 @@ def write_document(path: Path, content: dict[str, Any]) -> Path:
     """Write plain data as JSON and return the path."""
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return path
-
-
-def read_charts(path: Path) -> tuple[Chart, ...]:
-    """Return the charts of a written study; a missing error comes back as infinite."""
-    parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
-    for part in parts:
-        for point in part["points"]:
-            point["error"] = math.inf if point["error"] is None else point["error"]
-    return tuple(Chart(**{**part, "points": tuple(Point(**point) for point in part["points"])}) for part in parts)
-
-
-def read_maps(path: Path) -> tuple[StabilityMap, ...]:
-    """Return the maps of a written study."""
-    parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
-    return tuple(StabilityMap(**{**part, "cells": tuple(Cell(**cell) for cell in part["cells"])}) for part in parts)

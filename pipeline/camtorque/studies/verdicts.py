@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from camtorque.records import Refusal
 from camtorque.studies.table import Cell
@@ -38,8 +38,3 @@ def cell(
     except (Refusal, ValueError, ArithmeticError) as problem:
         return Cell(condition, method, "fails loudly", str(problem).splitlines()[0], default)
     return Cell(condition, method, *judge(error, told, *limits, shown), default=default)
-
-
-def silent_defaults(cells: Sequence[Cell]) -> tuple[Cell, ...]:
-    """Return the cells in which a default fails without a word; there must be none."""
-    return tuple(item for item in cells if item.default and item.verdict == "fails silently")
