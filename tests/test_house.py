@@ -21,7 +21,7 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
 PROCESS = {"caches", "stopping", "system", "workers"}
-SMALL = {"units", "records", "grid_choice", "plain", "limits", "progress", "results", "threads", "version"}
+SMALL = {"units", "records", "grid_choice", "plain", "limits", "progress", "results", "stacks", "threads", "version"}
 LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
 FLOWS = ["rehearsal", "run", "campaign", "compare", "predict_from", "plan", "studies"]

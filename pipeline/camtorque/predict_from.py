@@ -143,7 +143,7 @@ def load_curve(path: Path) -> Curve:
     cycles = align(read_recording(path))
     if not cycles.pressure.size:
         raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
-    return Curve(cycles.theta, np.mean(cycles.pressure, axis=0), cycles.mean_speed)
+    return Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
 
 
 def leakage_factor(text: str) -> float:

@@ -11,10 +11,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
+from camtorque.stacks import mean_of, std_of
 
 Array = NDArray[np.float64]
 
@@ -345,6 +347,23 @@ class CamCycles:
     def mean_speed(self) -> float:
         """Mean cam speed [rad/s]."""
         return float(np.mean(self.speed))
+
+    @cached_property
+    def mean_torque(self) -> Array:
+        """Mean torque of the used cycles (n_theta,) [N m]; only with a torque."""
+        return mean_of(cast(Array, self.torque))
+
+    @cached_property
+    def mean_pressure(self) -> Array:
+        """Mean line pressure of the used cycles (n_theta,) [Pa]; only with a pressure."""
+        return mean_of(self.pressure)
+
+    @cached_property
+    def torque_std(self) -> Array:
+        """Standard deviation of the torque over the used cycles (n_theta,) [N m], nan for one; only with a torque."""
+        if self.index.size < 2:
+            return np.full(self.theta.size, np.nan)
+        return std_of(cast(Array, self.torque), self.mean_torque, 1)
 
     def means(self, quantity: str) -> Array:
         """Return the mean over each cycle of one of ``channels`` (n_cycles,) [SI]."""

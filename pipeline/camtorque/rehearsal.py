@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from camtorque.fit.prepare import fit_data, halves
 from camtorque.mechanism import Mounting, lift_law, solve_rigid, spectral_law
 from camtorque.mechanism.load_check import load_findings
@@ -19,7 +17,7 @@ def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
             f"{config.id}: no pressure channel, expected one; the model needs the line pressure ('camtorque align' "
             'does not); add a [[channels]] entry with quantity = "pressure"'
         )
-    pressure = np.mean(cycles.pressure, axis=0)
+    pressure = cycles.mean_pressure
     mounting = Mounting(rotation=config.rotation)
     return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
 

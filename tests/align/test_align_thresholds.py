@@ -22,7 +22,7 @@ NUMERICS = {
     "LEAST_FOR_NOISE", "FINE_SAMPLES", "LEAST_POOLED", "WINDOW_PERIODS", "USUAL_DISTANCE", "LEAST_STARTS",
     "POOLED_WINDOWS", "NEIGHBOUR_WINDOWS", "NOISE_PAIRS", "BLOCK", "OVERLAP", "LEAST_SWING_VOLTS", "TWO_PI",
     "STAIRS_FROM", "STAIR_FACTOR", "LINEAR", "CUBIC", "AVERAGE", "BAR", "DEGREE", "RPM", "CACHED_WINDOWS", "LINES",
-    "ROWS", "COMPILED_FROM",
+    "ROWS", "COMPILED_FROM", "LOADED_FROM",
 }  # fmt: skip
 """Sizes of windows, grids and loops: they cost time or a little accuracy, and reject nothing."""
 

@@ -14,10 +14,11 @@ from camtorque.align.angle import TWO_PI, CamAngle
 from camtorque.align.clocks import Clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
-from camtorque.align.resample import choose_rule, empty_rows, resampler
+from camtorque.align.resample import choose_rule, resampler
 from camtorque.records import Array, Channel
 from camtorque.signal.damage import clips_below, damage_of
 from camtorque.signal.logger_time import sample_positions
+from camtorque.stacks import empty_stack, give_back
 
 MARGIN = 3
 """Samples beyond the ends of a cycle that interpolation and bin borders may touch."""
@@ -92,7 +93,7 @@ def _align_channel(
     reading: threading.Lock,
 ) -> AlignedChannel:
     path = None if options.scratch_dir is None else str(options.scratch_dir / f"{channel.quantity}_aligned.npy")
-    rows = empty_rows(cycles.size, options.n_theta, path)
+    rows = empty_stack(cycles.size, options.n_theta, path)
     damage, extremes = np.zeros((cycles.size, 5), dtype=np.int64), np.full((cycles.size, 2), np.nan)
     rows[~complete] = np.nan
     begin, middle, end = (angle.time_at((cycles + part) * TWO_PI) for part in (0.0, 0.5, 1.0))
@@ -115,6 +116,7 @@ def _align_channel(
             rows[group] *= gain
         extremes[group] = np.column_stack([np.min(rows[group], axis=1), np.max(rows[group], axis=1)])
         damage[group] = _damage(volts, rate * np.array([begin[group], end[group]]) + place, limits)
+        give_back(rows)
     return AlignedChannel(channel, rows, extremes, ChannelDamage(*damage.T), samples_per_step, rule)
 
 

@@ -28,6 +28,7 @@ from camtorque.align.quality import CycleTable, apply_cuts
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.stacks import mean_of
 
 
 def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
@@ -130,7 +131,7 @@ def _cam_cycles(
     speed = table.speed[chosen]
     delay = aligned["torque"].channel.calibration if "torque" in aligned else None
     n_theta = table.options.n_theta
-    mean_torque = rows["torque"].mean(axis=0) if "torque" in rows else None
+    mean_torque = mean_of(rows["torque"]) if "torque" in rows else None
     spec, mean_speed = recording.config.trigger, float(np.mean(speed))
     unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
     theta: Array = np.linspace(0.0, TWO_PI, n_theta, endpoint=False)

@@ -15,6 +15,7 @@ import numpy as np
 
 from camtorque.records import Array, Finding
 from camtorque.signal.threshold import Threshold
+from camtorque.stacks import mean_of, pieces
 from camtorque.units import DEGREE
 
 MAINS_HZ = (50.0, 60.0)
@@ -71,7 +72,7 @@ def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Ar
     for frequency in MAINS_HZ:
         coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
         if coherence > LOCKED:
-            hum = _on_base_circle(frequency, theta, np.mean(torque, axis=0), float(np.mean(speed)), lift, coherence)
+            hum = _on_base_circle(frequency, theta, mean_of(torque), float(np.mean(speed)), lift, coherence)
         else:
             hum = _over_cycles(frequency, bins, speed, start, coherence)
         found += [] if hum is None else [hum]
@@ -162,4 +163,7 @@ def _binned(torque: Array) -> Array:
     """Return bin means of each cycle, (n_cycles, POINTS)."""
     size = torque.shape[1] // POINTS
     # a product with equal weights: twenty times as fast as a mean over a short axis
-    return torque[:, : size * POINTS].reshape(torque.shape[0], POINTS, size) @ np.full(size, 1.0 / size)
+    equal, bins = np.full(size, 1.0 / size), np.empty((torque.shape[0], POINTS))
+    for piece in pieces(torque):
+        bins[piece] = torque[piece, : size * POINTS].reshape(-1, POINTS, size) @ equal
+    return bins

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from camtorque.align.options import AlignOptions
 from camtorque.records import Array, CutFlowRow
 from camtorque.signal.threshold import Count, Threshold
+from camtorque.stacks import pieces
 
 Mask = NDArray[np.bool_]
 
@@ -185,8 +186,11 @@ def _distance(rows: Array, normal: Mask) -> Array:
 
 
 def _rms_distances(rows: Array, centre: Array, stride: int) -> Array:
-    deviation = rows[:, ::stride] - centre
-    return np.sqrt(np.einsum("ij,ij->i", deviation, deviation) / centre.size)
+    total = np.empty(rows.shape[0])
+    for piece in pieces(rows):
+        deviation = rows[piece, ::stride] - centre
+        total[piece] = np.einsum("ij,ij->i", deviation, deviation)
+    return np.sqrt(total / centre.size)
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {

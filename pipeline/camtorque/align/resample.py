@@ -7,6 +7,7 @@ the linear interpolant over its grid step: the spectrum is multiplied by sinc(or
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from importlib import import_module
 
@@ -18,8 +19,9 @@ from camtorque.records import Array
 
 LINEAR, CUBIC, AVERAGE = 0, 1, 2
 RULES = {"linear": LINEAR, "cubic": CUBIC, "average": AVERAGE}
-COMPILED_FROM = 4_000_000
-"""Samples of a channel from which the compiled pass is taken: loading compiled code costs half a second."""
+COMPILED_FROM, LOADED_FROM = 4_000_000, 40_000_000
+"""Samples of a channel from which the compiled pass is taken where compiled code is loaded anyhow (a run), and from
+which loading it, half a second, pays by itself."""
 
 
 def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bool) -> tuple[Array, Array]:
@@ -64,7 +66,7 @@ def times_at(angle: Array, polynomials: Array, wanted: NDArray[np.floating]) -> 
 
 def resampler(n_samples: int) -> Callable[..., None]:
     """Return the pass over a channel of that many samples: `resample_block`, or the same compiled."""
-    if n_samples < COMPILED_FROM:
+    if n_samples < COMPILED_FROM or (n_samples < LOADED_FROM and "numba" not in sys.modules):
         return resample_block
     return import_module("camtorque.align.resample_compiled").resample_block  # type: ignore[no-any-return]
 
@@ -115,10 +117,3 @@ def choose_rule(interpolation: str, samples_per_step: float) -> int:
     if interpolation == "auto":
         return AVERAGE if samples_per_step > 1.0 else CUBIC
     return RULES[interpolation]
-
-
-def empty_rows(n_rows: int, n_theta: int, path: str | None) -> NDArray[np.float64]:
-    """Return room for aligned cycles, in memory or on disk."""
-    if path is None or not n_rows:
-        return np.empty((n_rows, n_theta))
-    return np.lib.format.open_memmap(path, mode="w+", dtype=np.float64, shape=(n_rows, n_theta))

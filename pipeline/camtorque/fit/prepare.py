@@ -17,6 +17,7 @@ from camtorque.laws.rows import ParameterRow
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
 from camtorque.records import Array, CamCycles, CamTable, Recording, Refusal, SensorCalibration, freeze_arrays
+from camtorque.stacks import mean_of
 
 LEAST_GRID = BINS
 FIT_GRID = 1800
@@ -75,12 +76,10 @@ def halves(cycles: CamCycles) -> Halves:
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
     fit, held = ~cycles.held_out, cycles.held_out
-    std = np.std(cycles.torque, axis=0, ddof=1)
+    torque, pressure = ([mean_of(values, half) for half in (fit, held)] for values in (cycles.torque, cycles.pressure))
     return Halves(
-        np.mean(cycles.torque[fit], axis=0), np.mean(cycles.pressure[fit], axis=0),
-        np.mean(cycles.torque[held], axis=0), np.mean(cycles.pressure[held], axis=0),
-        np.mean(cycles.torque, axis=0), np.mean(cycles.pressure, axis=0), std,
-        float(np.sqrt(np.mean(std**2) / fit.sum())),
+        torque[0], pressure[0], torque[1], pressure[1], cycles.mean_torque, cycles.mean_pressure, cycles.torque_std,
+        float(np.sqrt(np.mean(cycles.torque_std**2) / fit.sum())),
     )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ def load_ratio(cycles: CamCycles, rigid: RigidTorque) -> float:
     modelled = float(np.mean(rigid.torque[loaded]))
     if not modelled > 0.0 or np.mean(rigid.by_cause["pressure"][loaded]) < BY_PRESSURE * modelled:
         return math.nan
-    return float(np.mean(np.mean(cycles.torque, axis=0)[loaded])) / modelled
+    return float(np.mean(cycles.mean_torque[loaded])) / modelled
 
 
 def load_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> tuple[Finding, ...]:

@@ -16,6 +16,7 @@ from camtorque.report.cycles_file import write_aligned
 from camtorque.report.drawings import FigureSpec, drawn, write_figures
 from camtorque.report.files import findings_document, inputs_document, write_json
 from camtorque.report.page import ESCAPED, align_page
+from camtorque.stacks import mean_of, std_of
 from camtorque.units import BAR, DEGREE
 from camtorque.version import __version__
 
@@ -44,15 +45,17 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
 
 def aligned_cycles(cycles: CamCycles) -> Curves:
     """Show mean and scatter of torque, pressure and all other channels over the cam angle."""
-    rows = [] if cycles.torque is None else [(cycles.torque, "drive torque [N m]")]
-    rows += [(cycles.pressure / BAR, "line pressure [bar]")] if cycles.pressure.size else []
+    rows = [] if cycles.torque is None else [(cycles.torque, 1.0, "drive torque [N m]")]
+    rows += [(cycles.pressure, 1.0 / BAR, "line pressure [bar]")] if cycles.pressure.size else []
     for quantity, values in cycles.channels.items():
         shown = CHANNEL_QUANTITIES[quantity]
         known = values[np.isfinite(values).all(axis=1)]
-        rows.append((known * shown.shown_factor, f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"))
+        rows.append((known, shown.shown_factor, f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"))
     panels = []
-    for values, name in rows:
-        mean, std = np.mean(values, axis=0), np.std(values, axis=0)
-        band = Band("single cycles, ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)
+    for values, factor, name in rows:
+        mean = mean_of(values)
+        reach = 2.0 * abs(factor) * std_of(values, mean)
+        mean = factor * mean
+        band = Band("single cycles, ±2 standard deviations", mean - reach, mean + reach)
         panels.append(Panel(name, (Line("mean", mean, "measured"),), (band,), 200.0))
     return Curves(cycles.theta / DEGREE, CAM_ANGLE, tuple(panels))

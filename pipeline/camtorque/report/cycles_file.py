@@ -14,6 +14,7 @@ import numpy as np
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
 from camtorque.report.folder import reserve
+from camtorque.stacks import mean_of, pieces
 from camtorque.version import __version__
 
 if TYPE_CHECKING:  # the aligned cycles are written without a fit
@@ -74,7 +75,9 @@ def _add(file: h5py.File, variable: Variable) -> h5py.Dataset:
     width = min(values.shape[-1], LARGEST_CHUNK)
     rows = max(1, min(values.shape[0], LARGEST_CHUNK // width))
     chunks = (width,) if values.ndim == 1 else (rows, width)
-    data = file.create_dataset(variable.path, data=values, chunks=chunks, fletcher32=True)
+    data = file.create_dataset(variable.path, values.shape, values.dtype, chunks=chunks, fletcher32=True)
+    for piece in pieces(values) if values.ndim == 2 else (slice(None),):
+        data[piece] = values[piece]
     data.attrs["units"], data.attrs["long_name"] = variable.units, variable.long_name
     return data
 
@@ -98,20 +101,17 @@ def aligned_variables(cycles: CamCycles) -> list[Variable]:
         *_others(cycles),
     ]
     if cycles.pressure.size:
-        mean = np.mean(cycles.pressure, axis=0)
         rows += [
             Variable("cycles/pressure", cycles.pressure, "Pa", "line pressure, gauge"),
-            Variable("mean/pressure", mean, "Pa", "mean line pressure of the used cycles"),
+            Variable("mean/pressure", cycles.mean_pressure, "Pa", "mean line pressure of the used cycles"),
         ]
     if cycles.torque is None:
         return rows
-    several = cycles.index.size > 1
-    std = np.std(cycles.torque, axis=0, ddof=1) if several else np.full(cycles.theta.size, np.nan)
     return [
         *rows,
         Variable("cycles/torque", cycles.torque, "N m", "measured drive torque"),
-        Variable("mean/torque", np.mean(cycles.torque, axis=0), "N m", "mean measured torque of the used cycles"),
-        Variable("mean/torque_std", std, "N m", "standard deviation of the torque over cycles"),
+        Variable("mean/torque", cycles.mean_torque, "N m", "mean measured torque of the used cycles"),
+        Variable("mean/torque_std", cycles.torque_std, "N m", "standard deviation of the torque over cycles"),
     ]
 
 
@@ -140,9 +140,10 @@ def _others(cycles: CamCycles) -> list[Variable]:
 
 def _halves(cycles: CamCycles) -> list[Variable]:
     assert cycles.torque is not None
+    fitted, held = (mean_of(cycles.torque, half) for half in (~cycles.held_out, cycles.held_out))
     return [
-        Variable("mean/torque_fitted", np.mean(cycles.torque[~cycles.held_out], axis=0), "N m", "mean, fitted cycles"),
-        Variable("mean/torque_held_out", np.mean(cycles.torque[cycles.held_out], axis=0), "N m", "mean, held out"),
+        Variable("mean/torque_fitted", fitted, "N m", "mean, fitted cycles"),
+        Variable("mean/torque_held_out", held, "N m", "mean, held out"),
     ]
 
 

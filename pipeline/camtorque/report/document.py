@@ -148,7 +148,7 @@ def _recording(result: RunResult) -> dict[str, Any]:
         "duration_s": cycles.duration,
         "cycles_found": cycles.cycles_found,
         "cycles_used": cycles.index.size,
-        "peak_torque_nm": np.max(np.mean(cycles.torque, axis=0)),
+        "peak_torque_nm": np.max(cycles.mean_torque),
         "odd_even_rms_nm": result.fitted.odd_even_rms,
         "trigger_jitter_s": cycles.trigger_jitter_s,
         **_conditions(result),
@@ -163,7 +163,7 @@ def _conditions(result: RunResult) -> dict[str, Any]:
     return {
         "date": None if config.date is None else config.date.isoformat(),
         "fuel_temperature_c": None if warm is None else warm - ZERO_CELSIUS,
-        "line_pressure_peak_bar": np.max(np.mean(result.cycles.pressure, axis=0)) / BAR,
+        "line_pressure_peak_bar": np.max(result.cycles.mean_pressure) / BAR,
     }
 
 

@@ -57,7 +57,7 @@ def gap_curves(result: RunResult) -> dict[str, Array]:
     }
     angle = _angle_part(result)
     pressure = fitted.get("pressure", none) - rigid.get("pressure", none)
-    residual = np.mean(result.cycles.torque, axis=0) - result.fitted.torque
+    residual = result.cycles.mean_torque - result.fitted.torque
     return {CHAMBER: pressure - angle, ANGLE: angle, **curves, RESIDUAL: residual}
 
 
@@ -74,7 +74,7 @@ def _grouped(causes: Mapping[str, Array], names: Mapping[str, Array]) -> dict[st
 def _angle_part(result: RunResult) -> Array:
     rigid = result.rigid
     slope = np.interp(result.fitted.true_angle, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi)
-    load = np.mean(result.cycles.pressure, axis=0) * result.recording.config.pump.plunger_area
+    load = result.cycles.mean_pressure * result.recording.config.pump.plunger_area
     return load * (slope - rigid.lift_velocity)
 
 
@@ -89,7 +89,7 @@ def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
     """Return the share of each cause, the largest first, the residual last; causes that are zero are left out."""
     assert result.cycles.torque is not None
     forward, fall = loaded_part(result)
-    measured = np.mean(result.cycles.torque, axis=0)
+    measured = result.cycles.mean_torque
     lowest = int(np.flatnonzero(fall)[np.argmin(measured[fall])])
     rows = [
         GapShare(

@@ -8,13 +8,15 @@ from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel
 from camtorque.report.measured import measured_mean
 from camtorque.report.torque_figures import spans
+from camtorque.stacks import std_of
 from camtorque.units import BAR, DEGREE, RPM
 
 
 def pressures(result: RunResult) -> Curves:
     """Show line pressure with its scatter and the chamber pressure, rebuilt and where there is a sensor measured."""
     fitted = result.fitted
-    mean, std = np.mean(result.cycles.pressure, axis=0) / BAR, np.std(result.cycles.pressure, axis=0) / BAR
+    mean = result.cycles.mean_pressure / BAR
+    std = std_of(result.cycles.pressure, result.cycles.mean_pressure) / BAR
     lines = [Line("line pressure, measured", mean, "measured", 1.6)]
     bands = [Band("line, single cycles ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)]
     if fitted.chamber_pressure is not None:

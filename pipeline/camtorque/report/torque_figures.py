@@ -12,6 +12,7 @@ from camtorque.report.numbers import words
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.svg import padded
 from camtorque.report.tones import CYCLE
+from camtorque.stacks import mean_of
 from camtorque.units import DEGREE
 
 MARGIN_DEG = 12.0
@@ -22,10 +23,7 @@ DASHES = ("", "6 3", "2 3", "8 3 2 3")
 
 def measured_mean(result: RunResult) -> tuple[Array, Array]:
     """Return mean and standard deviation over cycles of the measured torque, each (n_theta,) [N m]."""
-    assert result.cycles.torque is not None
-    several = result.cycles.index.size > 1
-    std = np.std(result.cycles.torque, axis=0, ddof=1) if several else np.full(result.cycles.theta.size, np.nan)
-    return np.mean(result.cycles.torque, axis=0), std
+    return result.cycles.mean_torque, result.cycles.torque_std
 
 
 def spans(result: RunResult) -> tuple[Span, ...]:
@@ -74,9 +72,8 @@ def _residuals(result: RunResult, height: float = 100.0) -> Panel:
     """Return the residual of the fitted model on held-out cycles with the standard error of the mean."""
     cycles = result.cycles
     assert cycles.torque is not None
-    held = cycles.torque[cycles.held_out]
-    residual = np.mean(held, axis=0) - result.fitted.torque_held_out
-    error = 2.0 * measured_mean(result)[1] / np.sqrt(max(held.shape[0], 1))
+    residual = mean_of(cycles.torque, cycles.held_out) - result.fitted.torque_held_out
+    error = 2.0 * cycles.torque_std / np.sqrt(max(int(cycles.held_out.sum()), 1))
     limits = padded([residual, error, -error], 0.15)
     largest = max(abs(limits[0]), abs(limits[1]))
     return Panel(

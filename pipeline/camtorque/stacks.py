@@ -1,0 +1,80 @@
+"""Stacks of aligned cycles (n_cycles, n_theta): where they are kept, and sums over cycles in pieces, without copies.
+
+A recording of minutes has more aligned values than fit beside everything else: its stack lies in a nameless file, and
+what was read of it is given back to the system after each piece.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import tempfile
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Stack = NDArray[np.float64]
+
+PIECE_VALUES = 1 << 17
+"""Values worked on at a time: they stay in the processor's cache."""
+GIVEN_BACK = 1 << 25
+"""Bytes that are read of a stack on disk before its pages are given back."""
+LARGEST_IN_MEMORY = 1 << 27
+"""Bytes of one channel's stack above which it is kept on disk, where the system can promise the room."""
+
+
+def empty_stack(n_cycles: int, n_theta: int, path: str | None = None) -> Stack:
+    """Return room for aligned cycles: in the file ``path``, in memory, or in a nameless file where they are many."""
+    if path is not None and n_cycles:
+        return np.lib.format.open_memmap(path, mode="w+", dtype=np.float64, shape=(n_cycles, n_theta))
+    size = 8 * n_cycles * n_theta
+    if size > LARGEST_IN_MEMORY and hasattr(os, "posix_fallocate"):
+        try:
+            with tempfile.TemporaryFile() as file:
+                # a full disk is told now; later it would kill the process
+                os.posix_fallocate(file.fileno(), 0, size)
+                return np.memmap(file, dtype=np.float64, mode="r+", shape=(n_cycles, n_theta))
+        except OSError:
+            pass
+    return np.empty((n_cycles, n_theta))
+
+
+def give_back(stack: Stack) -> None:
+    """Have the system drop from memory what it holds of a stack on disk; nothing is lost."""
+    owner: object = stack
+    while isinstance(owner, np.ndarray):
+        owner = owner.base
+    if isinstance(owner, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        owner.madvise(mmap.MADV_DONTNEED)
+
+
+def pieces(stack: Stack) -> Iterator[slice]:
+    """Yield slices of cycles that fit into the processor's cache; see `give_back`."""
+    n_cycles, width = stack.shape
+    step, held = max(1, PIECE_VALUES // max(width, 1)), 0
+    for first in range(0, n_cycles, step):
+        yield slice(first, min(first + step, n_cycles))
+        held += 8 * step * width
+        if held > GIVEN_BACK:
+            give_back(stack)
+            held = 0
+    give_back(stack)
+
+
+def mean_of(stack: Stack, chosen: NDArray[np.bool_] | None = None) -> Stack:
+    """Return the mean over all cycles, or over the chosen ones (n_theta,)."""
+    weights = np.ones(stack.shape[0]) if chosen is None else chosen.astype(np.float64)
+    total = np.zeros(stack.shape[1])
+    for piece in pieces(stack):
+        total += weights[piece] @ stack[piece]
+    return np.asarray(total / np.sum(weights))
+
+
+def std_of(stack: Stack, mean: Stack, ddof: int = 0) -> Stack:
+    """Return the standard deviation over all cycles about their mean (n_theta,)."""
+    total = np.zeros(stack.shape[1])
+    for piece in pieces(stack):
+        deviation = stack[piece] - mean
+        total += np.einsum("ij,ij->j", deviation, deviation)
+    return np.asarray(np.sqrt(total / (stack.shape[0] - ddof)))
