@@ -1,15 +1,18 @@
-"""Threads of the linear algebra: one, since the matrices are small and a campaign already fills the processors."""
+"""Threads: one for the linear algebra, whose matrices are small; several for recordings of a joint fit side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
@@ -21,3 +24,32 @@ def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
             return function(*args, **kwargs)
 
     return limited
+
+
+class Each(Protocol):
+    """Calls a function with each item and returns the results in the order of the items."""
+
+    def __call__(self, function: Callable[[T], R], items: Iterable[T], /) -> list[R]:
+        """Return the results."""
+        ...
+
+
+def in_turn(function: Callable[[T], R], items: Iterable[T], /) -> list[R]:
+    """Call one after the other."""
+    return [function(item) for item in items]
+
+
+@contextmanager
+def side_by_side(threads: int) -> Iterator[Each]:
+    """Give a way to call in several threads: compiled code and linear algebra run at the same time.
+
+    A function that is called so must not be given the same way to call: its threads might wait for each other.
+    """
+    if threads < 2:
+        yield in_turn
+        return
+    pool = ThreadPoolExecutor(threads)
+    try:
+        yield lambda function, items: list(pool.map(function, items))
+    finally:
+        pool.shutdown(cancel_futures=True)

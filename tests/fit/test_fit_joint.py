@@ -44,7 +44,7 @@ def solved(prepared):
 @pytest.fixture(scope="module")
 def campaign(prepared, solved):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(joint_room, "solve_joint", lambda used: solved)  # the same three, solved once
+        patch.setattr(joint_room, "solve_joint", lambda used, each: solved)  # the same three, solved once
         return fit_joint(prepared)
 
 

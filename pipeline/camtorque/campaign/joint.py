@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from camtorque.fit import CampaignFit, FitOptions, JointInput, fit_joint
+from camtorque.fit import CampaignFit, JointInput, fit_joint
 from camtorque.records import Finding, Refusal
 from camtorque.threads import on_one_thread
 
 
 @on_one_thread
-def joint_fit(usable: Sequence[JointInput], options: FitOptions) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
+def joint_fit(usable: Sequence[JointInput], threads: int) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or ids that repeat cannot be fitted together.
 
     Parameters
     ----------
     usable : what the joint fit needs of each recording
+    threads : recordings that are worked at side by side
     """
     if len(usable) < 2:
         return _none(f"{len(usable)} usable recordings, a joint fit needs at least 2")
@@ -27,7 +28,7 @@ def joint_fit(usable: Sequence[JointInput], options: FitOptions) -> tuple[Campai
         what = f"pumps {', '.join(pumps)}" if len(pumps) > 1 else f"recording ids that repeat: {', '.join(repeated)}"
         return _none(f"no joint fit: found {what}, expected one pump and one id per recording")
     try:
-        return fit_joint(usable, options), ()
+        return fit_joint(usable, threads), ()
     except Refusal as refusal:
         return _none(str(refusal))
 

@@ -21,10 +21,11 @@ from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, wi
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import modelled, parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES, rising_angles
-from camtorque.fit.single import Fit, FitOptions
+from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
 from camtorque.laws.chain import BINS
 from camtorque.records import Array, Finding, LadderRung, Metrics, ParameterEstimate, Refusal
+from camtorque.threads import Each, in_turn, side_by_side
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
@@ -141,45 +142,55 @@ def shared_starts(found: Sequence[JointInput]) -> list[dict[str, float]]:
     return [{name: top[name] / bottom[name] for name in top}, *each]
 
 
-def solve_joint(inputs: Sequence[JointInput]) -> tuple[Problem, JointSolution]:
-    """Return the joint minimum: that of the anchors first, then with every other recording searched anew."""
+def solve_joint(inputs: Sequence[JointInput], each: Each = in_turn) -> tuple[Problem, JointSolution]:
+    """Return the joint minimum: that of the anchors first, then with every other recording searched anew.
+
+    ``each`` calls with every recording; it changes no number.
+    """
     count = len(inputs)
     data = with_common_rows([common_error(item.data, count) for item in inputs])
     chosen = anchors(inputs)
     starts = shared_starts([inputs[k] for k in chosen])
-    problem, solution = _of_anchors([data[k] for k in chosen], starts[:MOST_STARTS])
+    problem, solution = _of_anchors([data[k] for k in chosen], starts[:MOST_STARTS], each)
     shared = {s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording < 0}
-    items = [
-        started_at(problem, solution, chosen.index(k)) if k in chosen else searched_anew(with_known(data[k], shared))
-        for k in range(count)
-    ]
-    problem = build_problem(items)
-    solution = solve_many(problem, problem.start, 25)
+    others = [k for k in range(count) if k not in chosen]
+    found = dict(zip(others, each(lambda k: searched_anew(with_known(data[k], shared)), others), strict=True))
+    found |= {k: started_at(problem, solution, place) for place, k in enumerate(chosen)}
+    problem = build_problem([found[k] for k in range(count)])
+    solution = solve_many(problem, problem.start, 25, each=each)
     again = [started_at(problem, solution, k) for k in range(count)]
     bad = misfits(solution)
     if any(bad):
-        again = [searched_anew(item) if worse else item for item, worse in zip(again, bad, strict=True)]
+        worse = each(searched_anew, [item for item, is_bad in zip(again, bad, strict=True) if is_bad])
+        again = [worse.pop(0) if is_bad else item for item, is_bad in zip(again, bad, strict=True)]
         problem = build_problem(again)
-        solution = solve_many(problem, problem.start, 25)
+        solution = solve_many(problem, problem.start, 25, each=each)
     return problem, solution
 
 
-def _of_anchors(data: Sequence[FitData], starts: Sequence[Mapping[str, float]]) -> tuple[Problem, JointSolution]:
+def _of_anchors(
+    data: Sequence[FitData], starts: Sequence[Mapping[str, float]], each: Each
+) -> tuple[Problem, JointSolution]:
     """Return the joint minimum of the anchors from the best two of some shared starts."""
-    found: list[tuple[float, int, Problem, JointSolution]] = []
-    for values in starts:
-        problem = build_problem([searched_anew(with_known(item, values), (item.structure,)) for item in data])
-        start = problem.start
-        for smoothing in SMOOTHINGS_DEG:
-            trial = solve_many(problem, start, START_ITERATIONS, smoothing * DEGREE)
-            start = trial.z
-        found.append((trial.chi_square, len(found), problem, trial))
-    found.sort(key=lambda entry: entry[:2])
-    ends = []
-    for _, _, problem, trial in found[:2]:
-        again = build_problem([started_at(problem, trial, k) for k in range(len(data))])
-        ends.append((again, solve_many(again, again.start, 30)))
-    return min(ends, key=lambda pair: pair[1].chi_square)
+    n = len(data)
+    begun = [with_known(item, values) for values in starts for item in data]
+    items = each(lambda item: searched_anew(item, (item.structure,)), begun)
+    problems = [build_problem(items[first : first + n]) for first in range(0, len(items), n)]
+    trials = each(_led_in, problems)
+    order = sorted(range(len(starts)), key=lambda k: (trials[k].chi_square, k))[:2]
+    again = [build_problem([started_at(problems[k], trials[k], j) for j in range(n)]) for k in order]
+    ends = each(lambda problem: solve_many(problem, problem.start, 30), again)
+    best = min(range(len(ends)), key=lambda k: ends[k].chi_square)
+    return again[best], ends[best]
+
+
+def _led_in(problem: Problem) -> JointSolution:
+    """Return where a start leads with less and less smoothing."""
+    start = problem.start
+    for smoothing in SMOOTHINGS_DEG:
+        trial = solve_many(problem, start, START_ITERATIONS, smoothing * DEGREE)
+        start = trial.z
+    return trial
 
 
 def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
@@ -209,54 +220,63 @@ def own_fitted(item: FitData, iterations: int = OWN_ITERATIONS) -> FitData:
 
 
 def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> FitData:
-    """Return a recording in the structure and with the end of delivery that the shared values like best."""
+    """Return a recording in the structure and with the end of delivery that the shared values like best.
+
+    All places are weighed with the lift correction at the start, which costs more than the rest; the best of them,
+    fitted, each with its own.
+    """
     held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
-    found: list[tuple[float, int, FitData]] = []
+    lifts = lifts_at(*_begun(item, held))
+    tried: list[FitData] = []
     for structure in structures:
         other = replace(item, structure=structure)
-        angles, lifts = rising_angles(other, SCAN_SHARES)
-        name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)
-        tried = [with_starts(other, {name: float(place)}) for place in places] if structure != "open" else [other]
-        tried = [item, *tried] if structure == item.structure else tried
-        for trial in tried:
-            problem = build_problem([trial], held)
-            found.append(
-                (try_at(problem, problem.start, lifts_at(problem, problem.start)).chi_square, len(found), trial)
-            )
-    best = [entry[2] for entry in sorted(found, key=lambda entry: entry[:2])[:4]]
-    fitted = [own_fitted(trial, 12) for trial in best]
-    values = []
-    for trial in fitted:
-        problem = build_problem([trial], held)
-        values.append(try_at(problem, problem.start, lifts_at(problem, problem.start)).chi_square)
-    return fitted[int(np.argmin(values))]
+        angles, lift = rising_angles(other, SCAN_SHARES)
+        name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lift)
+        tried += [item] if structure == item.structure else []
+        tried += [with_starts(other, {name: float(place)}) for place in places] if structure != "open" else [other]
+    values = [try_at(*_begun(trial, held), lifts).chi_square for trial in tried]
+    fitted = [own_fitted(tried[k], 12) for k in np.argsort(values, kind="stable")[:4]]
+    begun = [_begun(trial, held) for trial in fitted]
+    ends = [try_at(*start, lifts_at(*start)).chi_square for start in begun]
+    return fitted[int(np.argmin(ends))]
 
 
-def fit_joint(inputs: Sequence[JointInput], options: FitOptions | None = None) -> CampaignFit:
+def _begun(item: FitData, held: Mapping[str, float]) -> tuple[Problem, Array]:
+    """Return the problem of a recording's own parameters and their starts."""
+    problem = build_problem([item], held)
+    return problem, problem.start
+
+
+def fit_joint(inputs: Sequence[JointInput], threads: int = 1) -> CampaignFit:
     """Return the joint fit of several recordings of one pump.
 
     Parameters
     ----------
     inputs : recordings whose minima are found
-    options : choices of the user
+    threads : recordings that are worked at side by side; it changes no number
 
     Raises
     ------
     Refusal : two recordings at one speed cannot be one pump in one state
     """
+    with side_by_side(threads) as each:
+        return _fit_joint(inputs, each)
+
+
+def _fit_joint(inputs: Sequence[JointInput], each: Each) -> CampaignFit:
     refuse_two_states(inputs)
     used, aside = list(inputs), []
     while True:
-        problem, solution = solve_joint(used)
-        each = solution.misfits
-        worst = int(np.argmax(each))
-        if len(used) <= 3 or each[worst] < max(ASIDE_FACTOR * float(np.median(each)), 10.0 * INDEPENDENT):
+        problem, solution = solve_joint(used, each)
+        misfit = solution.misfits
+        worst = int(np.argmax(misfit))
+        if len(used) <= 3 or misfit[worst] < max(ASIDE_FACTOR * float(np.median(misfit)), 10.0 * INDEPENDENT):
             break
         aside.append(used.pop(worst).name)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts)
-    fitted = tuple(joint_recording(fit, solution, k, item) for k, item in enumerate(used))
-    held = left_out_predictions(used, fit, solution) if len(used) > 1 else ()
+    fitted = tuple(each(lambda k: joint_recording(fit, solution, k, used[k]), range(len(used))))
+    held = left_out_predictions(used, fit, solution, each) if len(used) > 1 else ()
     rows = fitted[0].parameters
     findings = (*prior_findings(rows), *_drift_findings(drifts), *_aside_findings(aside))
     shared = tuple(row for row in rows if row.role == "shared")

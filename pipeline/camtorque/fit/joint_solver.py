@@ -27,6 +27,7 @@ from camtorque.fit.solver import (
 from camtorque.fit.uncertainty import Covariance, covariance_of
 from camtorque.laws.chain import evaluate
 from camtorque.records import Array, freeze_arrays
+from camtorque.threads import Each, in_turn
 
 Smooth = Callable[[Array], Array]
 Mask = NDArray[np.bool_]
@@ -168,6 +169,7 @@ class Task:
     stds: Array
     bounds: tuple[Array, Array]
     recording: Places
+    each: Each
 
 
 @dataclass(frozen=True)
@@ -179,50 +181,57 @@ class Trial:
     data_chi_square: float
 
 
-def joint_task(problem: Problem, z: Array, smoothing: float) -> Task:
+def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_turn) -> Task:
     """Return a problem with the lift corrections of a point; their error is one for all recordings.
 
     ``smoothing`` is that of the residual, a standard deviation [rad].
     """
     inflate = float(np.sqrt(len(problem.data)))
-    lifts = []
-    for index, item in enumerate(problem.data):
-        values, _ = problem.values(z, index)
-        lifts.append(lift_modes(item, evaluate(item.chain, values), values, inflate))
+
+    def modes(index: int) -> LiftModes:
+        item, (values, _) = problem.data[index], problem.values(z, index)
+        return lift_modes(item, evaluate(item.chain, values), values, inflate)
+
+    lifts = tuple(each(modes, range(len(problem.data))))
     recording = np.array([slot.recording for slot in problem.slots], dtype=np.int64)
-    return Task(
-        problem, tuple(lifts), smoother(smoothing), problem.steps, *problem.priors, problem.bounds, recording
-    )  # fmt: skip
+    return Task(problem, lifts, smoother(smoothing), problem.steps, *problem.priors, problem.bounds, recording, each)
+
+
+def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array]:
+    """Return places of a recording's linear parameters and the products of their columns and of the rest of the torque.
+
+    ``fixed`` are the free parameters with the linear ones at zero.
+    """
+    problem, item, first = task.problem, task.problem.data[index], task.problem.n_nonlinear
+    values, held = problem.values(fixed, index)
+    output = evaluate(item.chain, values)
+    own, chain = problem.places[index]
+    linear = chain >= N_NONLINEAR
+    column = task.smooth(output.linear[:, chain[linear] - N_NONLINEAR] * item.weight[:, None])
+    target = task.smooth((item.torque - output.torque - output.linear @ held) * item.weight)
+    both = np.column_stack([column * task.steps[own[linear]], target])
+    return own[linear] - first, task.lifts[index].product(both, both)
 
 
 def try_at(task: Task, z: Array) -> Trial:
     """Return chi-square at z with the best linear parameters within their bounds."""
-    problem = task.problem
-    first, k = problem.n_nonlinear, problem.size
+    first = task.problem.n_nonlinear
     scale = task.steps[first:]
     inverse = (scale / task.stds[first:]) ** 2
-    vector = inverse * task.means[first:] / scale
-    square, places, grams = 0.0, [], []
-    fixed = np.r_[z[:first], np.zeros(k - first)]
-    for index, item in enumerate(problem.data):
-        values, held = problem.values(fixed, index)
-        output = evaluate(item.chain, values)
-        own, chain = problem.places[index]
-        linear = chain >= N_NONLINEAR
-        place = own[linear] - first
-        column = task.smooth(output.linear[:, chain[linear] - N_NONLINEAR] * item.weight[:, None])
-        target = task.smooth((item.torque - output.torque - output.linear @ held) * item.weight)
-        both = np.column_stack([column * scale[place], target])
-        product = task.lifts[index].product(both, both)
-        places.append(place)
-        grams.append(product[:-1, :-1])
-        vector[place] += product[:-1, -1]
-        square += float(product[-1, -1])
-    matrix = Arrow(tuple(places), tuple(grams), inverse + 1e-9, task.recording[first:])
+    prior = inverse * task.means[first:] / scale
+    fixed = np.r_[z[:first], np.zeros(scale.size)]
+    found = task.each(lambda index: _tried(task, fixed, index), range(len(task.problem.data)))
+    plain = np.zeros(scale.size)
+    for place, product in found:
+        plain[place] += product[:-1, -1]
+    matrix = Arrow(
+        tuple(place for place, _ in found), tuple(product[:-1, :-1] for _, product in found), inverse + 1e-9,
+        task.recording[first:],
+    )  # fmt: skip
     lower, upper = task.bounds[0][first:] / scale, task.bounds[1][first:] / scale
-    c = bounded_quadratic(matrix, vector, lower, upper, np.clip(z, *task.bounds)[first:] / scale)
+    c = bounded_quadratic(matrix, plain + prior, lower, upper, np.clip(z, *task.bounds)[first:] / scale)
     full = np.r_[z[:first], c * scale]
-    plain = vector - inverse * task.means[first:] / scale
+    square = sum(float(product[-1, -1]) for _, product in found)
     chi = square - 2.0 * float(plain @ c) + float(c @ replace(matrix, diagonal=np.zeros(c.size)).times(c))
     return Trial(full, chi + float(np.sum(((full - task.means) / task.stds) ** 2)), chi)
 
@@ -277,7 +286,7 @@ def linearised(task: Task, z: Array) -> Linearised:
     ------
     FloatingPointError : a tangent has run away
     """
-    found = [_linearised(task, z, index) for index in range(len(task.problem.data))]
+    found = task.each(lambda index: _linearised(task, z, index), range(len(task.problem.data)))
     blocks, parts, residuals = (tuple(column) for column in zip(*found, strict=True))
     if not all(np.max(np.abs(block)) < LARGEST_INFORMATION for block in blocks):
         raise FloatingPointError("the derivative of the chain is not finite")
@@ -289,7 +298,9 @@ def linearised(task: Task, z: Array) -> Linearised:
     return Linearised(Arrow(places, blocks, inverse, task.recording), vector, parts, residuals)
 
 
-def solve_many(problem: Problem, start: Array, max_iterations: int, smoothing: float = 0.0) -> JointSolution:
+def solve_many(
+    problem: Problem, start: Array, max_iterations: int, smoothing: float = 0.0, each: Each = in_turn
+) -> JointSolution:
     """Return a joint minimum.
 
     Parameters
@@ -299,7 +310,7 @@ def solve_many(problem: Problem, start: Array, max_iterations: int, smoothing: f
     """
     lower, upper = problem.bounds
     z = np.clip(start, lower, upper)
-    task = joint_task(problem, start, smoothing)
+    task = joint_task(problem, start, smoothing, each)
     trial = try_at(task, z)
     evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
     while True:

@@ -20,6 +20,7 @@ from camtorque.fit.result import model_on_grid
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
 from camtorque.records import Array, Metrics
+from camtorque.threads import Each, in_turn
 
 ZERO_SPREAD_SHARE = 1.0e-3
 """Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
@@ -94,18 +95,21 @@ def _cautious(matrix: Array, scale: Array) -> Array:
     return (vectors * shares) @ vectors.T * np.outer(scale, scale)
 
 
-def left_out_predictions(inputs: Sequence[JointInput], fit: Fit, solution: JointSolution) -> tuple[HeldOut, ...]:
-    """Return both predictions of every recording by the others."""
-    result: list[HeldOut] = []
+def left_out_predictions(
+    inputs: Sequence[JointInput], fit: Fit, solution: JointSolution, each: Each = in_turn
+) -> tuple[HeldOut, ...]:
+    """Return both predictions of every recording by the others; ``each`` calls with every recording."""
     found, owns = shares(solution), own_values(fit)
-    for index, item in enumerate(inputs):
-        z = left_out_values(fit, found, index)
+
+    def both(index: int) -> tuple[HeldOut, HeldOut]:
+        z, item = left_out_values(fit, found, index), inputs[index]
         shared = {s.row.name: float(v) for s, v in zip(fit.problem.slots, z, strict=True) if s.recording < 0}
         data = with_starts(fit.problem.data[index], shared)
-        result.append(_prediction(item, fit, data, {**shared, "pressure_zero": 0.0}, "own_zero_and_end"))
+        own = _prediction(item, fit, data, {**shared, "pressure_zero": 0.0}, MODES[0])
         blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, owns, index)}
-        result.append(_prediction(item, fit, with_starts(data, blind), blind, "blind"))
-    return tuple(result)
+        return own, _prediction(item, fit, with_starts(data, blind), blind, MODES[1])
+
+    return tuple(row for pair in each(both, range(len(inputs))) for row in pair)
 
 
 def _prediction(item: JointInput, fit: Fit, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
