@@ -37,6 +37,7 @@ TIME_NAME = re.compile(
 MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
 """Time, unless a column is named outright so, or the recording takes it for a channel."""
 BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+SLASH = re.compile(r"^(?P<name>.*\S)\s*/\s+(?P<unit>\S.*)$")
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class CsvLayout:
         return len(self.names)
 
     def time_column(self, declared: str, channels: tuple[str, ...] = ()) -> int | None:
-        """Return the column that holds the time: the declared one, else the one that is named so."""
+        """Return the column that holds the time: the declared one, else the one named so, else the one of dates."""
         if declared:
             return self.names.index(declared) if declared in self.names else None
         free = [number for number, name in enumerate(self.names) if name not in channels]
@@ -79,7 +80,8 @@ class CsvLayout:
             found = [number for number in free if pattern.match(self.names[number])]
             if found:
                 return found[0]
-        return None
+        dated = [number for number in free if self.stamp_kind(number) not in ("", "date")]
+        return dated[0] if len(dated) == 1 else None
 
     def stamp_kind(self, column: int | None) -> str:
         """Return the key of `STAMPS` that a column's first field is, "" for a number."""
@@ -102,7 +104,7 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
         if len(head) >= SNIFF_BYTES:
             break
     head = head[:SNIFF_BYTES]
-    encoding = _encoding(head)
+    encoding = encoding_of(head)
     raw_lines = head.split(b"\n")
     if len(head) == SNIFF_BYTES:
         raw_lines = raw_lines[:-1]
@@ -152,7 +154,8 @@ def utf16(head: bytes) -> str:
     return "utf-16-be" if len(head) >= 8 and not any(head[0:64:2]) and all(head[1:64:2]) else ""
 
 
-def _encoding(head: bytes) -> str:
+def encoding_of(head: bytes) -> str:
+    """Return the codec of the beginning of a text."""
     if head.startswith(b"\xef\xbb\xbf"):
         return "utf-8-sig"
     try:
@@ -243,8 +246,11 @@ def names_of(
 
 
 def name_and_unit(field: str) -> tuple[str, str]:
-    """Return name and unit of a header field; the unit stands in brackets."""
+    """Return name and unit of a header field; the unit stands in brackets, or behind a slash if it is a known one."""
     match = BRACKETS.match(field)
+    if match is None:
+        match = SLASH.match(field)
+        match = match if match and is_known_unit(match["unit"]) else None
     return (match["name"], match["unit"]) if match else (field, "")
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff, text_pieces
+from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, encoding_of, sniff, text_pieces
 from camtorque.ingest.csv_log import channels_of, read_table
 from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Finding, Refusal
@@ -76,7 +76,7 @@ def _layout(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
 def _segment(path: Path) -> Segment:
     text, ends = "", 0
     for number, piece in enumerate(text_pieces(path, SNIFF_BYTES)):
-        shown = piece.decode("latin-1")
+        shown = piece.decode(encoding_of(piece), errors="replace")
         ends += shown.count(END)
         text += shown if number == 0 else ""
     if ends != 2:

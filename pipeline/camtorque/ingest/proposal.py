@@ -15,7 +15,7 @@ from camtorque.ingest.formats import FORMATS, file_format
 from camtorque.ingest.raw import FileChannel
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, Refusal
-from camtorque.units import BORDER_UNITS, tidy_unit
+from camtorque.units import BORDER_UNITS, is_known_unit, tidy_unit
 
 LOOKED_AT = 400_000
 """Samples looked at of each channel."""
@@ -110,11 +110,17 @@ def _proposal(path: Path, name: str, channel: FileChannel) -> Proposal:
     values = channel.source.read(0, min(channel.n_samples, LOOKED_AT))
     good = values[np.isfinite(values)]
     low, high = (float(good.min()), float(good.max())) if good.size else (float("nan"), float("nan"))
-    unit = tidy_unit(channel.unit)
+    unit = tidy_unit(channel.unit or _unit_in(channel.name))
     quantity = _quantity(channel.name, unit, good)
     pulses = bool(quantity) and CHANNEL_QUANTITIES[quantity].is_pulse
     known = unit if unit in BORDER_UNITS else "V" if pulses else ""
     return Proposal(path, name, channel, quantity if good.size and high > low else "", known, low, high)
+
+
+def _unit_in(name: str) -> str:
+    """Return the unit that ends a name such as torque_Nm, "" where none does; one letter but V may mean anything."""
+    last = re.split(r"[_ .]", name)[-1]
+    return last if last != name and is_known_unit(last) and (len(last) > 1 or last == "V") else ""
 
 
 def _quantity(name: str, unit: str, values: Array) -> str:
