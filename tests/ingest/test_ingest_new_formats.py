@@ -1,4 +1,4 @@
-"""From a stranger's fresh log to a recording that runs: `new`, one edit, `check` or at once `run`, in every file type."""
+"""From a stranger's fresh log to a recording that runs: `new`, one edit, `check` or `run` at once, for every format."""
 
 from __future__ import annotations
 
@@ -49,23 +49,10 @@ def dated(file: Path) -> None:
 
 
 def lvm(file: Path) -> None:
-    step = float(columns()[0][1])
-    head = [
-        "LabVIEW Measurement",
-        "Separator\tTab",
-        "Decimal_Separator\t.",
-        "X_Columns\tOne",
-        "***End_of_Header***",
-        "",
-    ]
-    head += [
-        "***End_of_Header***",
-        "",
-        "Channels\t3",
-        f"Samples\t{SAMPLES}\t{SAMPLES}\t{SAMPLES}",
-        "Y_Unit_Label\tN·m\tbar\tVolts",
-    ]
-    head += [f"Delta_X\t{step:g}\t{step:g}\t{step:g}", "***End_of_Header***", "X_Value\tMoment\tDruck\tGeber\tComment"]
+    step, end = float(columns()[0][1]), "***End_of_Header***"
+    head = ["LabVIEW Measurement", "Separator\tTab", "Decimal_Separator\t.", "X_Columns\tOne", end, ""]
+    head += ["Channels\t3", f"Samples\t{SAMPLES}\t{SAMPLES}\t{SAMPLES}", "Y_Unit_Label\tN·m\tbar\tVolts"]
+    head += [f"Delta_X\t{step:g}\t{step:g}\t{step:g}", end, "X_Value\tMoment\tDruck\tGeber\tComment"]
     file.write_text("\r\n".join([*head, *lines("\t")]) + "\r\n", encoding="utf-8", newline="")
 
 
