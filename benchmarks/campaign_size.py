@@ -1,12 +1,10 @@
-"""What a campaign costs per recording as it grows, and whether it survives being killed.
+"""What a campaign costs per recording as it grows.
 
     python benchmarks/campaign_size.py --count 100 1000 --write docs/campaign_size.md
-    python benchmarks/campaign_size.py --kill 50
 
 One example is computed once; every generated recording then hands back that result under its own name, so that what is
 measured is everything around the analysis: finding, hashing, workers, writing the report, remembering, the index. With
-``--bare`` no report is written either. ``--kill`` kills the whole campaign at random moments, checks that every folder
-is whole, and lets it end.
+``--bare`` no report is written either.
 """
 
 from __future__ import annotations
@@ -16,10 +14,6 @@ import json
 import multiprocessing
 import os
 import pickle
-import random
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Mapping
@@ -30,17 +24,14 @@ from types import SimpleNamespace
 from typing import Any
 
 from camtorque.campaign import CampaignOptions, flow, run_campaign, task
-from camtorque.campaign.store import JOINT
 from camtorque.fit import joint_input
 from camtorque.records import Finding, Recording
-from camtorque.report.checksums import verify
 from camtorque.report.files import write_json
 from camtorque.run import RunOptions, analyse
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "raw_examples" / "A_1250rpm"
 RESULT, BARE, PAUSE = "CAMPAIGN_SIZE_RESULT", "CAMPAIGN_SIZE_BARE", "CAMPAIGN_SIZE_PAUSE"
-WHOLE = {"entry.json", JOINT, "result.json", "SHA256SUMS"}
 
 
 def generate(folder: Path, count: int) -> Path:
@@ -154,76 +145,23 @@ HEAD = (
 )
 
 
-def finished(out: Path) -> list[Path]:
-    """Return the folders of finished recordings."""
-    return list((out / "runs").glob("[!.]*"))
-
-
-def killed_later(command: list[str], out: Path, chance: random.Random) -> bool:
-    """Start a campaign, kill it a moment after it has finished one more recording; False where it ended before."""
-    before, delay = len(finished(out)), chance.uniform(0.0, 3.0)
-    process = subprocess.Popen(command, start_new_session=True)
-    while len(finished(out)) == before:
-        if process.poll() is not None:
-            return False
-        time.sleep(0.01)
-    try:
-        process.wait(delay)
-        return False
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL) if chance.random() < 0.5 else process.kill()
-        process.wait()
-        return True
-
-
-def kill_often(times: int, folder: Path, how: CampaignOptions) -> str:
-    """Kill campaigns of 40 recordings until so many kills are made; every folder has to be whole, none is lost."""
-    os.environ[PAUSE] = "0.2"
-    chance, killed, rounds, whole = random.Random(7), 0, 0, 0
-    while killed < times:
-        rounds += 1
-        raw, out = generate(folder / f"raw{rounds}", 40), folder / f"out{rounds}"
-        command = [sys.executable, __file__, "--child", str(raw), str(out), "--engine", how.engine]
-        kept: dict[Path, int] = {}
-        while killed < times and killed_later(command, out, chance):
-            killed += 1
-            for run in finished(out):
-                assert {path.name for path in run.iterdir()} >= WHOLE, run
-                assert not verify(run)[1], run
-                stamp = (run / JOINT).stat().st_mtime_ns
-                assert kept.setdefault(run, stamp) == stamp, f"{run} was computed again"
-                whole += 1
-        subprocess.run(command, check=True)
-        assert not verify(out)[1]
-        assert len(finished(out)) == 40
-        assert not list((out / "runs").glob(".*"))
-    return f"{killed} kills over {rounds} campaigns: {whole} folders looked at after a kill, all whole and none redone"
-
-
 def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, nargs="+", default=[])
+    parser.add_argument("--count", type=int, nargs="+", required=True)
     parser.add_argument("--bare", action="store_true")
     parser.add_argument("--engine", choices=("dask", "processes"), default="processes")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--kill", type=int, default=0)
-    parser.add_argument("--child", nargs=2, metavar=("RAW", "OUT"))
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     flow.run_task, flow.joint_fit = stand_in, no_joint_fit  # type: ignore[assignment]
     how = CampaignOptions(arguments.workers, arguments.engine)
-    if arguments.child:
-        run_campaign(Path(arguments.child[0]), Path(arguments.child[1]), RunOptions(), how)
-        return
     with tempfile.TemporaryDirectory(dir=ROOT.parent, prefix=".campaign_size-") as name:
-        prepare_result(Path(name), arguments.bare or arguments.kill > 0)
-        lines = list(HEAD) if arguments.count else []
+        prepare_result(Path(name), arguments.bare)
+        lines = list(HEAD)
         for count in arguments.count:
             lines.append(measure(count, Path(name), how))
             print(lines[-1], flush=True)
-        if arguments.kill:
-            lines.append(kill_often(arguments.kill, Path(name), how))
     print("\n".join(lines))
     if arguments.write:
         arguments.write.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -14,8 +14,9 @@ from typing import Any
 import campaign_cases
 import pytest
 from campaign_cases import make
+from camtorque import cli
 from camtorque.align import AlignOptions
-from camtorque.campaign import CampaignOptions, flow, key, list_recordings, run_campaign, run_only, store, task
+from camtorque.campaign import CampaignOptions, flow, key, list_recordings, prune, run_campaign, run_only, store, task
 from camtorque.records import Finding, Refusal
 from camtorque.report.checksums import verify
 from camtorque.run import RunOptions
@@ -79,6 +80,41 @@ def test_what_changed_is_computed_again(analysed: list[str], tmp_path: Path, mon
     monkeypatch.setattr(key, "code_digest", lambda: "other code")
     run_campaign(raw, out, OPTIONS)
     assert analysed[5:] == ["a", "b"]
+
+
+def test_older_results_are_removed_and_none_that_is_wanted(
+    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="refuse it"), tmp_path / "out"
+    with pytest.raises(Refusal, match="expected the output of an earlier campaign"):
+        prune(raw, out, OPTIONS)
+    run_campaign(raw, out, OPTIONS)
+    run_campaign(raw, out, RunOptions(AlignOptions(n_theta=1800)))
+    linked = {path.name for path in (out / "runs").iterdir()}
+    (raw / "a" / "recording.toml").write_text("say again")
+    run_only("a", raw, out, OPTIONS)
+    assert len(list((out / "runs").iterdir())) == 5
+    (out / "runs" / "mine").mkdir()
+    with store.campaign_folder(out), pytest.raises(Refusal, match="another campaign is writing there"):
+        prune(raw, out, OPTIONS)
+    # kept: a as it is now and b by these options, both of the index, a folder that is no result
+    found = prune(raw, out, OPTIONS)
+    assert (found["kept"], found["removed"]) == (5, 1)
+    assert found["bytes"] > 0
+    assert prune(raw, out, OPTIONS)["removed"] == 0
+    assert cli.main(["campaign", str(raw), "--out", str(out), "--prune", "--n-theta", "900"]) == 0
+    assert "2 older results removed" in capsys.readouterr().out
+    (out / "runs" / "mine").rmdir()
+    left = {path.name for path in (out / "runs").iterdir()}
+    assert left < linked, "the index links to these"
+    (out / "campaign.json").unlink()
+    monkeypatch.setattr(key, "code_digest", lambda: "other code")
+    with pytest.raises(Refusal, match=r"none of the 2 results .* delete the folder by hand"):
+        prune(raw, out, OPTIONS)
+    assert {path.name for path in (out / "runs").iterdir()} == left
+    (out / "campaign.json").write_text("{")
+    with pytest.raises(Refusal, match=r"is damaged .*; run the campaign again first"):
+        prune(raw, out, OPTIONS)
 
 
 def test_the_key_holds_every_file_that_a_recording_names(tmp_path: Path) -> None:

@@ -9,6 +9,6 @@ joint      the joint fit, where the recordings allow it
 flow       all of them, one after the other, and the index
 """
 
-from camtorque.campaign.flow import CampaignOptions, list_recordings, run_campaign, run_only
+from camtorque.campaign.flow import CampaignOptions, list_recordings, prune, run_campaign, run_only
 
-__all__ = ["CampaignOptions", "list_recordings", "run_campaign", "run_only"]
+__all__ = ["CampaignOptions", "list_recordings", "prune", "run_campaign", "run_only"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import time
@@ -16,7 +17,14 @@ from camtorque.campaign.cluster import on_cluster_file, on_local_cluster, on_sch
 from camtorque.campaign.find import search
 from camtorque.campaign.joint import joint_fit
 from camtorque.campaign.key import recording_key
-from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input
+from camtorque.campaign.store import (
+    THUMBNAIL,
+    campaign_folder,
+    prepare_folder,
+    read_entry,
+    read_joint_input,
+    removed,
+)
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.fit import CampaignFit
 from camtorque.plain import now
@@ -116,6 +124,40 @@ def list_recordings(folder: Path, out: Path, options: RunOptions) -> list[dict[s
 
     with ThreadPoolExecutor(HASHING_THREADS) as threads:
         return list(threads.map(row, found.items()))
+
+
+def prune(folder: Path, out: Path, options: RunOptions) -> dict[str, int]:
+    """Remove results of older inputs, options and code; return how many folders are kept, removed, and bytes freed.
+
+    What the present inputs, options and code would use stays, and what campaign.json refers to.
+
+    Raises
+    ------
+    Refusal : ``out`` is no campaign; a campaign is writing there; everything would go
+    """
+    if not (out / "runs").is_dir():
+        raise Refusal(f"--prune: found no {out / 'runs'}, expected the output of an earlier campaign; check --out")
+    with campaign_folder(out) as runs:
+        present = {path.name for path in runs.iterdir() if not path.name.startswith(".")}
+        kept = {row["key"] for row in list_recordings(folder, out, options)} | _referred(out)
+        if present and not kept & present:
+            raise Refusal(
+                f"--prune: none of the {len(present)} results in {runs} belongs to the recordings below {folder} with "
+                "these options and this version; delete the folder by hand if none is wanted"
+            )
+        count, size = removed(runs, kept)
+        return {"kept": len(present) - count, "removed": count, "bytes": size}
+
+
+def _referred(out: Path) -> set[str]:
+    """Return the keys of the results that the written index links to."""
+    try:
+        doc = json.loads((out / "campaign.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return set()
+    except ValueError as error:
+        raise Refusal(f"{out / 'campaign.json'}: is damaged ({error}); run the campaign again first") from error
+    return {Path(row["folder"]).name for row in doc["recordings"] if row["folder"]}
 
 
 def _mapped(tasks: Sequence[Task], how: CampaignOptions, progress: Progress) -> Iterator[tuple[str, CampaignEntry]]:

@@ -8,7 +8,7 @@ import os
 import pickle
 import shutil
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -90,6 +90,21 @@ def clear_partials(runs: Path) -> None:
                     shutil.rmtree(partial, ignore_errors=True)
             finally:
                 os.close(lock)
+
+
+def removed(runs: Path, kept: Collection[str]) -> tuple[int, int]:
+    """Remove the folders of finished recordings but those of some keys; return how many and their bytes.
+
+    A folder is hidden first: what a kill leaves of it is cleared like any other partial one.
+    """
+    count, size = 0, 0
+    for folder in runs.iterdir():
+        if folder.name in kept or folder.name.startswith(".") or not (folder / ENTRY).is_file():
+            continue
+        count, size = count + 1, size + sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        partial = folder.rename(runs / f".{folder.name}.partial")
+        shutil.rmtree(partial)
+    return count, size
 
 
 def write_entry(folder: Path, entry: CampaignEntry) -> None:

@@ -159,6 +159,7 @@ def campaign(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--list", action="store_true", help="name, status and key of every recording; nothing is computed"
     )
+    where.add_argument("--prune", action="store_true", help="remove results of older inputs, options and versions")
     parser.add_argument("--retry-failed", action="store_true", help="compute again what was refused before")
 
 

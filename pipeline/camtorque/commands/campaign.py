@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from camtorque.campaign import CampaignOptions, list_recordings, run_campaign, run_only
+from camtorque.campaign import CampaignOptions, list_recordings, prune, run_campaign, run_only
 from camtorque.commands.options import run_options
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import campaign_table
@@ -16,6 +16,10 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write the reports of all recordings and the joint fit, or of one of them, or list them."""
     if arguments.list:
         return _list(arguments, tell)
+    if arguments.prune:
+        found = prune(arguments.folder, arguments.out, run_options(arguments, tell))
+        text = f"{found['removed']} older results removed, {found['bytes'] / 1e6:.0f} MB; {found['kept']} kept"
+        return Outcome(text, found)
     if arguments.only:
         return _only(arguments, tell)
     how = CampaignOptions(
