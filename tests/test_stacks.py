@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque import stacks
-from camtorque.stacks import empty_stack, give_back, mean_of, std_of
+from camtorque.stacks import distance_of, empty_stack, give_back, mean_of, std_of
 
 
 @pytest.fixture(params=["memory", "nameless file", "file"])
@@ -26,6 +26,13 @@ def test_sums_over_cycles_are_those_of_numpy(stack: np.ndarray) -> None:
     np.testing.assert_allclose(mean_of(stack, chosen), np.mean(stack[chosen], axis=0), rtol=1e-13)
     for ddof in (0, 1):
         np.testing.assert_allclose(std_of(stack, mean_of(stack), ddof), np.std(stack, axis=0, ddof=ddof), rtol=1e-12)
+
+
+def test_distance_from_a_cycle_is_that_of_numpy(stack: np.ndarray) -> None:
+    centre = np.asarray(stack[3])
+    for stride in (1, 7):
+        expected = np.sqrt(np.mean((stack - centre)[:, ::stride] ** 2, axis=1))
+        np.testing.assert_allclose(distance_of(stack, centre[::stride], stride), expected, rtol=1e-12)
 
 
 def test_values_are_kept_when_their_memory_is_given_back(stack: np.ndarray) -> None:

@@ -78,3 +78,12 @@ def std_of(stack: Stack, mean: Stack, ddof: int = 0) -> Stack:
         deviation = stack[piece] - mean
         total += np.einsum("ij,ij->j", deviation, deviation)
     return np.asarray(np.sqrt(total / (stack.shape[0] - ddof)))
+
+
+def distance_of(stack: Stack, centre: Stack, stride: int = 1) -> Stack:
+    """Return the rms distance of each cycle from a cycle, which holds every ``stride``-th point (n_cycles,)."""
+    total = np.empty(stack.shape[0])
+    for piece in pieces(stack):
+        deviation = stack[piece, ::stride] - centre
+        total[piece] = np.einsum("ij,ij->i", deviation, deviation)
+    return np.asarray(np.sqrt(total / centre.size))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from camtorque.align.options import AlignOptions
 from camtorque.records import Array, CutFlowRow
 from camtorque.signal.threshold import Count, Threshold
-from camtorque.stacks import pieces
+from camtorque.stacks import distance_of
 
 Mask = NDArray[np.bool_]
 
@@ -182,15 +182,7 @@ def spread_choice(flags: Mask, most: int) -> NDArray[np.int64]:
 def _distance(rows: Array, normal: Mask) -> Array:
     """Return the RMS distance of each cycle from the median cycle, at points that lie `POINT_DEG` apart."""
     stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
-    return _rms_distances(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES), ::stride], axis=0), stride)
-
-
-def _rms_distances(rows: Array, centre: Array, stride: int) -> Array:
-    total = np.empty(rows.shape[0])
-    for piece in pieces(rows):
-        deviation = rows[piece, ::stride] - centre
-        total[piece] = np.einsum("ij,ij->i", deviation, deviation)
-    return np.sqrt(total / centre.size)
+    return distance_of(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES), ::stride], axis=0), stride)
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {

@@ -8,7 +8,7 @@ from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel
 from camtorque.report.measured import measured_mean
 from camtorque.report.torque_figures import spans
-from camtorque.stacks import std_of
+from camtorque.stacks import distance_of, std_of
 from camtorque.units import BAR, DEGREE, RPM
 
 
@@ -84,7 +84,7 @@ def cycles(result: RunResult) -> Curves:
     """Show the speed of the used cycles and how far each lies from the mean cycle."""
     record = result.cycles
     assert record.torque is not None
-    distance = np.sqrt(np.mean((record.torque - np.mean(record.torque, axis=0)) ** 2, axis=1))
+    distance = distance_of(record.torque, record.mean_torque)
     masks = ((~record.held_out, "fitted", "fitted"), (record.held_out, "held out", "c1"))
     panels = tuple(
         Panel(name, tuple(Line(label, np.where(mask, values, np.nan), tone, points=True)
