@@ -22,8 +22,6 @@ from typing import Any
 
 import lmfit
 import numpy as np
-import pandas as pd
-from nptdms import TdmsFile
 from scipy.optimize import least_squares
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -37,6 +35,7 @@ from camtorque.fit.solver import lifts_at, normal_equations, solve, try_at  # no
 from camtorque.ingest import read_recording  # noqa: E402
 from camtorque.laws.chain import evaluate  # noqa: E402
 from fit_cases import bridged, quick_data, quick_prepared  # noqa: E402
+from usual_script import mean_cycles  # noqa: E402
 
 CASE = ("closed_volume", 0, 1000.0)
 EXAMPLE = ROOT / "raw_examples" / "A_1000rpm"
@@ -171,26 +170,10 @@ def stage_lines() -> Iterator[str]:
         yield f"| {name} | {cost:.2f} s | {100.0 * cost / total:.0f} % |"
 
 
-def pandas_script(path: Path) -> list[pd.DataFrame]:
-    """Return the mean cycle of torque and pressure as a script would: edges of the trigger, groupby over angle bins."""
-    channels = {channel.name: channel for group in TdmsFile.read(path).groups() for channel in group.channels()}
-    trigger = channels.pop("Prox_Trigger")
-    volts = trigger[:]
-    above = volts > 0.5 * (volts.min() + volts.max())
-    edges = np.flatnonzero(above[1:] & ~above[:-1]) * trigger.properties["wf_increment"]
-    found = []
-    for name, channel in channels.items():
-        frame = pd.DataFrame({name: channel[:]})
-        turn = np.interp(frame.index * channel.properties["wf_increment"], edges, np.arange(edges.size), -1.0, -1.0)
-        frame["bin"] = np.floor((turn % 1.0) * 3600).astype(int)
-        found.append(frame[turn >= 0.0].groupby("bin").mean())
-    return found
-
-
 def align_lines() -> Iterator[str]:
     """Yield reading and aligning an example against the script."""
     path = next(EXAMPLE.glob("*.tdms"))
-    script = seconds(lambda: pandas_script(path), 3)
+    script = seconds(lambda: mean_cycles(path, "Prox_Trigger"), 3)
     own = seconds(lambda: align(read_recording(EXAMPLE), AlignOptions()), 3)
     yield "| raw file to mean cycles, 3 s, TDMS | processor time | ratio |"
     yield "|---|---|---|"
