@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.prepare import on_grid
+from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, build_problem, with_starts
-from camtorque.fit.solver import LiftModes, Solution, lifts_at, no_lift, solve, try_at
+from camtorque.fit.solver import Solution, lifts_at, no_lift, solve, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.records import Array
 from camtorque.units import DEGREE
@@ -33,19 +33,35 @@ END_SHARES = (0.5, 0.68, 0.86)
 RETRACTIONS = (5.0e-9, 25.0e-9)
 """Retraction volumes that are tried where no end is seen [m^3]."""
 SMOOTHINGS_DEG = (14.0, 7.0, 3.5, 1.5, 0.0)
+UNSMOOTHED = (0.0, 0.0)
+SEARCH_LIFT_CUT = 0.3
+"""Weakest mode of the lift correction in the search, where only what is large counts."""
 ITERATIONS = 8
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-DOUBTFUL, UNEXPLAINED = 20.0, 300.0
-"""Chi-square above which further rounds are made, and a swinging hub is tried from the beginning."""
-COUPLINGS = tuple((hertz, soft) for hertz in np.geomspace(50.0, 340.0, 6) for soft in (100.0e-6, 300.0e-6, 900.0e-6))
+DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, INDEPENDENT, 5.0 * INDEPENDENT
+"""Chi-square above which the best start is moved on, all is begun again, and nothing found so far is believed."""
+HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 360.0, 14) for soft in (250.0e-6, 800.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
+HUBS_KEPT = 3
 SHAFTS = ((60.0e-6, 700.0), (400.0e-6, 900.0), (400.0e-6, 300.0))
 """Compliance of the shaft [rad/(N m)] and the frequency at which the cam rings on it [Hz]."""
+SHAFTS_WITH_HUB = ((60.0e-6, 1200.0), (200.0e-6, 620.0), (400.0e-6, 450.0))
+RINGINGS = tuple((hertz, ratio) for hertz in np.geomspace(120.0, 2600.0, 72) for ratio in (0.02, 0.06))
+"""Frequency at which the cam rings on the shaft [Hz] and damping ratio: the true ones stand in a narrow dip."""
+RINGINGS_KEPT = 3
+APART = 1.1
+"""Least ratio of two frequencies of ringing that are followed."""
 FAR = 30.0
-"""A structure whose chi-square exceeds the best one's by this factor gets no further starts."""
+"""A structure whose chi-square exceeds the best one's by this factor (and what is unexplained) gets no more starts."""
+HELPED, MOST_MOVES = 0.7, 14
+"""Ratio of chi-squares below which a move has helped much, and how many are made at most."""
 KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
 """A start is followed while its chi-square is below the best one's times and plus these."""
+
+
+Items = dict[str, list[FitData]]
+"""Recordings with their rows' starts, by structure."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +75,10 @@ class Start:
     def chi_square(self) -> float:
         """Chi-square of the short fit."""
         return self.solution.chi_square
+
+
+Starts = Mapping[str, list[Start]]
+"""Short fits by structure, least chi-square first."""
 
 
 def rising_angles(data: FitData, shares: tuple[float, ...]) -> tuple[Array, Array]:
@@ -82,6 +102,11 @@ def candidates(data: FitData, structure: str) -> list[FitData]:
         name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)
         pairs = [(v, {name: float(place)}) for v in VOLUMES for place in places]
     return [with_starts(item, {"dead_volume": v * swept, **rest}) for v, rest in pairs]
+
+
+def rough(data: FitData) -> FitData:
+    """Return the recording as the search sees it: on its grid, with a coarse correction of the lift."""
+    return coarse(replace(data, lift_basis=data.lift_basis.thinned()))
 
 
 def coarse(data: FitData, grid: int = SEARCH_GRID) -> FitData:
@@ -119,7 +144,7 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
         coarse(data, grid_for(smoothing_deg)), build_problem([data]).values(build_problem([data]).start, 0)[0]
     )
     problem = build_problem([data], held)
-    lifts: tuple[LiftModes, ...] = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start)
+    lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, cut=SEARCH_LIFT_CUT)
     try:
         solution = solve(problem, None, iterations, lifts, smoothing_deg * DEGREE)
     except (FloatingPointError, np.linalg.LinAlgError):
@@ -155,22 +180,53 @@ def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core
     return result
 
 
-def with_coupling(item: FitData) -> list[FitData]:
-    """Return a start with a hub that swings on a yielding coupling, at several frequencies and compliances."""
-    return [
-        with_starts(item, {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft})
-        for hertz, soft in COUPLINGS
-    ]  # fmt: skip
+def with_hub(item: FitData, hertz: float, soft: float) -> FitData:
+    """Return a start with a hub that swings on a yielding coupling, lightly damped."""
+    return with_starts(item, {
+        "coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": 0.07
+    })  # fmt: skip
 
 
-def with_hub_alone(best: Start, structure: str) -> list[FitData]:
-    """Return the best start with a swinging hub on a stiff shaft, all but what places the load as expected.
+def hubs(item: FitData, tried: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
+    """Return the best hubs of a scan, frequency [Hz] and compliance [rad/(N m)], by one rung of much smoothing."""
+    ends = [continued(with_hub(item, *hub), SMOOTHINGS_DEG[1], False) for hub in tried]
+    kept = sorted((end for end in ends if end), key=lambda end: end.chi_square)[:HUBS_KEPT]
+    return [(end.data.rows["coupling_resonance"].start / (2.0 * np.pi), end.data.rows["coupling_compliance"].start)
+            for end in kept]  # fmt: skip
 
-    A shaft that has bent itself to stand in for the hub does not let go of it.
+
+def with_hubs(best: Start) -> list[FitData]:
+    """Return the best start with the hubs that help it most."""
+    return [with_hub(best.data, *hub) for hub in hubs(best.data, HUBS[::2])]
+
+
+def with_hubs_alone(best: Start) -> list[FitData]:
+    """Return the best start with hubs on several shafts, all but what places the load as expected.
+
+    A shaft that has bent itself to stand in for the hub does not let go of it: the scan is made on a stiff one.
     """
-    if structure != best.data.structure:
-        return []
-    return with_coupling(with_starts(as_expected(best), {"shaft_compliance": 60.0e-6, "drive_admittance": 1.0}))
+    item = with_starts(as_expected(best), {"drive_admittance": 1.0})
+    shafts = [with_starts(item, {"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz})
+              for soft, hertz in SHAFTS_WITH_HUB]  # fmt: skip
+    return [with_hub(shaft, *hub) for hub in hubs(shafts[0], HUBS) for shaft in shafts]
+
+
+def with_ringing(best: Start) -> list[FitData]:
+    """Return the best start with the shaft ringing at other frequencies, lightly damped: the best of a scan.
+
+    Ringing is invisible while the residual is smoothed, and an overdamped shaft does not find it afterwards.
+    """
+    lifts = best.solution.lifts
+    scored = []
+    for hertz, ratio in RINGINGS:
+        item = with_starts(best.data, {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio})
+        problem = build_problem([item])
+        scored.append((try_at(problem, problem.start, lifts).chi_square, hertz, item))
+    kept: list[tuple[float, FitData]] = []
+    for _, hertz, item in sorted(scored, key=lambda one: one[0]):
+        if len(kept) < RINGINGS_KEPT and all(max(hertz / f, f / hertz) > APART for f, _ in kept):
+            kept.append((hertz, item))
+    return [item for _, item in kept]
 
 
 def with_shaft(item: FitData) -> list[FitData]:
@@ -206,64 +262,88 @@ def as_expected(start: Start) -> FitData:
     return with_starts(start.data, {name: rows[name].prior[0] for name in names if rows[name].prior})  # type: ignore[index]
 
 
+def expected_again(result: Starts, _rough: FitData) -> Items:
+    """Return the best two starts of each likely structure with all but what places the load as expected."""
+    return {name: [as_expected(start) for start in result[name][:2]] for name in likely(result)}
+
+
+def from_the_beginning(result: Starts, rough: FitData) -> Items:
+    """Return first starts of the likely structures with other shafts."""
+    return {name: [item for one in candidates(rough, name) for item in with_shaft(one)] for name in likely(result)}
+
+
+def scanned_again(result: Starts, _rough: FitData) -> Items:
+    """Return the best start in every likely structure with the end of delivery where a scan puts it."""
+    return {name: rescanned(least(result), name) for name in likely(result)}
+
+
+def of_the_best(more: Callable[[Start], list[FitData]]) -> Callable[[Starts, FitData], Items]:
+    """Return a move that changes the best start within its structure."""
+    return lambda result, _rough: {least(result).data.structure: more(least(result))}
+
+
+@dataclass(frozen=True)
+class Move:
+    """Further starts from what was found so far.
+
+    starts : from the starts so far and the recording on the search's grid
+    smoothings : ladder that they walk down
+    above : chi-square of the best start above which the move is made
+    """
+
+    starts: Callable[[Starts, FitData], Items]
+    smoothings: tuple[float, ...]
+    above: float
+
+
+BEGINNING = "from the beginning"
+MOVES: dict[str, Move] = {
+    "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
+    "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
+    "hub": Move(of_the_best(with_hubs), SMOOTHINGS_DEG[1:], DOUBTFUL),
+    "hub alone": Move(of_the_best(with_hubs_alone), SMOOTHINGS_DEG[1:], UNEXPLAINED),
+    "as expected": Move(expected_again, SMOOTHINGS_DEG[1:], DOUBTFUL),
+    BEGINNING: Move(from_the_beginning, SMOOTHINGS_DEG, DISSATISFYING),
+}
+"""Moves in the order in which they are tried; after one that helps much, all are tried again."""
+
+
 def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> dict[str, list[Start]]:
     """Return the best starts of each structure, least chi-square first.
 
-    Further rounds are for recordings that the rounds before do not explain: a swinging hub from the best start, other
-    shafts and a swinging hub from the beginning.
+    Further moves are for recordings that are not explained yet; each is made again after others have helped much.
     """
-    rough = coarse(data)
-    result = descend({name: candidates(rough, name) for name in structures}, SMOOTHINGS_DEG, True)
-    if not result:
-        return {}
-    result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
-    if least(result).chi_square > DOUBTFUL:
-        result = merged(result, lambda best, name: with_coupling(best.data) if name == best.data.structure else [],
-                        SMOOTHINGS_DEG[1:])  # fmt: skip
-        if least(result).chi_square > UNEXPLAINED:
-            result = merged(result, with_hub_alone, SMOOTHINGS_DEG[1:])
-        result = merged(result, lambda best, name: [as_expected(start) for start in result[name][:2]]
-                        if name in likely(result) else [], SMOOTHINGS_DEG[1:])  # fmt: skip
-        result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
-    if least(result).chi_square > DOUBTFUL:
-        near = [name for name in likely(result) if name != "line"]
-        hub = least(result).chi_square > UNEXPLAINED
-        fresh = {name: from_the_beginning(rough, name, hub) for name in near}
-        result = joined(result, descend(fresh, SMOOTHINGS_DEG, True))
-        result = merged(result, rescanned, SMOOTHINGS_DEG[2:])
+    seen = rough(data)
+    first = descend({name: candidates(seen, name) for name in structures}, SMOOTHINGS_DEG, True)
+    result = {name: first.get(name, []) for name in structures}
+    pending = dict(MOVES) if set(first) - {"line"} else {}
+    for _ in range(MOST_MOVES):
+        before = least(result).chi_square if pending else 0.0
+        name = next((name for name, move in pending.items() if before > move.above), None)
+        if name is None:
+            break
+        move = pending.pop(name)
+        items = {structure: group for structure, group in move.starts(result, seen).items() if group}
+        result = joined(result, descend(items, move.smoothings, name == BEGINNING))
+        if least(result).chi_square < HELPED * before:
+            pending = {key: one for key, one in MOVES.items() if key != name and (key != BEGINNING or key in pending)}
     return result
 
 
-def from_the_beginning(rough: FitData, structure: str, hub: bool) -> list[FitData]:
-    """Return first starts with other shafts, and where wanted with a swinging hub."""
-    firsts = candidates(rough, structure)
-    result = [item for one in firsts for item in with_shaft(one)]
-    if hub:
-        result += with_coupling(firsts[1])
-    return result
+def likely(result: Starts) -> list[str]:
+    """Return the structures with a chamber that are not far behind the best one; all of them where none explains."""
+    best = least(result).chi_square
+    limit = FAR * best + UNEXPLAINED
+    return [name for name, group in result.items()
+            if name != "line" and (best > UNEXPLAINED or (group and group[0].chi_square < limit))]  # fmt: skip
 
 
-def likely(result: Mapping[str, list[Start]]) -> list[str]:
-    """Return the structures that are not far behind the best one."""
-    limit = FAR * least(result).chi_square
-    return [name for name, group in result.items() if group and group[0].chi_square < limit]
-
-
-def joined(one: Mapping[str, list[Start]], other: Mapping[str, list[Start]]) -> dict[str, list[Start]]:
+def joined(one: Starts, other: Starts) -> dict[str, list[Start]]:
     """Return the starts of both by structure, best first."""
     return {name: sorted([*group, *other.get(name, [])], key=lambda start: start.chi_square)
             for name, group in one.items()}  # fmt: skip
 
 
-def least(result: Mapping[str, list[Start]]) -> Start:
-    """Return the start of least chi-square."""
-    return min((group[0] for group in result.values() if group), key=lambda start: start.chi_square)
-
-
-def merged(
-    result: dict[str, list[Start]], more: Callable[[Start, str], list[FitData]], smoothings: tuple[float, ...]
-) -> dict[str, list[Start]]:
-    """Return the starts with those that further ones (of the best start, for a structure) lead to, best first."""
-    best = least(result)
-    items = {name: more(best, name) for name in result if name != "line"}
-    return joined(result, descend({name: group for name, group in items.items() if group}, smoothings, False))
+def least(result: Starts) -> Start:
+    """Return the start of least chi-square among those with a chamber."""
+    return min((group[0] for name, group in result.items() if group and name != "line"), key=lambda s: s.chi_square)

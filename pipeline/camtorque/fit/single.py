@@ -134,7 +134,7 @@ def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | 
 
 def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS) -> Candidate:
     """Return the minimum that a start leads to on the fine grid."""
-    item = replace(start.data, chain=replace(
+    item = replace(start.data, lift_basis=data.lift_basis, chain=replace(
         data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
     ))  # fmt: skip
     problem = build_problem([item])

@@ -27,6 +27,8 @@ LARGEST_INFORMATION = 1.0e30
 """Beyond this a tangent has run away: the point is far from anything physical."""
 LIFT_CUT = 0.05
 """Modes of the lift correction weaker than this (in standard deviations of the residual) are left out."""
+UNFELT = 0.2
+"""Coefficients whose column is shorter than this share of the weakest mode are left out beforehand."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +63,25 @@ def no_lift() -> LiftModes:
     return LiftModes(np.zeros((BINS, 0)), np.zeros(0), np.zeros((0, 0)))
 
 
-def lift_modes(item: FitData, output: ChainOutput, values: dict[str, float], inflate: float = 1.0) -> LiftModes:
+def lift_modes(
+    item: FitData, output: ChainOutput, values: dict[str, float], inflate: float = 1.0, cut: float = LIFT_CUT
+) -> LiftModes:
     """Return the lift correction of a recording for its present contact force.
 
-    ``inflate`` multiplies the prior standard deviation (a joint fit does not average the common error away).
+    ``inflate`` multiplies the prior standard deviation (a joint fit does not average the common error away); modes
+    weaker than ``cut`` are left out.
     """
     basis = item.lift_basis
     columns = binned(output.load)[:, None] * basis.basis(binned(output.motion.theta), 1)
     shaft, measured, _ = transfer(item.chain, values, BINS)
     columns = filtered(columns, shaft * measured) * (item.weight * basis.prior_std * inflate)[:, None]
-    squares, right = np.linalg.eigh(columns.T @ columns)
-    kept = squares > LIFT_CUT**2
+    felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2
+    squares, right = np.linalg.eigh(columns[:, felt].T @ columns[:, felt])
+    kept = squares > cut**2
     strength, right = np.sqrt(squares[kept]), right[:, kept]
-    return LiftModes(columns @ right / strength, strength, right * basis.prior_std * inflate)
+    to_lift = np.zeros((felt.size, strength.size))
+    to_lift[felt] = right * basis.prior_std * inflate
+    return LiftModes(columns[:, felt] @ right / strength, strength, to_lift)
 
 
 @dataclass(frozen=True)
@@ -293,12 +301,12 @@ def solve(
     )  # fmt: skip
 
 
-def lifts_at(problem: Problem, z: Array, inflate: float = 1.0) -> tuple[LiftModes, ...]:
+def lifts_at(problem: Problem, z: Array, inflate: float = 1.0, cut: float = LIFT_CUT) -> tuple[LiftModes, ...]:
     """Return the lift correction of every recording for the contact force at z."""
     result = []
     for index, item in enumerate(problem.data):
         values, _ = problem.values(z, index)
-        result.append(lift_modes(item, evaluate(item.chain, values), values, inflate))
+        result.append(lift_modes(item, evaluate(item.chain, values), values, inflate, cut))
     return tuple(result)
 
 

@@ -45,6 +45,14 @@ class LiftCorrection:
         """Number of coefficients."""
         return self.knots.size - 4
 
+    def thinned(self) -> LiftCorrection:
+        """Return the correction with knots twice as far apart and the same spectral density at low harmonics."""
+        step = 2.0 * (self.knots[1] - self.knots[0])
+        count = int(np.ceil((self.knots[-1] - self.knots[0]) / step))
+        scale = np.sqrt(0.5)
+        knots = self.knots[0] + step * np.arange(count + 1)
+        return LiftCorrection(knots, self.prior_std * scale, self.bound * scale)
+
     def basis(self, theta: Array, derivative: int = 0) -> Array:
         """Return the basis at angles of any revolution, (n, n_basis), per coefficient."""
         return self.correction(theta, np.eye(self.n_basis), derivative)
