@@ -53,7 +53,7 @@ def known() -> tuple[Any, Any]:
     return pickle.loads(Path(os.environ[RESULT]).read_bytes())
 
 
-def stand_in_analysis(path: Path, options: RunOptions) -> tuple[Any, Any]:
+def stand_in_analysis(path: Path, options: RunOptions, *told: Any) -> tuple[Any, Any]:
     """Return the known result under the recording's own name."""
     time.sleep(float(os.environ.get(PAUSE, "0")))
     result, prepared = known()
