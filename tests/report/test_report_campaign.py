@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from camtorque.fit import CampaignFit, Drift, HeldOut, JointRecording
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
 from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
@@ -137,11 +138,27 @@ def many(count: int) -> CampaignView:
                         {"leakage": {"literature": 70.0, "the recording itself": 30.0}})  # fmt: skip
 
 
+def joint_of(view: CampaignView) -> CampaignFit:
+    """Return a joint fit of many recordings: 45 shared parameters, each recording left out in turn."""
+    case, ids = run_result(), tuple(f"id {name}" for name in view.names)
+    found = case.fitted.metrics
+    held = tuple(
+        HeldOut(name, mode, ("torque_zero",), found["fitted"], False)
+        for name in ids
+        for mode in ("own_zero_and_end", "blind")
+    )
+    speeds = tuple(view.conditions[0].values.tolist())
+    values, errors = (tuple(row.tolist()) for row in (view.quantities[0].values, view.quantities[0].stderr))
+    drifts = tuple(Drift(f"parameter_{k}", "bar", ids, speeds, values, errors, 0.1, 0.2) for k in range(45))
+    one = JointRecording((), "land", found, True)
+    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros((0, 0)), held, (), drifts, (), (), 1.0)
+
+
 def page_of_many(count: int) -> str:
     view = many(count)
     doc = result_document(run_result())
     rows = tuple(replace(entry(name, doc), thumbnail="") for name in view.names)
-    result = CampaignResult(rows, None, (), {}, "2026-01-01T00:00:00+00:00")
+    result = CampaignResult(rows, joint_of(view), (), {}, "2026-01-01T00:00:00+00:00")
     drawings = campaign_drawings(result, view)
     return campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), drawings)
 
@@ -151,6 +168,16 @@ def test_a_thousand_recordings_fit_into_three_megabytes() -> None:
     assert len(page.encode()) <= 3_000_000
     assert page.count('/report.html"') >= 1000
     assert "<summary>1000 recordings</summary>" in page
+    assert "The numbers of all 1000 stand in" in page
+
+
+def test_of_few_recordings_errors_and_the_left_out_table_are_shown() -> None:
+    page = page_of_many(5)
+    assert "The same as a table" in page
+    assert json.loads(explorer_data(many(5)))["quantities"][0]["e"]
+    assert json.loads(explorer_data(many(201)))["quantities"][0]["e"] is None
+    none = replace(many(5), quantities=(many(5).conditions[0],))
+    assert json.loads(explorer_data(none))["quantities"][0]["e"] is None
 
 
 def test_no_text_of_a_recording_ends_the_data() -> None:

@@ -14,7 +14,7 @@ from camtorque.report.numbers import exponents, fixed, near, plus_minus, typeset
 from camtorque.report.payload import book, packed, unpacked
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
-from camtorque.report.svg import Scale, path_data, simplified, tick_text, ticks
+from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
 from report_cases import NASTY
 
 
@@ -52,6 +52,13 @@ def test_path_data_are_the_points_in_tenths() -> None:
 def test_ticks_are_round_and_have_the_digits_they_need(low: float, high: float, expected: list[str]) -> None:
     found = ticks(low, high)
     assert [tick_text(value, found[1] - found[0]) for value in found] == expected
+
+
+def test_dots_are_the_points_in_tenths() -> None:
+    x, y = np.array([10.04, 300.0, 12.5]), np.array([5.0, 0.0, 99.96])
+    steps = re.findall(r"m(-?\d+) (-?\d+)h0", dots(x, y, "fitted", 5.0))
+    places = np.cumsum(np.array(steps, dtype=int), axis=0)
+    np.testing.assert_array_equal(places, [[100, 50], [3000, 0], [125, 1000]])
 
 
 def test_places_on_a_logarithmic_scale() -> None:

@@ -58,10 +58,9 @@ def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
     order = np.argsort(drift.speeds_rpm)
     speeds = np.array(drift.speeds_rpm)[order]
     moves = drift.slope_stderr > 0.0 and abs(drift.slope_per_1000_rpm) > DRIFT_SIGMA * drift.slope_stderr
-    lines = [
-        Line("each alone", np.array(drift.values)[order], "warn" if moves else "fitted", points=True,
-             error=np.nan_to_num(np.array(drift.stderrs)[order]))
-    ]  # fmt: skip
+    error = np.nan_to_num(np.array(drift.stderrs)[order]) if order.size <= MANY else None
+    tone = "warn" if moves else "fitted"
+    lines = [Line("each alone", np.array(drift.values)[order], tone, points=True, error=error)]
     row = shared.get(drift.name)
     if row is not None and np.isfinite(row.value):
         lines.append(Line("joint", np.full(speeds.size, row.value), "muted", 1.2))

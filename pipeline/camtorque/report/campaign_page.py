@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
-from camtorque.report.campaign_view import CampaignView
+from camtorque.report.campaign_view import MANY, CampaignView
 from camtorque.report.chart import Chart
 from camtorque.report.drawings import svg_of
 from camtorque.report.numbers import num, words
@@ -84,7 +84,7 @@ def campaign_page(
         "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not doc["n_refused"] and not serious, drawings=drawings,
         links=dict(zip(view.names, view.links, strict=True)),
-        thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT,
+        thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
         drifts={row["name"]: row for row in doc["drifts"]},
         ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],
         explorer=explorer_data(view) if view.conditions and view.quantities else "",

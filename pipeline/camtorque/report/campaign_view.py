@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from sys import intern
 from typing import Any
 from urllib.parse import quote
 
@@ -86,6 +87,9 @@ NUMBERS = (
     ("work per revolution", "J", ("losses", "input")),
 )
 """Label, unit, path in result.json; a path to an estimate brings its standard error."""
+SECTIONS = tuple(dict.fromkeys(path[0] for *_, path in (*CONDITIONS, *NUMBERS)))
+PARAMETER_KEYS = ("value", "stderr", "unit", "source", "knowledge")
+"""What is kept of a result.json."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 
 
@@ -113,7 +117,19 @@ def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignVi
 
 
 def _document(path: Path) -> Mapping[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    """Return what a page needs of a result.json: a thousand whole ones would fill the memory."""
+    if not path.is_file():
+        return {}
+    doc = json.loads(path.read_text(encoding="utf-8"))
+    rows = doc.get("parameters", {})
+    return {
+        **{key: doc[key] for key in SECTIONS if key in doc},
+        "parameters": {
+            intern(name): {key: intern(v) if isinstance(v := row.get(key), str) else v for key in PARAMETER_KEYS}
+            for name, row in rows.items()
+        },
+        "uncertainty": {"budget": doc.get("uncertainty", {}).get("budget", {})},
+    }
 
 
 def _curves(path: Path, points: int) -> Array:

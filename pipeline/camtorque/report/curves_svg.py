@@ -11,6 +11,7 @@ from camtorque.report.svg import (
     Scale,
     area,
     box,
+    dots,
     drawing,
     line,
     padded,
@@ -123,9 +124,7 @@ def _drawn(item: Line, place: Array, inside: Mask, up: Scale, y: float, panel: P
         ends = zip(across, up.places(values[good] - error), up.places(values[good] + error), strict=True)
         data = "".join(f"M{x:.1f} {low:.1f}V{high:.1f}" for x, low, high in ends)
         parts.append(f'<path d="{data}" fill="none" {stroke(item.tone)}/>')
-    data = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in zip(across, along, strict=True))
-    look = f'stroke-width="{POINT:g}" stroke-linecap="round"'
-    return "".join(parts) + f'<path d="{data}" fill="none" {stroke(item.tone)} {look}/>'
+    return "".join(parts) + dots(across, along, item.tone, POINT)
 
 
 def _legend(panel: Panel, width: float) -> list[list[Line | Band]]:

@@ -6,7 +6,7 @@
   const book = JSON.parse(source.textContent);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const column = (item) => Array.from(new Float32Array(bytes(item)), (v) => (isFinite(v) ? v : null));
-  const read = (item) => ({ label: item.label, unit: item.unit, v: column(item.v), e: column(item.e) });
+  const read = (item) => ({ label: item.label, unit: item.unit, v: column(item.v), e: item.e ? column(item.e) : [] });
   const over = book.conditions.map(read), quantities = book.quantities.map(read);
   const title = (item) => item.label + (item.unit ? " [" + item.unit + "]" : "");
   const color = (tone) => getComputedStyle(document.documentElement).getPropertyValue("--" + tone).trim();

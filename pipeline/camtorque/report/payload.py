@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from camtorque.plain import clean
 from camtorque.records import Array
-from camtorque.report.campaign_view import CampaignView, Column
+from camtorque.report.campaign_view import MANY, CampaignView, Column
 from camtorque.report.chart import Band, Curves, Line, Panel, Span
 from camtorque.report.tones import RAMP
 
@@ -96,13 +96,20 @@ def book(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> Markup:
 
 
 def explorer_data(view: CampaignView) -> Markup:
-    """Return the numbers of all recordings of a campaign for the script that draws trends and maps."""
+    """Return the numbers of all recordings of a campaign for the script that draws trends and maps.
+
+    Of many recordings the standard errors are left out: their bars would cover each other, and the page has to stay
+    small; each recording's report has them.
+    """
+    few = len(view.names) <= MANY
 
     def floats(values: Array) -> str:
         return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
 
-    def column(item: Column) -> dict[str, str]:
-        return {"label": item.label, "unit": item.unit, "v": floats(item.values), "e": floats(item.stderr)}
+    def column(item: Column) -> dict[str, str | None]:
+        told = few and np.isfinite(item.stderr).any()
+        error = floats(item.stderr) if told else None
+        return {"label": item.label, "unit": item.unit, "v": floats(item.values), "e": error}
 
     return as_data({
         "names": list(view.names), "links": list(view.links), "ramp": list(RAMP),

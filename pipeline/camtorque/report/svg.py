@@ -160,6 +160,14 @@ def polyline(x: Array, y: Array, tone: str, width: float, dash: str = "") -> str
     )
 
 
+def dots(x: Array, y: Array, tone: str, size: float) -> str:
+    """Return points in pixels as one path of steps from each to the next: a thousand of them stay small."""
+    steps = np.diff(np.rint(np.column_stack([x, y]) * TENTHS).astype(int), axis=0, prepend=0)
+    data = "".join(f"m{across} {along}h0" for across, along in steps.tolist())
+    look = f'stroke-width="{size * TENTHS:g}" stroke-linecap="round"'
+    return f'<path transform="scale(.1)" d="{data}" fill="none" {stroke(tone)} {look}/>'
+
+
 def area(x: Array, low: Array, high: Array, tone: str) -> str:
     """Return the shape between two curves in pixels."""
     data = ""
