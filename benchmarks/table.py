@@ -10,6 +10,7 @@ while), ``--campaign`` the five examples with their joint fit. The fit itself: `
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import platform
 import shutil
@@ -38,7 +39,7 @@ from camtorque.run import RunOptions, analyse
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "raw_examples" / "A_1000rpm"
-SCRIPT = Path(__file__).with_name("usual_script.py")
+SCRIPT, USAGE = (Path(__file__).with_name(name) for name in ("usual_script.py", "usage.py"))
 LIBRARIES = "import numpy, scipy.interpolate, numba, h5py, jinja2"
 HEAD = (
     "| work | processor | wall | peak memory | wanted | peer | its processor | ratio |\n"
@@ -57,13 +58,10 @@ class Cost:
 
 def process(*command: object) -> Cost:
     """Return the cost of a child process, which has to succeed."""
-    began = time.perf_counter()
-    child = subprocess.Popen([sys.executable, *map(str, command)], stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(child.pid, 0)
-    child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise SystemExit(f"{' '.join(map(str, command))}: ended with {child.returncode}")
-    return Cost(time.perf_counter() - began, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0)
+    found = subprocess.run(
+        [sys.executable, USAGE, sys.executable, *map(str, command)], stdout=subprocess.PIPE, text=True, check=True
+    )
+    return Cost(**json.loads(found.stdout))
 
 
 def call(action: Callable[[], object]) -> Cost:

@@ -7,7 +7,7 @@ document      result.json, as a dictionary; cycles_file writes cycles.h5 and ali
 answer, texts the words of a page; numbers: one typography
 page          templates to pages with their content security policy; live.js: curves that one can zoom
 folder        output written to a temporary sibling, then renamed
-write         `write_run`, `write_prediction`; alignment, campaign_write, compare_page: the other three
+write         `write_run`; alignment, predict_page, campaign_write, compare_page: the other four
 
 Each name is loaded when it is first used: writing aligned cycles does not load the fit.
 """
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from camtorque.report.folder import check_output, check_writable, output_files, output_folder
     from camtorque.report.overview_figures import thumbnail
     from camtorque.report.pdf import write_pdf
-    from camtorque.report.write import write_prediction, write_run
+    from camtorque.report.predict_page import write_prediction
+    from camtorque.report.write import write_run
 
 HOMES = {
     "CampaignEntry": "bundle",
@@ -44,7 +45,7 @@ HOMES = {
     "write_campaign": "campaign_write",
     "write_compare": "compare_page",
     "write_pdf": "pdf",
-    "write_prediction": "write",
+    "write_prediction": "predict_page",
     "write_run": "write",
 }
 """Name -> module that holds it."""

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from camtorque.mechanism.predict import Prediction, sweep_rows
+from camtorque.mechanism.predict import Prediction, prediction_document, sweep_rows
+from camtorque.plain import plain
 from camtorque.report.chart import CAM_ANGLE, HALF, Curves, Line, Panel
 from camtorque.report.drawings import svg_of
+from camtorque.report.files import write_json
+from camtorque.report.folder import output_folder
 from camtorque.report.numbers import num, words
-from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.page import ESCAPED, Drawing, live_charts, render
 from camtorque.report.phases import phases
 from camtorque.report.tones import CYCLE
 from camtorque.report.torque_figures import DASHES
@@ -138,3 +142,10 @@ def prediction_page(prediction: Prediction, title: str) -> str:
         sweep=[(SWEEP[key], [_cell(row[key]) for row in rows]) for key in rows[0]],
         lost=any(row["contact_lost"] for row in rows),
     )  # fmt: skip
+
+
+def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
+    """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
+    with output_folder(target) as folder:
+        (folder / "predict.html").write_text(prediction_page(prediction, title), encoding="utf-8", errors=ESCAPED)
+        write_json(folder / "predict.json", plain(prediction_document(prediction)))

@@ -1,4 +1,4 @@
-"""Everything of one run, one prediction into a folder."""
+"""Everything of one run into a folder."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from camtorque.mechanism.predict import Prediction, prediction_document
 from camtorque.plain import plain
 from camtorque.report.bundle import RunResult
 from camtorque.report.cycles_file import write_cycles
@@ -16,10 +15,8 @@ from camtorque.report.figures import FIGURES
 from camtorque.report.files import write_json
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.folder import output_folder
 from camtorque.report.page import ESCAPED, run_page
 from camtorque.report.phases import phases
-from camtorque.report.predict_page import prediction_page
 
 
 def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
@@ -46,10 +43,3 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     write_json(folder / FIT_NAME, plain(run_fit_document(result)))
     write_json(folder / "result.json", doc)
     return doc
-
-
-def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
-    """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
-    with output_folder(target) as folder:
-        (folder / "predict.html").write_text(prediction_page(prediction, title), encoding="utf-8", errors=ESCAPED)
-        write_json(folder / "predict.json", plain(prediction_document(prediction)))
