@@ -59,8 +59,9 @@ class Cost:
 def process(*command: object) -> Cost:
     """Return the cost of a child process, which has to succeed."""
     found = subprocess.run(
-        [sys.executable, USAGE, sys.executable, *map(str, command)], stdout=subprocess.PIPE, text=True, check=True
-    )
+        [sys.executable, USAGE, sys.executable, *map(str, command)], stdout=subprocess.PIPE, text=True, check=True,
+        env={name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
+    )  # fmt: skip
     return Cost(**json.loads(found.stdout))
 
 
