@@ -6,6 +6,7 @@ inductive 60-2 wheel on its crank, a logic log of a noisy 36-2 wheel. None has a
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +14,11 @@ import h5py
 import numpy as np
 import pytest
 from align_truth import TWO_PI, Shaft, angle_error_deg
+from camtorque import cli
 from camtorque.align import align
 from camtorque.align.teeth import missing_tooth_steps
 from camtorque.ingest import read_recording
-from camtorque.records import CamCycles
+from camtorque.records import CamCycles, Refusal
 from camtorque.units import RPM
 from wheel_truth import Wheel, index_volts, wheel_volts
 
@@ -44,7 +46,7 @@ sample_rate_hz = {4}
 
 def cylinder(theta: np.ndarray) -> np.ndarray:
     """Pressure in a cylinder [Pa] over the angle of the cycle."""
-    return 1e5 * (1.0 + 30.0 * np.exp((np.cos(theta - 1.1) - 1.0) / 0.04) + 3.0 * np.cos(theta - 4.0))
+    return 1e5 * (4.0 + 30.0 * np.exp((np.cos(theta - 1.1) - 1.0) / 0.04) + 3.0 * np.cos(theta - 4.0))
 
 
 def aligned(folder: Path, toml: str) -> CamCycles:
@@ -130,6 +132,124 @@ def test_logic_log_of_a_noisy_36_2_wheel(tmp_path: Path) -> None:
     # 100 revolutions, 40 disturbances: those that lose or add teeth cost theirs
     assert cycles.index.size >= 60
     assert np.ptp(cycles.speed) < 0.02 * cycles.mean_speed
+
+
+def checked(folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict]:
+    """Return status and document of `check`."""
+    capsys.readouterr()
+    status = cli.main(["check", str(folder), "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
+def quantised(values: np.ndarray, step: float) -> np.ndarray:
+    return np.round(values / step) * step
+
+
+def test_diesel_with_a_slow_trigger_flank_and_a_coarse_converter(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # cylinder and fuel line through 12 bits, a flank of several degrees: 1354 stray samples were told where none is
+    wheel, rng = Wheel(shaft=Shaft(rpm=500.0, ripple=0.01, order=2), rate=20e3, duration=6.0), np.random.default_rng(0)
+    theta = wheel.shaft.angle(wheel.times)
+    distance = (theta - np.radians(20.0) + np.pi) % TWO_PI - np.pi
+    fuel = 2e5 + 6e7 * np.exp((np.cos(theta - 0.5) - 1.0) / 0.02)
+    fuel += 5e5 * np.sin(40.0 * theta) * np.exp((np.cos(theta - 0.8) - 1.0) / 0.1)
+    flank = 5.0 * np.exp(-0.5 * (distance / np.radians(3.0)) ** 2) + 0.01 * rng.standard_normal(theta.size)
+    signals = {
+        "pressure": quantised(fuel, 1e8 / 4096),
+        "chamber_pressure": quantised(cylinder(theta) + 2e4 * rng.standard_normal(theta.size), 2e7 / 4096),
+        "trigger": quantised(flank, 10.0 / 4096),
+    }
+    toml = engine_file(tmp_path, wheel, signals, "").replace(
+        '"chamber_pressure"\nunit = "V"', '"chamber_pressure"\nunit = "Pa"'
+    )
+    cycles = aligned(tmp_path, toml)
+    assert cycles.index.size == cycles.cycles_found
+    # the flank rises at half of its height, 3.5 degrees before its middle; the level that is meant is a convention
+    at = angle_error_deg(cycles.channels["chamber_pressure"], cylinder, cycles.theta)
+    assert abs(at) == pytest.approx(3.0 * np.sqrt(2.0 * np.log(2.0)), abs=0.5)
+    status, doc = checked(tmp_path, capsys)
+    assert (status, doc["usable"]) == (0, ["align"])
+    assert "isolated_samples" not in {row["code"] for row in doc["findings"]}
+
+
+def test_coil_of_a_cranked_engine_at_ten_kilohertz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wheel = Wheel(
+        shaft=Shaft(rpm=160.7, ripple=0.06, order=4), kind="inductive", rate=10e3, duration=8.0, noise=0.004,
+        edge="falling",
+    )  # fmt: skip
+    signals = {"pressure": cylinder(wheel.shaft.angle(wheel.times)), "trigger": wheel_volts(wheel)}
+    keys = 'pulses_per_rev = 60\nmissing_teeth = 2\nsensor = "inductive"\nedge = "falling"'
+    cycles = aligned(tmp_path, engine_file(tmp_path, wheel, signals, keys))
+    assert_truth(cycles, 0.1)
+    status, doc = checked(tmp_path, capsys)
+    assert status == 0
+    assert doc["speed_rpm"] == pytest.approx(160.7, rel=2e-3)
+    with pytest.raises(Refusal, match='a coil is declared as sensor = "inductive"'):
+        aligned(tmp_path, engine_file(tmp_path, wheel, signals, "pulses_per_rev = 60\nmissing_teeth = 2"))
+
+
+@pytest.mark.parametrize(("rpm", "rate"), [(850.0, 20e3), (900.0, 10e3), (3000.0, 20e3)])
+def test_logic_log_of_a_60_2_wheel_sampled_coarsely(tmp_path: Path, rpm: float, rate: float) -> None:
+    # 7 to 24 samples a tooth: stairs of the edges are no jumps of the clock
+    wheel = Wheel(shaft=Shaft(rpm=rpm, ripple=0.02, order=2), rate=rate, duration=4.0, noise=0.0)
+    levels = (wheel_volts(wheel) > 2.5).astype("u1")
+    signals = {"pressure": cylinder(wheel.shaft.angle(wheel.times)), "trigger": levels}
+    toml = engine_file(tmp_path, wheel, signals, "pulses_per_rev = 60\nmissing_teeth = 2")
+    assert_truth(aligned(tmp_path, toml.replace('"trigger"\nunit = "V"', '"trigger"\nunit = "logic"')), 0.2)
+
+
+def test_logic_log_of_a_four_stroke_engine_with_index(tmp_path: Path) -> None:
+    wheel = Wheel(shaft=Shaft(rpm=425.0, ripple=0.02, order=4), turns=2, rate=20e3, duration=6.0, index=True, noise=0.0)
+    signals = {
+        "pressure": cylinder(wheel.shaft.angle(wheel.times)),
+        "trigger": (wheel_volts(wheel) > 2.5).astype("u1"),
+        "index": (index_volts(wheel) > 2.5).astype("u1"),
+    }
+    keys = "pulses_per_rev = 60\nmissing_teeth = 2\nrevolutions_per_cycle = 2"
+    toml = engine_file(tmp_path, wheel, signals, keys).replace('unit = "V"', 'unit = "logic"')
+    assert_truth(aligned(tmp_path, toml), 0.2)
+
+
+@pytest.mark.parametrize("wrapped", [True, False])
+def test_shaft_line_with_an_angle_counter_and_no_pressure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], wrapped: bool
+) -> None:
+    wheel = Wheel(shaft=Shaft(rpm=250.0, ripple=0.02, order=3), rate=5e3, duration=10.0)
+    theta = wheel.shaft.angle(wheel.times)
+    counted = np.floor(np.degrees(theta) / 0.144) * 0.144
+    noise = 0.05 * np.random.default_rng(1).standard_normal(theta.size)
+    signals = {"torque": 3.0 + 2.0 * np.sin(theta - 1.0) + noise, "angle": counted % 360.0 if wrapped else counted}
+    toml = engine_file(tmp_path, wheel, signals, "").replace('"torque"\nunit = "V"', '"torque"\nunit = "N m"')
+    cycles = aligned(tmp_path, toml.replace('"angle"\nunit = "V"', '"angle"\nunit = "deg"'))
+    first = np.fft.rfft(cycles.torque.mean(axis=0))[1] / cycles.theta.size
+    # the counter's zero is the trigger's nominal angle; it shows the last step that was passed
+    moved = np.degrees(np.angle(first * np.exp(1j * (1.0 + np.pi / 2.0))))
+    assert moved == pytest.approx(-20.0 + 0.5 * 0.144, abs=0.03)
+    assert 2.0 * abs(first) == pytest.approx(2.0, rel=0.01)
+    status, doc = checked(tmp_path, capsys)
+    assert (status, doc["usable"]) == (0, ["align"])
+
+
+@pytest.mark.parametrize("edge", ["falling", "rising"])
+def test_negative_pulses_with_decimal_commas(tmp_path: Path, edge: str, capsys: pytest.CaptureFixture[str]) -> None:
+    shaft, rate = Shaft(rpm=300.0), 5e3
+    t = np.arange(round(8.0 * rate)) / rate
+    theta = shaft.angle(t)
+    pulse = -5.0 * ((theta - np.radians(20.0)) % TWO_PI < 0.15)
+    rows = [
+        f"{a:.4f};{b:.5f};{c:.3f}".replace(".", ",") for a, b, c in zip(t, cylinder(theta) / 1e5, pulse, strict=True)
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(["Zeit [s];Druck [bar];Geber [V]", *rows]) + "\n", encoding="cp1252")
+    toml = HEAD.format(id="n", rpm=300.0, trigger=f'edge = "{edge}"') + "".join(
+        CHANNEL.format(quantity, "log.csv", name, unit, rate)
+        for quantity, name, unit in (("pressure", "Druck", "bar"), ("trigger", "Geber", "V"))
+    )
+    assert_truth(aligned(tmp_path, toml), 0.3)
+    status, doc = checked(tmp_path, capsys)
+    assert (status, doc["usable"]) == (0, ["align"])
+    # the edge at the angle is the falling one; a trigger declared the other way round is read right and told
+    assert ("trigger_inverted" in {row["code"] for row in doc["findings"]}) == (edge == "rising")
 
 
 def test_first_interval_long_deletes_no_teeth() -> None:

@@ -35,6 +35,11 @@ EDGE_NOISES = Threshold(
     "Difference of neighbouring periods, in standard errors of an edge, that the edges alone can make: "
     "edges known to one sample, q / sqrt(12), move it by up to 2 q."
 )  # fmt: skip
+TOOTH_NOISES = Threshold(
+    10.5, "1", "statistics",
+    "The same on a wheel, where each period is held against the usual one of its tooth: that is known to half a "
+    "sample, so edges known to one sample move the difference by up to 3 q."
+)  # fmt: skip
 
 
 def mark_jumps(
@@ -73,7 +78,8 @@ def mark_jumps(
 def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
     """Flag the pulse at the end of each odd interval; on a wheel, pitch errors repeat and are taken off first."""
     period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
-    quantum = EDGE_NOISES * edge_noise / np.median(period) if period.size else 0.0
+    noises = TOOTH_NOISES if n > 1 else EDGE_NOISES
+    quantum = noises * edge_noise / np.median(period) if period.size else 0.0
     jump = np.zeros(train.time.size, dtype=bool)
     if period.size < 5:
         return jump

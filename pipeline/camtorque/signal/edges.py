@@ -31,6 +31,11 @@ MIN_HEIGHT_TO_NOISE = Threshold(
     8.0, "1", "statistics",
     "Pulses lower than this many standard deviations of the plateaus are no pulses."
 )  # fmt: skip
+COIL_SYMMETRY = Threshold(
+    0.1, "1", "convention",
+    "A signal without pulses whose median lies within this part of its swing from the middle may be a coil's: "
+    "the refusal says so."
+)  # fmt: skip
 LEAST_HEIGHT = Threshold(
     0.3, "1", "simulated rigs",
     "Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read "
@@ -250,11 +255,14 @@ def _no_pulses(channel: Channel, where: str, count: int, height: float) -> Refus
             "at least two revolutions; the file is empty or cut off: record or export it again"
         )
     found = f"of {height:.3g} V" if count else "at all"
+    middle, swing = float(np.median(volts)), float(np.ptp(volts))
+    waves = count > 1 and abs(middle - 0.5 * (np.max(volts) + np.min(volts))) < COIL_SYMMETRY * swing
+    coil = '; it swings alike to both sides: a coil is declared as sensor = "inductive" in [trigger]' if waves else ""
     return Refusal(
         f"{where}: found {count} trigger pulses {found} in {channel.duration:.3g} s of a signal from "
         f"{np.min(volts):.3g} to {np.max(volts):.3g} V with a noise of {noise_of(volts):.2g} V, expected at least two "
         f"pulses that stand {NOISE_HEIGHTS:.0f} times above the noise; check that the channel is the trigger, that "
-        "the sensor saw the tooth and that the recording is longer than two revolutions"
+        f"the sensor saw the tooth and that the recording is longer than two revolutions{coil}"
     )
 
 
