@@ -14,6 +14,7 @@ from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
 from camtorque.records import Refusal
+from camtorque.report.compare_page import EVENTS, compare_events
 
 
 def test_not_changed_asks_for_a_small_interval() -> None:
@@ -88,12 +89,23 @@ def test_terminal_tells_changes_first_and_names_the_unknown() -> None:
     row = {"before": 1.0, "after": 1.5, "difference": 0.5, "stderr": 0.1, "smallest_change": 0.4, "unit": "um"}
     doc = {
         "before": {"name": "A", "speeds_rpm": [900.0]}, "after": {"name": "B", "speeds_rpm": [901.0]},
-        "verdict": "changed",
+        "verdict": "changed", "events": [{"groups": ["leakage"], "probability": 0.97}],
         "parameters": {"pin_arm": {**row, "verdict": "cannot tell"}, "bearing_arm": {**row, "verdict": "not changed"},
                        "leakage": {**row, "verdict": "changed"}},
         "losses": {},
     }  # fmt: skip
     lines = compare_table(doc).splitlines()
-    assert lines[3].startswith("leakage")
-    assert lines[4].startswith("bearing arm")
+    assert lines[4].startswith("leakage")
+    assert lines[5].startswith("bearing arm")
     assert lines[-1] == "cannot tell: pin arm"
+
+
+def test_every_event_has_words_for_the_rig() -> None:
+    assert set(EVENTS) == set(CHANGES)
+
+
+def test_events_are_told_in_words_and_never_as_certain() -> None:
+    rows = [{"groups": ["leakage", "trigger"], "probability": 0.998}, {"groups": [], "probability": 0.4}]
+    found = compare_events({"events": rows})
+    assert found[0] == ("leakage past the plunger (clearance, wear) and trigger mounted at another angle", "> 99 %")
+    assert found[1] == ("nothing changed", "40 %")

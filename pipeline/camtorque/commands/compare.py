@@ -8,6 +8,7 @@ from typing import Any
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.compare import compare
+from camtorque.report.compare_page import compare_events
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -23,6 +24,7 @@ def compare_table(doc: Mapping[str, Any]) -> str:
     speeds = [", ".join(f"{speed:.1f}" for speed in side["speeds_rpm"]) for side in (before, after)]
     lines = [
         f"{before['name']} ({speeds[0]} rpm) against {after['name']} ({speeds[1]} rpm): {doc['verdict']}",
+        *(f"  {probability:>6}  {event}" for event, probability in compare_events(doc)),
         "",
         f"{'':24}{'before':>12}{'after':>12}{'difference':>22}{'would be seen':>16}",
     ]

@@ -21,6 +21,25 @@ from camtorque.report.page import ESCAPED, Drawing, live_charts, render
 from camtorque.report.phases import phases
 from camtorque.units import BAR, DEGREE
 
+EVENTS: dict[str, str] = {
+    "leakage": "leakage past the plunger (clearance, wear)",
+    "trigger": "trigger mounted at another angle",
+    "spring": "preload of the spring",
+    "friction": "friction of bearings, pin or guide",
+    "packing": "friction of the packing",
+    "damping": "viscous drag (oil, shaft, plunger)",
+    "temperature": "a warmer or colder fluid",
+    "fluid": "bulk modulus of the fluid",
+    "air": "free air in the fluid",
+    "feed": "feed pressure",
+    "port": "lift at which the inlet port closes",
+    "dead_volume": "dead volume of the chamber",
+    "valve_opening": "opening pressure of the delivery valve",
+    "valve": "motion or area of the delivery valve",
+    "shaft": "stiffness or damping of the shaft",
+    "drive": "inertia or control of the drive",
+}
+"""Event -> what it is to somebody at the rig."""
 TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
 
 
@@ -83,7 +102,7 @@ def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
     html = render(
         "compare.html", live_charts(drawings), strokes, title=_title(document), doc=document, drawings=drawings,
         tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
-        answer=compare_answer(document),
+        answer=compare_answer(document), events=compare_events(document),
     )  # fmt: skip
     (folder / "compare.html").write_text(html, encoding="utf-8", errors=ESCAPED)
     write_json(folder / "compare.json", document)
@@ -112,6 +131,19 @@ def compare_answer(document: Mapping[str, Any]) -> str:
         f"{text} The mean torque differs by {num(torque['rms_difference_nm'], 2)} N m RMS, "
         f"{num(torque['max_difference_nm'], 2)} N m at most{repeat if torque['odd_even_rms_nm'] is not None else ''}."
     )
+
+
+def compare_events(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what may have happened, in words, with its probability, the most probable first."""
+    return [
+        (" and ".join(EVENTS[name] for name in row["groups"]) or "nothing changed", percent(row["probability"]))
+        for row in document.get("events", ())
+    ]
+
+
+def percent(probability: float) -> str:
+    """Return a probability in percent, never rounded to certainty."""
+    return "> 99 %" if probability > 0.99 else f"{100.0 * probability:.0f} %"
 
 
 def _difference(row: Mapping[str, Any]) -> str:
