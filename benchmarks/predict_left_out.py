@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from camtorque.align import align
 from camtorque.fit import Prepared, joint_input, prepare
-from camtorque.fit.forecast import Curve, FittedAt, KnownFit, ends_for, forecast
+from camtorque.fit.ends import Curve, ends_for
+from camtorque.fit.forecast import FittedAt, KnownFit, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
@@ -46,10 +47,11 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared) -> dict
     speed = left.cycles.mean_speed
     curve = Curve(left.cycles.theta, left.means.pressure_all, speed)
     source = known.nearest(speed)
-    near = next(item for item in used if item.data.name == source.id)
     chain = chain_of(rig, speed, curve)
-    template = Curve(near.cycles.theta, near.means.pressure_all, near.cycles.mean_speed)
-    ends = ends_for(known, source, template, chain, curve)
+    templates = {
+        item.data.name: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed) for item in used
+    }
+    ends = ends_for(known, source, templates, chain, curve)
     item = forecast(known, chain, source, ends, {})
     measured = on_grid(left.means.torque_all, item.theta.size)
     error = measured - item.torque

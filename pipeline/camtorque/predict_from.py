@@ -20,7 +20,8 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config_pump import PumpConfig
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.forecast import Curve, FittedAt, Forecast, KnownFit, ends_for, forecast
+from camtorque.fit.ends import Curve, ends_for
+from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, forecast
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.ingest import read_recording
 from camtorque.ingest.cam_table import read_cam_table
@@ -31,12 +32,12 @@ from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.mounting import assumed_roller
 from camtorque.mechanism.predict import pressure_at
 from camtorque.mechanism.spectral import spectral_law
-from camtorque.records import Array, CamTable, Forces, Refusal
+from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA
 from camtorque.report.forecast_page import forecast_document
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
-from camtorque.units import RPM
+from camtorque.units import DEGREE, RPM
 
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
@@ -190,14 +191,15 @@ def predict_from(
     known, folder, rows = read_fit(Path(fit))
     changes = {"leakage": leakage_factor(clearance)} if clearance else {}
     given = _given(pressure, load_of)
+    reports = {row["id"]: folder / row["folder"] for row in rows}
+    templates = {item.id: curve_of(reports[item.id], item.speed) for item in known.recordings}
     items, forces = [], []
     for value in speeds_rpm:
         source = known.nearest(value * RPM)
-        report = folder / next(row["folder"] for row in rows if row["id"] == source.id)
-        rig = rig_of(report, pump, cam)
-        item, force = _predicted(known, source, report, rig, value * RPM, given, changes)
+        rig = rig_of(reports[source.id], pump, cam)
+        item, force, ends = _predicted(known, source, templates, rig, value * RPM, given, changes)
         assumed = _assumptions(source, pressure, load_of, clearance, pump or cam)
-        items.append(replace(item, assumed=assumed))
+        items.append(replace(item, assumed=(*assumed, *_end_text(ends, source, value))))
         forces.append(force)
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
     return Found(tuple(items), tuple(forces), forecast_document(items, forces, origin))
@@ -214,14 +216,13 @@ def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
 
 @on_one_thread
 def _predicted(
-    known: KnownFit, source: FittedAt, report: Path, rig: Rig, speed: float, given: Curve | None,
+    known: KnownFit, source: FittedAt, templates: Mapping[str, Curve], rig: Rig, speed: float, given: Curve | None,
     changes: Mapping[str, float],
-) -> tuple[Forecast, Forces]:  # fmt: skip
-    template = curve_of(report, source.speed)
-    curve = template if given is None else given
+) -> tuple[Forecast, Forces, Mapping[str, Estimate]]:  # fmt: skip
+    curve = templates[source.id] if given is None else given
     chain = chain_of(rig, speed, curve)
     shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
-    ends = {} if given is None else ends_for(known, source, template, chain, shaped)
+    ends = {} if given is None else ends_for(known, source, templates, chain, shaped)
     item = forecast(known, chain, source, ends, changes)
     places = known.own(source.id)
     arms = [
@@ -230,7 +231,20 @@ def _predicted(
     tables = closed_form_tables(
         rig.pump, lift_law(rig.table), item.true_angle, Mounting(rotation=rig.rotation), Friction(*arms)
     )
-    return item, forces_of(rig.pump, tables, item.pressure, speed)
+    return item, forces_of(rig.pump, tables, item.pressure, speed), ends
+
+
+def _end_text(ends: Mapping[str, Estimate], source: FittedAt, speed_rpm: float) -> tuple[str, ...]:
+    """Return where delivery was taken to end, and how well that is known."""
+    units = {"end_of_delivery": (DEGREE, "deg of cam angle"), "spill_lift": (1e-3, "mm of lift")}
+    texts = []
+    for name, end in ends.items():
+        per, unit = units[name]
+        texts.append(
+            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}: where "
+            f"the line pressure looks as it does at the end of {source.id}."
+        )
+    return tuple(texts)
 
 
 def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:

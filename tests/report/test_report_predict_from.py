@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
-from camtorque.fit.forecast import Curve, FittedAt, KnownFit, law_share, law_std, matched_end
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, matched_end, shape_std
+from camtorque.fit.forecast import FittedAt, KnownFit, law_share, law_std
 from camtorque.predict_from import leakage_factor, read_fit
 from camtorque.records import Refusal
 from camtorque.report.fit_file import run_fit_document
@@ -50,16 +51,40 @@ def test_own_parameters_are_those_of_the_recording() -> None:
     assert known([0.1, 0.1, 0.1]).own("r0") == {"leakage": 0}
 
 
+THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
+RISING = THETA[(THETA > 0.3) & (THETA < 1.4)]
+
+
+def falling(end: float, speed: float) -> Curve:
+    """Return a line pressure that falls at an end of delivery."""
+    fall = 1.0 / (1.0 + np.exp((THETA - end) / (2e-4 * speed)))
+    return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
+
+
 def test_an_end_of_delivery_is_found_by_the_shape_of_the_line_pressure() -> None:
-    theta = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
-
-    def curve(end: float, speed: float) -> Curve:
-        fall = 1.0 / (1.0 + np.exp((theta - end) / (2e-4 * speed)))
-        return Curve(theta, 1e7 + 4e7 * fall * np.minimum(theta, 1.0), speed)
-
-    rising = theta[(theta > 0.3) & (theta < 1.4)]
-    found = matched_end(curve(0.7, 60.0), 0.7, curve(0.9, 90.0), rising)
+    found = matched_end(falling(0.7, 60.0), 0.7, falling(0.9, 90.0), RISING)
     assert found == pytest.approx(0.9, abs=0.006)
+
+
+def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
+    names = ("end_of_delivery__a", "end_of_delivery__b", "end_of_delivery__c")
+    recordings = tuple(
+        FittedAt(name, speed, "land", 0.01, True) for name, speed in zip("abc", (50.0, 60.0, 75.0), strict=True)
+    )
+    templates = {name: falling(0.8, item.speed) for name, item in zip("abc", recordings, strict=True)}
+
+    def taught(ends: list[float], width: float = 1e-3) -> float:
+        return shape_std(
+            KnownFit(names, np.array(ends), width**2 * np.eye(3), recordings), "land", templates, RISING, RISING
+        )
+
+    assert taught([0.8, 0.8, 0.8]) == pytest.approx(LEAST_STD, abs=0.004)
+    assert taught([0.8, 0.85, 0.8]) == pytest.approx(0.05, abs=0.006), (
+        "an end that the shape does not show is in the band"
+    )
+    assert taught([0.8, 0.85, 0.8], 0.05) == pytest.approx(LEAST_STD), "what the fit leaves open is in its covariance"
+    alone = KnownFit(names[:1], np.array([0.8]), np.eye(1), recordings[:1])
+    assert shape_std(alone, "land", templates, RISING, RISING) == UNKNOWN_STD
 
 
 def test_clearance_changes_leakage_by_its_third_power() -> None:

@@ -18,7 +18,7 @@ from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, SPILL_NAMES
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, Estimate, Refusal, freeze_arrays
 
 DRAWS = 80
 FRACTION = 0.2
@@ -29,10 +29,6 @@ GROWTH = 0.02
 """Error as a share of the peak per unit of ln speed away from the fitted speeds, where no left-out run teaches it."""
 FLOOR = 0.15
 """Share of the law's error that is spread over the revolution whatever the torque is."""
-MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
-"""Time before and after an end of delivery over which the slope of the line pressure is compared [s]; points."""
-END_STD = np.radians(0.06)
-"""Standard deviation of an end of delivery that was found by the shape of the line pressure."""
 
 
 @dataclass(frozen=True)
@@ -71,15 +67,6 @@ class KnownFit:
         plain = {name: k for k, name in enumerate(self.names) if SEPARATOR not in name}
         mine = {n.split(SEPARATOR)[0]: k for k, n in enumerate(self.names) if n.endswith(f"{SEPARATOR}{recording}")}
         return {**plain, **mine}
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Line pressure over cam angle, (n,) [rad], [Pa], and the speed that it was taken at [rad/s]."""
-
-    theta: Array
-    pressure: Array
-    speed: float
 
 
 @dataclass(frozen=True)
@@ -145,30 +132,8 @@ def law_std(torque: Array, share: float) -> Array:
     return np.asarray(share * np.max(np.abs(torque)) * shape)
 
 
-def slope_around(curve: Curve, angle: float) -> Array:
-    """Return the slope of the line pressure around an angle, over its greatest size there."""
-    times = np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS)
-    slope = np.gradient(curve.pressure, curve.theta)
-    found = np.interp(angle + times * curve.speed, curve.theta, slope, period=2.0 * np.pi)
-    return np.asarray(found / (np.max(np.abs(found)) + 1e-12))
-
-
-def matched_end(template: Curve, angle: float, curve: Curve, rising: Array) -> float:
-    """Return the angle at which a line pressure looks as another one does around an end of delivery [rad].
-
-    Parameters
-    ----------
-    template, angle : line pressure whose end is known
-    curve : the other one
-    rising : (m,) angles among which the end is [rad]
-    """
-    wanted = slope_around(template, angle)
-    errors = [float(np.sum((slope_around(curve, float(place)) - wanted) ** 2)) for place in rising]
-    return float(rising[int(np.argmin(errors))])
-
-
 def forecast(
-    known: KnownFit, chain: ChainInput, source: FittedAt, ends: Mapping[str, float], changes: Mapping[str, float]
+    known: KnownFit, chain: ChainInput, source: FittedAt, ends: Mapping[str, Estimate], changes: Mapping[str, float]
 ) -> Forecast:
     """Return a run at the speed and line pressure of a chain.
 
@@ -176,12 +141,12 @@ def forecast(
     ----------
     chain : pump, cam, speed and line pressure; its torque is ignored
     source : fitted recording whose own parameters stand in
-    ends : own parameters that are known otherwise, such as the end of delivery [SI]
+    ends : own parameters that are known otherwise, such as the end of delivery, with how well [SI]
     changes : parameter -> factor, such as a leakage after wear
     """
     places = known.own(source.id)
     mean = {name: float(known.values[k]) for name, k in places.items()}
-    mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **ends})
+    mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in ends.items()}})
     best = values_of(mean, source, changes)
     chain = settled(chain, best)
     center = _parts(chain, best)
@@ -214,7 +179,7 @@ def values_of(
 
 
 def _draws(
-    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], ends: Mapping[str, float]
+    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], ends: Mapping[str, Estimate]
 ) -> list[dict[str, float]]:
     """Return drawn values within the bounds of the rows."""
     index = list(places.values())
@@ -227,8 +192,8 @@ def _draws(
     for k, step in enumerate(FRACTION * normal @ root.T):
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
         item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
-        if "end_of_delivery" in ends:
-            item["end_of_delivery"] += FRACTION * END_STD * float(found[k, 0])
+        for name, end in ends.items():
+            item[name] += FRACTION * end.stderr * float(found[k, 0])
         result.append(
             {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
         )
@@ -268,25 +233,3 @@ def _parts(chain: ChainInput, values: Mapping[str, float]) -> dict[str, Array]:
     return {
         **named, "torque": torque, "pressure": output.pressure, "contact": output.load, "angle": output.motion.theta,
     }  # fmt: skip
-
-
-def rising_angles(chain: ChainInput) -> Array:
-    """Return the angles of the rising flank at which a delivery may end [rad]."""
-    lift = np.asarray(chain.law.evaluate(chain.theta, 0))
-    top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    return chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
-
-
-def ends_for(known: KnownFit, source: FittedAt, template: Curve, chain: ChainInput, curve: Curve) -> dict[str, float]:
-    """Return where delivery ends under another line pressure, found by the shape that it has at a known end."""
-    places = known.own(source.id)
-    if source.structure == "land":
-        angle = float(known.values[places["end_of_delivery"]])
-        return {"end_of_delivery": matched_end(template, angle, curve, rising_angles(chain))}
-    if source.structure == "spill":
-        rising = rising_angles(chain)
-        lift = np.asarray(chain.law.evaluate(rising, 0))
-        angle = float(np.interp(known.values[places["spill_lift"]], lift, rising))
-        found = matched_end(template, angle, curve, rising)
-        return {"spill_lift": float(np.interp(found, rising, lift))}
-    return {}
