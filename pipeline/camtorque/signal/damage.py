@@ -41,8 +41,9 @@ def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, in
     """
     if not volts.size:
         return 0, 0, 1, 0
-    missing, clipped = count_missing(volts), 0
-    if missing or not lowest < np.min(volts) or not np.max(volts) < highest:
+    low, high, clipped = np.min(volts), np.max(volts), 0
+    missing = 0 if low > -NO_VOLTAGE and high < NO_VOLTAGE else count_missing(volts)
+    if not (lowest < low and high < highest):
         clipped = int(np.count_nonzero((volts <= lowest) | (volts >= highest)))
     if np.count_nonzero(volts[1:] == volts[:-1]) < 2:
         return clipped, missing, 1, 0
@@ -52,7 +53,7 @@ def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, in
 def count_missing(volts: Array) -> int:
     """Count the samples that are no voltages."""
     if volts.size and np.min(volts) > -NO_VOLTAGE and np.max(volts) < NO_VOLTAGE:
-        return 0
+        return 0  # the extremes of a block are found several times as fast
     return int(volts.size - np.count_nonzero(np.abs(volts) < NO_VOLTAGE))
 
 
