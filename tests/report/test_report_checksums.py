@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -143,27 +144,33 @@ class Answer:
 # the vocabulary comes from a package and not from the network
 context.Context._fetch_context = lambda self, source, base, referenced: terms
 type(HttpRequester()).get = lambda self, *_, **__: Answer()
-settings = services.ValidationSettings(
-    rocrate_uri=sys.argv[1], profile_identifier="process-run-crate", requirement_severity=models.Severity.REQUIRED,
-)
-result = services.validate(settings)
-print("RESULT", json.dumps(sorted({f"{issue.check.identifier} {issue.message}" for issue in result.get_issues()})))
+found = []
+for folder in sys.argv[1:]:
+    settings = services.ValidationSettings(
+        rocrate_uri=folder, profile_identifier="process-run-crate", requirement_severity=models.Severity.REQUIRED,
+    )
+    result = services.validate(settings)
+    found.append(sorted({f"{issue.check.identifier} {issue.message}" for issue in result.get_issues()}))
+print("RESULT", json.dumps(found))
 """
 
 
-def validated(folder: Path) -> list[str]:
-    done = subprocess.run([sys.executable, "-c", VALIDATE, folder], capture_output=True, text=True, check=False)
+def validated(*folders: Path) -> list[list[str]]:
+    done = subprocess.run([sys.executable, "-c", VALIDATE, *folders], capture_output=True, text=True, check=False)
     lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
     assert lines, done.stderr
     return json.loads(lines[0].removeprefix("RESULT "))
 
 
-def test_a_public_validator_accepts_the_crate(written: Path) -> None:
+def test_a_public_validator_accepts_the_crate(written: Path, tmp_path: Path) -> None:
     pytest.importorskip("rocrate_validator")
-    assert validated(written) == []
-    crate = json.loads((written / CRATE).read_text(encoding="utf-8"))
+    faulty = tmp_path / "faulty"
+    shutil.copytree(written, faulty)
+    crate = json.loads((faulty / CRATE).read_text(encoding="utf-8"))
     for item in crate["@graph"]:
         if item["@type"] == "CreateAction":
             del item["instrument"]
-    (written / CRATE).write_text(json.dumps(crate), encoding="utf-8")
-    assert any("instrument" in issue for issue in validated(written)), "the validator has to see a fault"
+    (faulty / CRATE).write_text(json.dumps(crate), encoding="utf-8")
+    sound, broken = validated(written, faulty)
+    assert sound == []
+    assert any("instrument" in issue for issue in broken), "the validator has to see a fault"
