@@ -135,7 +135,7 @@ def _assumed(channel: Channel) -> Finding:
     unit, factor = ("N m", 1.0) if channel.quantity == "torque" else ("bar", 1.0 / BAR)
     zero = channel.calibration.zero_std * factor
     text = (
-        f"nothing is told of the {channel.quantity} sensor; assumed: gain ± {100.0 * WIDE_GAIN_STD:g} %, zero ± "
+        f"nothing is known of the {channel.quantity} sensor; assumed: gain ± {100.0 * WIDE_GAIN_STD:g} %, zero ± "
         f"{zero:.2g} {unit}, delay 0 ± {1e3 * WIDE_DELAY_STD:g} ms; give sensors={{{channel.quantity!r}: Sensor(...)}}"
     )
     return Finding("sensor_assumed", "warning", text, channel.name)

@@ -40,7 +40,7 @@ class RunOptions:
 
 @dataclass
 class Stopwatch:
-    """Wall time by stage, told as it goes."""
+    """Wall time by stage, reported as it goes."""
 
     progress: Progress
     seconds: dict[str, float] = field(default_factory=dict)

@@ -97,7 +97,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Waiting:
-    """Nothing to be told yet, and why."""
+    """Nothing to report yet, and why."""
 
     name: str
     reason: str

@@ -247,7 +247,7 @@ def test_swapped_channels_are_refused() -> None:
         replace(torque, quantity="pressure", calibration=pressure.calibration),
         trigger,
     )
-    with pytest.raises(Refusal, match=r"torque and pressure stand under each other's name.*exchange the two"):
+    with pytest.raises(Refusal, match=r"torque and pressure are swapped.*exchange the two"):
         align(replace(recording, channels=swapped))
 
 

@@ -53,7 +53,7 @@ ALIGNED: dict[str, Aligned] = {
     "clipped_torque": Aligned(refused="most fail 'torque_clipped'"),
     "constant_pressure": Aligned(refused="the pressure does not follow the cam"),
     "constant_trigger": Aligned(refused="found 0 trigger pulses"),
-    "swapped_channels": Aligned(refused="torque and pressure stand under each other's name"),
+    "swapped_channels": Aligned(refused="torque and pressure are swapped"),
     "speed_ramp": Aligned(refused="most fail 'start_stop'"),
     "start_stop": used(found=22, start_stop=2),
     "inverted_torque": used("torque_inverted"),

@@ -19,10 +19,10 @@ from __future__ import annotations
 from numba import njit
 
 from camtorque.laws.columns import on_shaft
-from camtorque.laws.rows import Law, display
+from camtorque.laws.rows import Law, parameter
 
 ROWS = (
-    display("shaft_churning", "c_h", "N m s^2", 1.0, (0.0, 0.0, 0.01, 1e-5), (0.0, 1e-4),
+    parameter("shaft_churning", "c_h", "N m s^2", 1.0, (0.0, 0.0, 0.01, 1e-5), (0.0, 1e-4),
             "churning of the oil bath", "grows with the square of speed"),
 )  # fmt: skip
 

@@ -42,7 +42,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     Raises
     ------
     Refusal
-        Nothing to align, no pulses, no complete cycle, torque and pressure under each other's name.
+        Nothing to align, no pulses, no complete cycle, swapped torque and pressure.
     """
     options = options or AlignOptions()
     channels = measured(recording)

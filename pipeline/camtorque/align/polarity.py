@@ -1,4 +1,4 @@
-"""Inverted torque is turned with a finding; torque and pressure under each other's name are refused.
+"""Inverted torque is turned with a finding; swapped torque and pressure are refused.
 
 Both are seen without a model: the torque of a pump follows line pressure times lift velocity, the pressure does not
 follow torque times lift velocity; a torque swings to both sides or rests near zero on the base circle, a gauge
@@ -157,7 +157,7 @@ def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) 
     if swapped < max(straight, SWAPPED_CORRELATION) or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
         return
     raise Refusal(
-        f"{name}: torque and pressure stand under each other's name: the channel named pressure goes down to "
+        f"{name}: torque and pressure are swapped: the channel named pressure goes down to "
         f"{100 * lowest:.0f} % of its peak and rests at {100 * rest[1]:.0f} % on the base circle like a torque, the "
         "one named "
         f"torque rests at {100 * rest[0]:.0f} % like a line pressure (correlation {swapped:.2f} swapped, "

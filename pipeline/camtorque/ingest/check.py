@@ -190,7 +190,7 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
 
 
 def _swapped(recording: Recording, summaries: list[ChannelSummary]) -> list[Finding]:
-    """Find torque and pressure under each other's name: a line has no deep vacuum, and a cam drives back."""
+    """Find swapped torque and pressure: a line has no deep vacuum, and a cam drives back."""
     by_quantity = {summary.quantity: summary for summary in summaries}
     torque, pressure = by_quantity.get("torque"), by_quantity.get("pressure")
     if pressure is None or pressure.low > VACUUM:

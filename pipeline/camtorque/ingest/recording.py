@@ -61,15 +61,15 @@ def recording_of(config: RecordingConfig) -> Recording:
     sensors = read_sensors(config, raw, problems)
     problems.raise_any()
     channels, findings = _channels(config, raw, sensors)
-    papers = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
-    papers += [file for sensor in sensors.values() for file in sensor.files]
+    sheets = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
+    sheets += [file for sensor in sensors.values() for file in sensor.files]
     logs = [spec.path for spec in config.channels]
     recording = Recording(
         config=config,
         channels=channels,
         lift_table=cam_table,
-        inputs=tuple(input_file(file) for file in dict.fromkeys([*papers, *logs])),
-        findings=_said_once(
+        inputs=tuple(input_file(file) for file in dict.fromkeys([*sheets, *logs])),
+        findings=_without_repeats(
             *config.findings,
             *cam_findings,
             *(finding for sensor in sensors.values() for finding in sensor.findings),
@@ -81,7 +81,7 @@ def recording_of(config: RecordingConfig) -> Recording:
         ),
     )
     plausible = [*_plausible(config, cam_table), *check_loads(recording)]
-    return replace(recording, findings=_said_once(*recording.findings, *plausible))
+    return replace(recording, findings=_without_repeats(*recording.findings, *plausible))
 
 
 def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]:
@@ -126,7 +126,7 @@ def _other_run(config: RecordingConfig) -> list[Finding]:
     return found
 
 
-def _said_once(*findings: Finding) -> tuple[Finding, ...]:
+def _without_repeats(*findings: Finding) -> tuple[Finding, ...]:
     """Drop what channels of one file repeat word for word."""
     return tuple({(finding.code, finding.text): finding for finding in reversed(findings)}.values())[::-1]
 

@@ -39,7 +39,7 @@ FIRST_STAMP = 946_684_800.0
 
 @dataclass(frozen=True)
 class Sensor:
-    """A calibration with the papers it came from."""
+    """A calibration with the files it came from."""
 
     calibration: SensorCalibration
     files: tuple[Path, ...]

@@ -21,11 +21,11 @@ from camtorque.laws import fluid, leakage, ports, valve
 from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 from camtorque.laws.valve import SPRING, lifted, stop_force
 
 ROWS = (
-    display("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
+    parameter("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
             "volume above the plunger at full lift, holder and bores up to the outlet", "fitted; no sheet gives it"),
     *fluid.ROWS,
     *ports.ROWS,
@@ -33,7 +33,7 @@ ROWS = (
     *valve.END_ROWS,
     *ports.SPILL_ROWS,
     *leakage.ROWS,
-    display("pressure_zero", "p_0", "bar", 1.0e5, (0.0, -12.0, 12.0, 0.5), (0.0, 1.0),
+    parameter("pressure_zero", "p_0", "bar", 1.0e5, (0.0, -12.0, 12.0, 0.5), (0.0, 1.0),
             "error of the zero of the line pressure", "certificate and standstill readings", "own"),
 )  # fmt: skip
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from numba import njit
 
 from camtorque.laws.columns import on_plunger, on_shaft
-from camtorque.laws.rows import Law, display
+from camtorque.laws.rows import Law, parameter
 
 ROWS = (
-    display("shaft_viscous", "c_s", "N m s/rad", 1.0, (0.0, 0.0, 0.1, 0.001), (0.005, 0.01),
+    parameter("shaft_viscous", "c_s", "N m s/rad", 1.0, (0.0, 0.0, 0.1, 0.001), (0.005, 0.01),
             "viscous drag and churning of the shaft", "bearing and seal films, oil bath"),
-    display("plunger_viscous", "c_p", "N s/m", 1.0, (0.0, 0.0, 600.0, 10.0), (10.0, 25.0),
+    parameter("plunger_viscous", "c_p", "N s/m", 1.0, (0.0, 0.0, 600.0, 10.0), (10.0, 25.0),
             "viscous drag of plunger and follower", "shear of a 2-4 um film"),
 )  # fmt: skip
 

@@ -29,35 +29,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 from camtorque.records import Array
 from camtorque.units import DEGREE
 
 ROWS = (
-    display("trigger_offset", "d_trigger", "deg", DEGREE, (0.0, -4.0, 4.0, 0.1), (0.0, 0.866),
+    parameter("trigger_offset", "d_trigger", "deg", DEGREE, (0.0, -4.0, 4.0, 0.1), (0.0, 0.866),
             "cam angle of the trigger edge less its nominal value", "installation tolerance of the sheet, rectangular"),
-    display("shaft_compliance", "C_t", "urad/(N m)", 1.0e-6, (150.0, 4.0, 2500.0, 30.0), (150.0, 250.0),
+    parameter("shaft_compliance", "C_t", "urad/(N m)", 1.0e-6, (150.0, 4.0, 2500.0, 30.0), (150.0, 250.0),
             "twist per torque between drive and cam", "shafts of 15-30 mm: 2000-50000 N m/rad"),
-    display("shaft_damping_ratio", "zeta_t", "-", 1.0, (0.08, 0.005, 2.0, 0.03), (0.08, 0.10),
+    parameter("shaft_damping_ratio", "zeta_t", "-", 1.0, (0.08, 0.005, 2.0, 0.03), (0.08, 0.10),
             "damping ratio of the shaft's torsion", "0.2-20 % of critical, bearings included"),
-    display("shaft_resonance", "w_t", "Hz", 2.0 * np.pi, (1200.0, 60.0, 9000.0, 100.0), (1200.0, 1200.0),
+    parameter("shaft_resonance", "w_t", "Hz", 2.0 * np.pi, (1200.0, 60.0, 9000.0, 100.0), (1200.0, 1200.0),
             "frequency at which the cam's side rings on the shaft",
             "camshaft and coupling of 0.05-2 g m^2 on such a shaft"),
-    display("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (1.0, 0.0, 60.0, 1.0), (0.0, 12.0),
+    parameter("drive_admittance", "1/J", "1/(kg m^2)", 1.0, (1.0, 0.0, 60.0, 1.0), (0.0, 12.0),
             "inverse of the drive's inertia; 0 for a drive that holds its speed", "drives of 0.03 kg m^2 and more"),
-    display("drive_bandwidth", "ln w_b", "ln(rad/s)", 1.0, (3.5, -4.0, 8.0, 0.3), (3.5, 1.8),
+    parameter("drive_bandwidth", "ln w_b", "ln(rad/s)", 1.0, (3.5, -4.0, 8.0, 0.3), (3.5, 1.8),
             "logarithm of the drive's proportional gain over its inertia", "speed loops of 0.5-60 Hz, or slip"),
-    display("drive_reset", "ln r", "ln(1/s)", 1.0, (1.6, -3.0, 6.0, 0.4), (1.6, 1.5),
+    parameter("drive_reset", "ln r", "ln(1/s)", 1.0, (1.6, -3.0, 6.0, 0.4), (1.6, 1.5),
             "logarithm of the inverse reset time of the drive's controller", "20 ms to some seconds, or none"),
-    display("drive_lag", "ln T_c", "ln(s)", 1.0, (-6.5, -11.0, -3.0, 0.4), (-6.5, 1.3),
+    parameter("drive_lag", "ln T_c", "ln(s)", 1.0, (-6.5, -11.0, -3.0, 0.4), (-6.5, 1.3),
             "logarithm of the lag of the drive's torque", "current loops and filters: 0.2-10 ms"),
 )  # fmt: skip
 COUPLING_ROWS = (
-    display("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 5000.0, 50.0), (0.0, 600.0),
+    parameter("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 5000.0, 50.0), (0.0, 600.0),
             "compliance of the coupling behind the transducer", "catalogues of elastic couplings: 500-50000 N m/rad"),
-    display("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 12.0, 900.0, 8.0), (120.0, 120.0),
+    parameter("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 12.0, 900.0, 8.0), (120.0, 120.0),
             "frequency at which the hub behind the transducer swings", "0.1-10 g m^2 on such a coupling"),
-    display("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.15),
+    parameter("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.15),
             "damping ratio of that motion", "elastomer couplings: 0.05-0.15"),
 )  # fmt: skip
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 
 AIR_EXPONENT = 1.0 / 1.2
 ATMOSPHERE = 1.01325
@@ -29,11 +29,11 @@ LEAST_AIR_PRESSURE = 0.05
 """Absolute pressure below which the air stops expanding; the vapour has taken over [bar]."""
 
 ROWS = (
-    display("bulk_modulus", "beta_0", "GPa", 1.0e9, (1.40, 0.6, 2.4, 0.05), (1.40, 0.20),
+    parameter("bulk_modulus", "beta_0", "GPa", 1.0e9, (1.40, 0.6, 2.4, 0.05), (1.40, 0.20),
             "bulk modulus of the fuel at feed pressure", "fuels and test oils over 20-100 degrees: 1.0-1.8 GPa"),
-    display("bulk_modulus_slope", "b", "-", 1.0, (9.0, 4.0, 15.0, 0.5), (9.0, 2.0),
+    parameter("bulk_modulus_slope", "b", "-", 1.0, (9.0, 4.0, 15.0, 0.5), (9.0, 2.0),
             "increase of the bulk modulus with pressure", "Payri, Fuel 2011; Nikolic, Thermal Science 2012: 8-12"),
-    display("free_air", "alpha", "%", 0.01, (0.02, 0.0, 2.0, 0.05), (0.0, 0.40),
+    parameter("free_air", "alpha", "%", 0.01, (0.02, 0.0, 2.0, 0.05), (0.0, 0.40),
             "share of air that is not dissolved, at atmospheric pressure", "gear pumps feed 0-1 %"),
 )  # fmt: skip
 

@@ -14,16 +14,16 @@ from __future__ import annotations
 from numba import njit
 
 from camtorque.laws.columns import on_contact, on_shaft
-from camtorque.laws.rows import Law, display
+from camtorque.laws.rows import Law, parameter
 
 ROWS = (
-    display("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),
+    parameter("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),
             "friction coefficient times radius of the camshaft bearings", "mu 0.002-0.05 on 8-15 mm"),
-    display("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (20.0, 25.0),
+    parameter("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (20.0, 25.0),
             "friction coefficient times radius of the roller's pin", "mu 0.002-0.02 on 2-4 mm"),
-    display("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
+    parameter("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
             "friction coefficient of the follower's guide", "lubricated steel, 0.02-0.12"),
-    display("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.1, 0.15),
+    parameter("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.1, 0.15),
             "constant drag of seals and bearings", "lip seals of 15-25 mm: 0.05-0.2 N m"),
 )  # fmt: skip
 

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from numba import njit
 
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 
 LEAK_PRESSURE = 500.0
 """Pressure at which the leakage is stated [bar]."""
 
 ROWS = (
-    display("leakage", "g", "mm^3/s/bar", 1.0e-14, (0.3, 0.0, 200.0, 0.3), (0.5, 2.0),
+    parameter("leakage", "g", "mm^3/s/bar", 1.0e-14, (0.3, 0.0, 200.0, 0.3), (0.5, 2.0),
             "leakage past the plunger, per pressure at 500 bar", "clearances of 2-6 um: 0.05-0.8, worn ones more"),
-    display("leak_growth", "h", "1/kbar", 1.0e-8, (0.2, -0.6, 2.0, 0.1), (0.2, 0.5),
+    parameter("leak_growth", "h", "1/kbar", 1.0e-8, (0.2, -0.6, 2.0, 0.1), (0.2, 0.5),
             "widening of the plunger's clearance with pressure", "about 1 um per kbar on 2-3 um, either sign"),
 )  # fmt: skip
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 
 FLUID_DENSITY = 830.0
 """Diesel-like test oil (ISO 4113 is 820-830) [kg/m^3]; only scales the flow coefficients into areas."""
@@ -25,24 +25,24 @@ CORNER = 0.08
 """Share of a port's span over which its corners are rounded."""
 
 ROWS = (
-    display("port_closing_lift", "y_port", "mm", 1.0e-3, (1.4, 0.02, 12.0, 0.05), None,
+    parameter("port_closing_lift", "y_port", "mm", 1.0e-3, (1.4, 0.02, 12.0, 0.05), None,
             "lift at which the plunger closes the inlet port", "end of pre-stroke; nominally at the trigger angle"),
-    display("port_width", "k_port", "mm", 1.0e-3, (5.0, 0.1, 60.0, 1.0), (6.0, 5.0),
+    parameter("port_width", "k_port", "mm", 1.0e-3, (5.0, 0.1, 60.0, 1.0), (6.0, 5.0),
             "port area per lift while the plunger covers it (Cd = 0.7)", "port diameters of 2-4 mm, two ports"),
-    display("port_span", "h_port", "mm", 1.0e-3, (1.5, 0.1, 8.0, 0.3), (1.5, 1.0),
+    parameter("port_span", "h_port", "mm", 1.0e-3, (1.5, 0.1, 8.0, 0.3), (1.5, 1.0),
             "lift over which the inlet port closes", "port diameters of 1-4 mm"),
-    display("port_roundness", "q", "-", 1.0, (0.5, 0.0, 1.5, 0.1), (0.5, 0.4),
+    parameter("port_roundness", "q", "-", 1.0, (0.5, 0.0, 1.5, 0.1), (0.5, 0.4),
             "0 for straight edges of ports and outlet, 1 for round ones", "slots and drilled holes"),
-    display("feed_pressure", "p_feed", "bar", 1.0e5, (4.0, 0.0, 15.0, 1.0), (4.0, 2.5),
+    parameter("feed_pressure", "p_feed", "bar", 1.0e5, (4.0, 0.0, 15.0, 1.0), (4.0, 2.5),
             "gauge pressure in the feed gallery", "gallery pumps, 1-8 bar"),
 )  # fmt: skip
 SPILL_ROWS = (
-    display("spill_lift", "y_spill", "mm", 1.0e-3, (5.0, 0.05, 30.0, 0.03), None,
+    parameter("spill_lift", "y_spill", "mm", 1.0e-3, (5.0, 0.05, 30.0, 0.03), None,
             "lift at which the helix uncovers the spill port, and covers it again on the return",
             "depends on the load; fitted", "own"),
-    display("spill_width", "k_spill", "mm", 1.0e-3, (5.0, 0.05, 60.0, 0.5), (5.0, 4.0),
+    parameter("spill_width", "k_spill", "mm", 1.0e-3, (5.0, 0.05, 60.0, 0.5), (5.0, 4.0),
             "spill area per lift above it (Cd = 0.7)", "port diameters of 2-4 mm", "own"),
-    display("spill_span", "h_spill", "mm", 1.0e-3, (1.2, 0.1, 8.0, 0.3), (1.2, 0.8),
+    parameter("spill_span", "h_spill", "mm", 1.0e-3, (1.2, 0.1, 8.0, 0.3), (1.2, 0.8),
             "lift over which the spill port opens", "port diameters of 1-4 mm"),
 )  # fmt: skip
 

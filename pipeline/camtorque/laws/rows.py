@@ -49,7 +49,7 @@ class ParameterRow:
             raise ValueError(f"{self.name}: the standard deviation of the prior has to be positive")
 
 
-def display(
+def parameter(
     name: str,
     symbol: str,
     unit: str,

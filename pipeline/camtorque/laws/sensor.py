@@ -11,19 +11,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 from camtorque.records import Array
 
 ROWS = (
-    display("gain_error", "g_T", "%", 0.01, (0.0, -3.0, 3.0, 0.1), (0.0, 0.25),
+    parameter("gain_error", "g_T", "%", 0.01, (0.0, -3.0, 3.0, 0.1), (0.0, 0.25),
             "relative error of the torque gain", "certificate"),
-    display("torque_zero", "T_0", "N m", 1.0, (0.0, -20.0, 20.0, 0.1), (0.0, 0.1),
+    parameter("torque_zero", "T_0", "N m", 1.0, (0.0, -20.0, 20.0, 0.1), (0.0, 0.1),
             "error of the torque zero", "standstill readings, else tolerance of the sheet", "own"),
-    display("delay_error", "d", "us", 1.0e-6, (0.0, -80.0, 80.0, 3.0), (0.0, 7.8),
+    parameter("delay_error", "d", "us", 1.0e-6, (0.0, -80.0, 80.0, 3.0), (0.0, 7.8),
             "total delay of the torque channel less the declared one", "tolerance of the sheet"),
-    display("cutoff", "f_c", "Hz", 1.0, (1000.0, 300.0, 5000.0, 50.0), (1000.0, 50.0),
+    parameter("cutoff", "f_c", "Hz", 1.0, (1000.0, 300.0, 5000.0, 50.0), (1000.0, 50.0),
             "-3 dB frequency of the transducer's low-pass", "data sheet; tolerance assumed 5 %"),
-    display("filter_damping", "zeta", "-", 1.0, (0.707, 0.45, 1.1, 0.03), (0.707, 0.05),
+    parameter("filter_damping", "zeta", "-", 1.0, (0.707, 0.45, 1.1, 0.03), (0.707, 0.05),
             "damping ratio of the second-order low-pass", "Butterworth assumed"),
 )  # fmt: skip
 

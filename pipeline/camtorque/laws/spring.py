@@ -5,12 +5,12 @@ from __future__ import annotations
 from numba import njit
 
 from camtorque.laws.columns import on_plunger
-from camtorque.laws.rows import Law, display
+from camtorque.laws.rows import Law, parameter
 
 ROWS = (
-    display("spring_stiffness_error", "d_k", "%", 0.01, (0.0, -15.0, 15.0, 1.0), (0.0, 2.0),
+    parameter("spring_stiffness_error", "d_k", "%", 0.01, (0.0, -15.0, 15.0, 1.0), (0.0, 2.0),
             "relative error of the spring rate", "catalogue, a few percent"),
-    display("spring_preload_error", "d_F", "%", 0.01, (0.0, -25.0, 25.0, 2.0), (0.0, 5.0),
+    parameter("spring_preload_error", "d_F", "%", 0.01, (0.0, -25.0, 25.0, 2.0), (0.0, 5.0),
             "relative error of the preload", "catalogue, a few percent"),
 )  # fmt: skip
 

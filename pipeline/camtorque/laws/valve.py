@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from camtorque.laws.rows import display
+from camtorque.laws.rows import parameter
 from camtorque.units import DEGREE
 
 SPRING = 0.1
@@ -33,29 +33,29 @@ LIFTED = 0.3
 """Volume over which the seat's opening is rounded [mm^3]."""
 
 ROWS = (
-    display("valve_opening", "p_open", "bar", 1.0e5, (20.0, 1.0, 150.0, 3.0), (25.0, 20.0),
+    parameter("valve_opening", "p_open", "bar", 1.0e5, (20.0, 1.0, 150.0, 3.0), (25.0, 20.0),
             "pressure difference at which the delivery valve opens", "catalogues of delivery valves: 5-50 bar"),
-    display("valve_area", "A_out", "mm^2", 1.0e-6, (2.0, 0.05, 60.0, 0.2), (3.0, 6.0),
+    parameter("valve_area", "A_out", "mm^2", 1.0e-6, (2.0, 0.05, 60.0, 0.2), (3.0, 6.0),
             "flow area between chamber and delivery valve (Cd = 0.7)", "bores of 1-4 mm"),
-    display("valve_range", "w", "bar", 1.0e5, (5.0, 0.0, 150.0, 3.0), (5.0, 15.0),
+    parameter("valve_range", "w", "bar", 1.0e5, (5.0, 0.0, 150.0, 3.0), (5.0, 15.0),
             "flow force on the valve where seat and outlet area are equal", "spring and flow forces of such valves"),
-    display("retraction_volume", "V_r", "mm^3", 1.0e-9, (12.0, 0.0, 150.0, 3.0), (15.0, 20.0),
+    parameter("retraction_volume", "V_r", "mm^3", 1.0e-9, (12.0, 0.0, 150.0, 3.0), (15.0, 20.0),
             "volume that the delivery valve sweeps before its collar clears the seat", "0-60 mm^3 in catalogues"),
-    display("gallery_volume", "V_g", "mm^3", 1.0e-9, (100.0, 5.0, 1500.0, 20.0), (100.0, 120.0),
+    parameter("gallery_volume", "V_g", "mm^3", 1.0e-9, (100.0, 5.0, 1500.0, 20.0), (100.0, 120.0),
             "volume between outlet and delivery valve", "bores and spring chamber, 20-400 mm^3"),
-    display("valve_mass", "M", "10^6 kg/m^4", 1.0e6, (6.0, 0.3, 60.0, 2.0), (6.0, 5.0),
+    parameter("valve_mass", "M", "10^6 kg/m^4", 1.0e6, (6.0, 0.3, 60.0, 2.0), (6.0, 5.0),
             "mass of the delivery valve over the square of its area", "3-10 g on 20-50 mm^2"),
-    display("valve_damping", "r", "1/ms", 1.0e3, (2.0, 0.0, 40.0, 1.0), (2.0, 4.0),
+    parameter("valve_damping", "r", "1/ms", 1.0e3, (2.0, 0.0, 40.0, 1.0), (2.0, 4.0),
             "damping of the delivery valve over its mass", "assumed; a tenth of critical to critical"),
-    display("seat_gain", "alpha", "1/mm", 1.0e3, (0.5, 0.03, 3.0, 0.1), (0.5, 0.3),
+    parameter("seat_gain", "alpha", "1/mm", 1.0e3, (0.5, 0.03, 3.0, 0.1), (0.5, 0.3),
             "flow area of the valve's seat per swept volume (Cd = 0.7)", "circumference over area of the valve"),
-    display("valve_exposure", "sigma", "-", 1.0, (0.9, 0.0, 2.0, 0.1), (0.9, 0.4),
+    parameter("valve_exposure", "sigma", "-", 1.0, (0.9, 0.0, 2.0, 0.1), (0.9, 0.4),
             "share of the outlet's pressure drop that the valve does not feel", "shape of the valve's face"),
 )  # fmt: skip
 END_ROWS = (
-    display("end_of_delivery", "theta_end", "deg", DEGREE, (45.0, 3.0, 178.0, 0.3), None,
+    parameter("end_of_delivery", "theta_end", "deg", DEGREE, (45.0, 3.0, 178.0, 0.3), None,
             "cam angle at which the outlet has closed", "depends on the load; fitted", "own"),
-    display("end_width", "w_end", "deg", DEGREE, (2.0, 0.4, 8.0, 0.3), (2.0, 1.2),
+    parameter("end_width", "w_end", "deg", DEGREE, (2.0, 0.4, 8.0, 0.3), (2.0, 1.2),
             "cam angle that the outlet takes to close", "assumed; closing times of 0.1-1 ms", "own"),
 )  # fmt: skip
 

@@ -109,7 +109,7 @@ def closing_text(doc: Document) -> str:
 
 
 def sureness_text(doc: Document) -> str:
-    """Return shape of the residual, repeatability and absolute uncertainty apart, and what the data told at all."""
+    """Return shape of the residual, repeatability, absolute uncertainty, and what the data determine at all."""
     accuracy, rows = doc["accuracy"], [row for row in doc["parameters"].values() if row["role"] != "assumed"]
     text = shape_text(accuracy)
     if doc["bumps"] and doc["explained"]:
@@ -150,7 +150,7 @@ def alternatives_text(doc: Document) -> str:
 
 
 def _structure(row: Document, doc: Document) -> str:
-    """Return the name of a structure; a second minimum of the chosen one is told as such."""
+    """Return the name of a structure; a second minimum of the chosen one is named as such."""
     return "a second minimum of the same structure" if row["name"] == doc["alternatives"][0]["name"] else row["name"]
 
 
@@ -161,7 +161,7 @@ def next_text(doc: Document) -> str:
     if not doc["explained"]:
         return text + "Look at the marked stretches of the residual; check the sheet and the alignment there first."
     if not doc["next_measurement"]:
-        return text + "Nothing: everything that was fitted is told by this recording."
+        return text + "Nothing: this recording determines everything that was fitted."
     first = doc["next_measurement"][0].split(" (now:")[0]
     return text + f"To learn more: {first}."
 

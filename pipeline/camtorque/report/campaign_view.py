@@ -175,7 +175,7 @@ def _parameters(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
 
 
 def _budget(documents: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """Return for each outcome that some recording told of the mean share of each source in its variance [%]."""
+    """Return for each outcome that some recording states the mean share of each source in its variance [%]."""
     found: dict[str, list[dict[str, float]]] = {}
     for doc in documents:
         rows = doc.get("parameters", {})

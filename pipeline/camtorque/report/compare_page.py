@@ -184,7 +184,7 @@ def compare_drawings(page: ComparePage, document: Mapping[str, Any]) -> list[Dra
     told = {name: row for name, row in rows.items() if row["difference"] is not None and row["stderr"]}
     if told:
         found.append(_drawing("changes", "Changes in standard errors", _changes(told), "changes",
-                              "Bars of ±1.96 standard errors: a change is told where the whole list of names would "
+                              "Bars of ±1.96 standard errors: a change is stated where the whole list of names would "
                               "rarely do so by chance."))  # fmt: skip
     return found
 

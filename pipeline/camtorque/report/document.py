@@ -128,7 +128,7 @@ def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
 
 
 def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
-    """Return what is told together and the budget of a fit by parameter, in the units of the parameters."""
+    """Return what is known in combination only and the budget of a fit by parameter, in the units of the parameters."""
     told = fitted.details.get("combinations", ())
     budget = {
         row.name.split("__")[0]: {typeset(source): value for source, value in row.contributions.items()}

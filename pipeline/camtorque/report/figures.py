@@ -63,7 +63,7 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "budget": FigureSpec(
         "Where the uncertainty comes from",
-        "Variance of each parameter that the data told something about, by source. The name of a parameter stands for "
+        "Variance of each parameter that the data say something about, by source. The name of a parameter stands for "
         "what was known of it before: sheet, certificate, literature.", fit_figures.budget, "uncertainty",
         True,
     ),

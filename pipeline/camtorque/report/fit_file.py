@@ -45,7 +45,7 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
 
 
 def _recording(name: str, folder: str, speed: object, about: tuple[str, float, bool]) -> dict[str, Any]:
-    """Return what is told of a recording; ``about`` is its structure, rms residual [% of peak], whether explained."""
+    """Return what is stated of a recording; ``about`` is its structure, rms residual [% of peak], whether explained."""
     structure, share, explained = about
     return {
         "id": name, "folder": folder, "speed_rpm": speed, "structure": structure, "rms_percent_of_peak": share,

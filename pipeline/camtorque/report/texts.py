@@ -14,7 +14,7 @@ METRIC_NAMES = {
     "fitted_held_out_cycles": "fitted model, held-out cycles",
 }
 STRONG = 0.9
-"""Correlation from which on two parameters are told as a pair."""
+"""Correlation from which on two parameters are shown as a pair."""
 Document = Mapping[str, Any]
 
 
@@ -90,7 +90,7 @@ def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[d
 def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     """Return the parameters by what the data added, each group with its rows in the order of the fit."""
     texts = (
-        "The data told the value; what was known before hardly matters.",
+        "The data determine the value; what was known before hardly matters.",
         "The data narrowed what was known before.",
         "The data added nothing: the value is that of sheet, certificate or literature.",
     )

@@ -89,7 +89,7 @@ class StabilityMap:
 def shortest_times(functions: Sequence[Callable[[], Any]], repeats: int = 5) -> list[float]:
     """Return the least time of one call of each function [s], after one call to warm up.
 
-    They take turns, so that the machine's mood hits all alike; short calls are repeated until they last `LEAST_TIME`.
+    They take turns, so that other work of the machine hits all alike; short calls are repeated up to `LEAST_TIME`.
     """
     counts = [max(1, math.ceil(LEAST_TIME / max(_duration(function, 1), 1e-9))) for function in functions]
     best = [math.inf] * len(functions)
