@@ -1,12 +1,16 @@
 """docs/recording_toml.md shows the tables of camtorque/schemas.py, word for word; run this file to write them."""
 
+import re
 from pathlib import Path
 
+import camtorque
+from camtorque.ingest.formats import FORMATS
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
 from camtorque.toml_schema import TableSchema, markdown_rows
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recording_toml.md"
+FORMATS_PAGE, PACKAGE = PAGE.with_name("formats.md"), Path(camtorque.__file__).parent
 BEGIN, END = "from camtorque/schemas.py -->\n", "<!-- end -->"
 HEAD = ["| table | key | meaning | allowed | |", "|---|---|---|---|---|"]
 
@@ -41,6 +45,29 @@ def test_every_number_has_a_band_with_a_reason_and_its_default_lies_inside():
             if key.band is not None:
                 assert key.band.low < key.band.high
                 assert key.band.reason, key.name
+
+
+def rows_of(heading: str) -> list[list[str]]:
+    """Return the rows of the table below a heading of formats.md."""
+    part = FORMATS_PAGE.read_text(encoding="utf-8").split(f"## {heading}\n", 1)[1].split("\n## ", 1)[0]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if line[:1] == "|"][2:]
+
+
+def test_the_page_of_formats_lists_every_reader_and_the_extra_it_needs():
+    listed = {row[0]: row[1] for row in rows_of("Logs")}
+    assert set(listed) == {form.shown for form in FORMATS.values()}
+    for form in FORMATS.values():
+        reader = (PACKAGE / "ingest" / f"{form.module}.py").read_text(encoding="utf-8")
+        assert ("extra `tables`" in listed[form.shown]) == ("camtorque[tables]" in reader)
+
+
+def test_the_page_of_formats_lists_every_source_of_the_angle_with_keys_that_exist():
+    rows = rows_of("What tells the cam angle")
+    named = " ".join(row[1] for row in rows)
+    assert all(f"`{quantity}`" in named for quantity, item in CHANNEL_QUANTITIES.items() if item.is_pulse)
+    assert "`angle`" in named
+    keys = {re.match(r"\w+", word)[0] for row in rows for word in re.findall(r"`([^`]+)`", row[2]) if word[0].isalpha()}
+    assert keys - {"index"} <= set(RECORDING_TABLES["trigger"].names)
 
 
 if __name__ == "__main__":
