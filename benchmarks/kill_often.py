@@ -12,10 +12,13 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 from campaign_size import PAUSE, generate, no_joint_fit, prepare_result, stand_in, stand_in_analysis
@@ -29,9 +32,11 @@ RECORDINGS = 40
 WHOLE = {"entry.json", JOINT, "result.json", "SHA256SUMS"}
 
 
-def killed(command: list[str], delay: float, whole_group: bool) -> bool:
-    """Start a command and kill it after some time; False where it ended before."""
+def killed(command: list[str], delay: float, whole_group: bool, begun: Callable[[], bool] = lambda: True) -> bool:
+    """Start a command and kill it some time after it has begun its work; False where it ended before."""
     process = subprocess.Popen(command, start_new_session=True)
+    while not begun() and process.poll() is None:
+        time.sleep(0.01)
     try:
         assert process.wait(delay) == 0
         return False
@@ -47,14 +52,18 @@ def finished(out: Path) -> list[Path]:
 
 
 def kill_campaigns(times: int, folder: Path, chance: random.Random) -> str:
-    """Kill campaigns until so many kills are made; half of the kills leave the workers alive."""
+    """Kill campaigns a moment after one more recording was finished; half of the kills leave the workers alive."""
     kills, rounds, looked = 0, 0, 0
     while kills < times:
         rounds += 1
         raw, out = generate(folder / f"raw{rounds}", RECORDINGS), folder / f"campaign{rounds}"
         command = [sys.executable, __file__, "--child", str(raw), str(out)]
         kept: dict[Path, int] = {}
-        while kills < times and killed(command, chance.uniform(1.0, 12.0), chance.random() < 0.5):
+
+        def one_more(out: Path = out, kept: dict[Path, int] = kept) -> bool:
+            return len(finished(out)) > len(kept)
+
+        while kills < times and killed(command, chance.uniform(0.0, 3.0), chance.random() < 0.5, one_more):
             kills += 1
             for done in finished(out):
                 assert {path.name for path in done.iterdir()} >= WHOLE, done
@@ -70,30 +79,34 @@ def kill_campaigns(times: int, folder: Path, chance: random.Random) -> str:
 
 
 def kill_runs(times: int, folder: Path, chance: random.Random) -> str:
-    """Kill runs into a new folder and over an earlier report, by turns."""
-    raw, kills, intact, replaced, absent = generate(folder / "raw", 1) / "r000000", 0, 0, 0, 0
-    place = folder / "reports"
+    """Kill runs into a new folder and over an earlier report, by turns, mostly towards their end, where they write."""
+    raw, counts = generate(folder / "raw", 1) / "r000000", {"nothing": 0, "the earlier report": 0, "a whole new one": 0}
+    place, kept = folder / "reports", folder / "kept"
     out = place / "out"
     command = [sys.executable, __file__, "--child", str(raw), str(out), "--single"]
+    started = time.monotonic()
+    subprocess.run(command, check=True)
+    lasts = time.monotonic() - started
+    shutil.copytree(out, kept)
+    earlier, kills = (kept / "result.json").read_bytes(), 0
     while kills < times:
-        earlier = (out / "result.json").read_bytes() if out.exists() else None
-        if not killed(command, chance.uniform(0.5, 8.0), True):
+        shutil.rmtree(out, ignore_errors=True)
+        if kills % 2:
+            shutil.copytree(kept, out)
+        if not killed(command, lasts * chance.triangular(0.1, 1.2, 0.9), True):
             assert [path.name for path in place.iterdir()] == ["out"], list(place.iterdir())
-            if chance.random() < 0.5:
-                subprocess.run(["rm", "-r", str(out)], check=True)
             continue
         kills += 1
         if not out.exists():
-            assert earlier is None, "an earlier report is gone"
-            absent += 1
+            assert kills % 2, "an earlier report is gone"
+            counts["nothing"] += 1
             continue
         assert not verify(out)[1]
-        same = (out / "result.json").read_bytes() == earlier
-        intact, replaced = intact + same, replaced + (not same)
+        counts["the earlier report" if (out / "result.json").read_bytes() == earlier else "a whole new one"] += 1
     subprocess.run(command, check=True)
     assert [path.name for path in place.iterdir()] == ["out"]
     assert not verify(out)[1]
-    return f"run: {kills} kills: {absent} left nothing, {intact} the earlier report, {replaced} a whole new one"
+    return f"run: {kills} kills; found after them: " + ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
 def child(raw: Path, out: Path, single: bool) -> None:
