@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, matched_end, shape_std
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, matched_end
 from camtorque.fit.forecast import FittedAt, KnownFit, law_share, law_std
 from camtorque.predict_from import leakage_factor, read_fit
 from camtorque.records import Refusal
@@ -62,29 +62,33 @@ def falling(end: float, speed: float) -> Curve:
 
 
 def test_an_end_of_delivery_is_found_by_the_shape_of_the_line_pressure() -> None:
-    found = matched_end(falling(0.7, 60.0), 0.7, falling(0.9, 90.0), RISING)
-    assert found == pytest.approx(0.9, abs=0.006)
+    place, near = matched_end([KnownEnd("a", 0.7, falling(0.7, 60.0))], falling(0.9, 90.0), RISING)
+    assert (place, near) == (pytest.approx(0.9, abs=0.006), True)
+
+
+def test_an_end_is_looked_for_near_the_known_ones_first_and_elsewhere_said() -> None:
+    known_ends = [KnownEnd(name, end, falling(end, 60.0)) for name, end in (("a", 0.70), ("b", 0.74))]
+    twice = falling(0.72, 60.0).pressure + 1.2 * falling(1.2, 60.0).pressure
+    assert matched_end(known_ends, Curve(THETA, twice, 60.0), RISING) == (pytest.approx(0.72, abs=0.01), True)
+    assert matched_end(known_ends, falling(1.1, 60.0), RISING) == (pytest.approx(1.1, abs=0.01), False)
 
 
 def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     names = ("end_of_delivery__a", "end_of_delivery__b", "end_of_delivery__c")
-    recordings = tuple(
-        FittedAt(name, speed, "land", 0.01, True) for name, speed in zip("abc", (50.0, 60.0, 75.0), strict=True)
-    )
-    templates = {name: falling(0.8, item.speed) for name, item in zip("abc", recordings, strict=True)}
+    speeds = {"a": 50.0, "b": 60.0, "c": 75.0}
+    recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
 
     def taught(ends: list[float], width: float = 1e-3) -> float:
-        return shape_std(
-            KnownFit(names, np.array(ends), width**2 * np.eye(3), recordings), "land", templates, RISING, RISING
-        )
+        fit = KnownFit(names, np.array(ends), width**2 * np.eye(3), recordings)
+        known_ends = [KnownEnd(n, end, falling(0.8, speeds[n])) for n, end in zip("abc", ends, strict=True)]
+        return float(np.sqrt(end_variance(fit, "land", known_ends, RISING, RISING)))
 
     assert taught([0.8, 0.8, 0.8]) == pytest.approx(LEAST_STD, abs=0.004)
-    assert taught([0.8, 0.85, 0.8]) == pytest.approx(0.05, abs=0.006), (
-        "an end that the shape does not show is in the band"
-    )
+    assert taught([0.8, 0.85, 0.8]) > 0.02, "an end that the shape does not show is in the band"
     assert taught([0.8, 0.85, 0.8], 0.05) == pytest.approx(LEAST_STD), "what the fit leaves open is in its covariance"
-    alone = KnownFit(names[:1], np.array([0.8]), np.eye(1), recordings[:1])
-    assert shape_std(alone, "land", templates, RISING, RISING) == UNKNOWN_STD
+    alone = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
+    fit = KnownFit(names[:1], np.array([0.8]), np.eye(1), recordings[:1])
+    assert end_variance(fit, "land", alone, RISING, RISING) == pytest.approx(UNKNOWN_STD**2)
 
 
 def test_clearance_changes_leakage_by_its_third_power() -> None:

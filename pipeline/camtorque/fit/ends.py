@@ -1,12 +1,13 @@
 """Where a delivery ends that was not fitted: found by the shape of the line pressure, and how well.
 
-The slope of the line pressure around the end of delivery of a fitted recording is looked for in the other line
-pressure. How far that misses is learnt on the fitted recordings themselves, each looked for by the nearest other one.
+The slope of the line pressure around the ends of delivery of fitted recordings is looked for in the other line
+pressure, near where those end. How far that misses is learnt on the fitted recordings themselves, each looked for by
+the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,10 @@ MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
 """Time before and after an end of delivery over which the slope of the line pressure is compared [s]; points."""
 LEAST_STD, UNKNOWN_STD = np.radians(0.06), np.radians(1.0)
 """Standard deviation of an end found by shape: where the fitted recordings never miss, where none can tell."""
+SPREADS, LEAST_SPREAD = 3.0, np.radians(1.0)
+"""An end is looked for within so many standard deviations of the fitted ones, which spread by so much at least."""
+MOST_TEMPLATES = 2
+"""Fitted recordings, the nearest in speed, whose shapes are looked for."""
 END_OF = {"land": "end_of_delivery", "spill": "spill_lift"}
 """Structure -> parameter that says where delivery ends."""
 PLACES = 2000
@@ -37,6 +42,15 @@ class Curve:
         freeze_arrays(self)
 
 
+@dataclass(frozen=True)
+class KnownEnd:
+    """A fitted end of delivery: angle [rad], and the line pressure around it."""
+
+    id: str
+    angle: float
+    curve: Curve
+
+
 def slopes_around(curve: Curve, angles: Array) -> Array:
     """Return the slope of the line pressure around angles (m,), over its greatest size there, (m, MATCH_POINTS)."""
     times = np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS)
@@ -45,18 +59,24 @@ def slopes_around(curve: Curve, angles: Array) -> Array:
     return np.asarray(found / (np.max(np.abs(found), axis=1, keepdims=True) + 1e-12))
 
 
-def matched_end(template: Curve, angle: float, curve: Curve, rising: Array) -> float:
-    """Return the angle at which a line pressure looks as another one does around an end of delivery [rad].
+def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> tuple[float, bool]:
+    """Return the angle at which a line pressure looks as known ones do at their ends, and whether it is near those.
 
     Parameters
     ----------
-    template, angle : line pressure whose end is known
-    curve : the other one
     rising : (m,) angles among which the end is [rad]
     """
-    wanted = slopes_around(template, np.array([angle]))
-    errors = np.sum((slopes_around(curve, rising) - wanted) ** 2, axis=1)
-    return float(rising[int(np.argmin(errors))])
+    near = sorted(known, key=lambda end: abs(np.log(end.curve.speed / curve.speed)))[:MOST_TEMPLATES]
+    found = slopes_around(curve, rising)
+    errors = np.sum([np.sum((found - slopes_around(e.curve, np.array([e.angle]))) ** 2, axis=1) for e in near], axis=0)
+    angles = np.array([end.angle for end in known])
+    reach = SPREADS * max(float(np.std(angles, ddof=1)), float(LEAST_SPREAD)) if angles.size > 1 else np.inf
+    likely = np.flatnonzero(np.abs(rising - np.mean(angles)) <= reach)
+    if likely.size:
+        best = int(likely[np.argmin(errors[likely])])
+        if reach == np.inf or best not in (likely[0], likely[-1]):
+            return float(rising[best]), True
+    return float(rising[int(np.argmin(errors))]), False
 
 
 def rising_angles(chain: ChainInput) -> Array:
@@ -74,50 +94,44 @@ def ends_for(
 
     Parameters
     ----------
-    source : recording by whose shape it is looked for
+    source : recording whose structure is that of the run
     templates : line pressure of every fitted recording, by name
     """
-    rising = rising_angles(chain)
-    lift = np.asarray(chain.law.evaluate(rising, 0))
     if source.structure not in END_OF:
         return {}
-    found = matched_end(templates[source.id], _end_angle(known, source, rising, lift), curve, rising)
-    std = shape_std(known, source.structure, templates, rising, lift)
+    rising = rising_angles(chain)
+    lift = np.asarray(chain.law.evaluate(rising, 0))
+    alike = [item for item in known.recordings if item.structure == source.structure and item.id in templates]
+    ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike]
+    place, near = matched_end(ends, curve, rising)
+    variance = end_variance(known, source.structure, ends, rising, lift)
+    std = float(np.sqrt(variance if near else max(variance, float(UNKNOWN_STD) ** 2)))
     if source.structure == "land":
-        return {"end_of_delivery": Estimate(found, std)}
-    slope = float(np.interp(found, rising, np.gradient(lift, rising)))
-    return {"spill_lift": Estimate(float(np.interp(found, rising, lift)), std * slope)}
+        return {"end_of_delivery": Estimate(place, std)}
+    slope = float(np.interp(place, rising, np.gradient(lift, rising)))
+    return {"spill_lift": Estimate(float(np.interp(place, rising, lift)), std * slope)}
 
 
-def shape_std(known: KnownFit, structure: str, templates: Mapping[str, Curve], rising: Array, lift: Array) -> float:
-    """Return how far ends found by shape lie from the fitted ones beyond what the fit itself leaves open [rad]."""
-    alike = [item for item in known.recordings if item.structure == structure and item.id in templates]
+def end_variance(known: KnownFit, structure: str, ends: Sequence[KnownEnd], rising: Array, lift: Array) -> float:
+    """Return the variance of ends found by shape about fitted ones, less what the fit itself leaves open [rad^2]."""
     beyond = []
-    for item in alike:
-        others = [other for other in alike if other is not item]
+    for end in ends:
+        others = [other for other in ends if other is not end]
         if others:
-            near = min(others, key=lambda other: abs(np.log(other.speed / item.speed)))
-            end = _end_angle(known, item, rising, lift)
-            miss = (
-                matched_end(templates[near.id], _end_angle(known, near, rising, lift), templates[item.id], rising) - end
-            )
-            per = 1.0 if structure == "land" else float(np.interp(end, rising, np.gradient(lift, rising)))
-            beyond.append(miss**2 - _difference_variance(known, item, near) / per**2)
-    if not beyond:
-        return float(UNKNOWN_STD)
-    return float(np.sqrt(max(float(np.mean(beyond)), float(LEAST_STD) ** 2)))
+            near = min(others, key=lambda other: abs(np.log(other.curve.speed / end.curve.speed)))
+            miss = matched_end(others, end.curve, rising)[0] - end.angle
+            per = 1.0 if structure == "land" else float(np.interp(end.angle, rising, np.gradient(lift, rising)))
+            beyond.append(miss**2 - _difference_variance(known, END_OF[structure], (end.id, near.id)) / per**2)
+    return max(float(np.mean(beyond)), float(LEAST_STD) ** 2) if beyond else float(UNKNOWN_STD) ** 2
 
 
-def _difference_variance(known: KnownFit, one: FittedAt, two: FittedAt) -> float:
+def _difference_variance(known: KnownFit, name: str, recordings: tuple[str, str]) -> float:
     """Return the variance of the difference of two fitted ends [SI^2]."""
-    name = END_OF[one.structure]
-    i, j = known.own(one.id)[name], known.own(two.id)[name]
+    i, j = (known.own(recording)[name] for recording in recordings)
     cov = known.covariance
     return float(cov[i, i] + cov[j, j] - 2.0 * cov[i, j])
 
 
 def _end_angle(known: KnownFit, item: FittedAt, rising: Array, lift: Array) -> float:
-    places = known.own(item.id)
-    if item.structure == "land":
-        return float(known.values[places["end_of_delivery"]])
-    return float(np.interp(known.values[places["spill_lift"]], lift, rising))
+    value = float(known.values[known.own(item.id)[END_OF[item.structure]]])
+    return value if item.structure == "land" else float(np.interp(value, lift, rising))
