@@ -1,8 +1,8 @@
 """Where a delivery ends that was not fitted: found by the shape of the line pressure, and how well.
 
-The slope of the line pressure around the ends of delivery of fitted recordings is looked for in the other line
-pressure, near where those end. How far that misses is learnt on the fitted recordings themselves, each looked for by
-the others.
+Slope and level of the line pressure around the ends of delivery of fitted recordings are looked for in the other line
+pressure. The level tells the first fall from that of the wave which returns. How far that misses is learnt on the
+fitted recordings themselves, each looked for by the others.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
 """Time before and after an end of delivery over which the slope of the line pressure is compared [s]; points."""
 LEAST_STD, UNKNOWN_STD = np.radians(0.06), np.radians(1.0)
 """Standard deviation of an end found by shape: where the fitted recordings never miss, where none can tell."""
-SPREADS, LEAST_SPREAD = 3.0, np.radians(1.0)
-"""An end is looked for within so many standard deviations of the fitted ones, which spread by so much at least."""
+LEVEL = 2.0
+"""Weight of a square difference of level (share of the highest) against one of slope (share of the steepest)."""
 MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
 END_OF = {"land": "end_of_delivery", "spill": "spill_lift"}
@@ -51,32 +51,25 @@ class KnownEnd:
     curve: Curve
 
 
-def slopes_around(curve: Curve, angles: Array) -> Array:
-    """Return the slope of the line pressure around angles (m,), over its greatest size there, (m, MATCH_POINTS)."""
-    times = np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS)
-    slope = np.gradient(curve.pressure, curve.theta)
-    found = np.interp(angles[:, None] + times * curve.speed, curve.theta, slope, period=2.0 * np.pi)
-    return np.asarray(found / (np.max(np.abs(found), axis=1, keepdims=True) + 1e-12))
+def shape_around(curve: Curve, angles: Array) -> Array:
+    """Return slope (over its greatest size there) and level of the line pressure around angles, (m, 2 MATCH_POINTS)."""
+    places = angles[:, None] + np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS) * curve.speed
+    slope = np.interp(places, curve.theta, np.gradient(curve.pressure, curve.theta), period=2.0 * np.pi)
+    level = np.interp(places, curve.theta, curve.pressure, period=2.0 * np.pi) / np.max(curve.pressure)
+    return np.hstack([slope / (np.max(np.abs(slope), axis=1, keepdims=True) + 1e-12), np.sqrt(LEVEL) * level])
 
 
-def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> tuple[float, bool]:
-    """Return the angle at which a line pressure looks as known ones do at their ends, and whether it is near those.
+def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> float:
+    """Return the angle at which a line pressure looks as known ones do at their ends [rad].
 
     Parameters
     ----------
     rising : (m,) angles among which the end is [rad]
     """
     near = sorted(known, key=lambda end: abs(np.log(end.curve.speed / curve.speed)))[:MOST_TEMPLATES]
-    found = slopes_around(curve, rising)
-    errors = np.sum([np.sum((found - slopes_around(e.curve, np.array([e.angle]))) ** 2, axis=1) for e in near], axis=0)
-    angles = np.array([end.angle for end in known])
-    reach = SPREADS * max(float(np.std(angles, ddof=1)), float(LEAST_SPREAD)) if angles.size > 1 else np.inf
-    likely = np.flatnonzero(np.abs(rising - np.mean(angles)) <= reach)
-    if likely.size:
-        best = int(likely[np.argmin(errors[likely])])
-        if reach == np.inf or best not in (likely[0], likely[-1]):
-            return float(rising[best]), True
-    return float(rising[int(np.argmin(errors))]), False
+    found = shape_around(curve, rising)
+    errors = [np.sum((found - shape_around(end.curve, np.array([end.angle]))) ** 2, axis=1) for end in near]
+    return float(rising[int(np.argmin(np.sum(errors, axis=0)))])
 
 
 def rising_angles(chain: ChainInput) -> Array:
@@ -103,9 +96,8 @@ def ends_for(
     lift = np.asarray(chain.law.evaluate(rising, 0))
     alike = [item for item in known.recordings if item.structure == source.structure and item.id in templates]
     ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike]
-    place, near = matched_end(ends, curve, rising)
-    variance = end_variance(known, source.structure, ends, rising, lift)
-    std = float(np.sqrt(variance if near else max(variance, float(UNKNOWN_STD) ** 2)))
+    place = matched_end(ends, curve, rising)
+    std = float(np.sqrt(end_variance(known, source.structure, ends, rising, lift)))
     if source.structure == "land":
         return {"end_of_delivery": Estimate(place, std)}
     slope = float(np.interp(place, rising, np.gradient(lift, rising)))
@@ -119,7 +111,7 @@ def end_variance(known: KnownFit, structure: str, ends: Sequence[KnownEnd], risi
         others = [other for other in ends if other is not end]
         if others:
             near = min(others, key=lambda other: abs(np.log(other.curve.speed / end.curve.speed)))
-            miss = matched_end(others, end.curve, rising)[0] - end.angle
+            miss = matched_end(others, end.curve, rising) - end.angle
             per = 1.0 if structure == "land" else float(np.interp(end.angle, rising, np.gradient(lift, rising)))
             beyond.append(miss**2 - _difference_variance(known, END_OF[structure], (end.id, near.id)) / per**2)
     return max(float(np.mean(beyond)), float(LEAST_STD) ** 2) if beyond else float(UNKNOWN_STD) ** 2
