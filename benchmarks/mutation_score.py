@@ -60,8 +60,8 @@ NAMED = (
     ("column of the spring's preload is zero", "laws/spring.py", "(at.preload,", "(0.0 * at.preload,"),
     ("leakage with the square of the gap", "laws/leakage.py", "cubed = gap * gap * gap", "cubed = gap * gap"),
     ("blind prediction with its own fitted end", "fit/leftout.py", _OWN_END,
-     _OWN_END + "    return {name: _own_value(fit, index, name) for name in names}\n"),
-    ("intervals are not widened", "fit/uncertainty.py", "inflation = max(1.0, ", "inflation = 1.0 + 0.0 * max(1.0, "),
+     _OWN_END + "    return {name: owns[index][name] for name in names}\n"),
+    ("intervals are not widened", "fit/uncertainty.py", "inflation = max(1.0, ", "inflation = max(1.0, 0.0 * "),
 )  # fmt: skip
 """What, file, text, what stands there instead."""
 

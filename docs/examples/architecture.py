@@ -20,10 +20,17 @@ ROOMS = {
     "laws": ("what is missing", "chain of links"),
     "fit": ("values, evidence", "FittedTorque"),
     "report": ("pages, files", "report.html"),
+    "design": ("a better cam", "front, lift table"),
 }
-"""Room -> what it does, what it hands on. Left of them: records, units, config; right: run, campaign, studies."""
-FLOWS = {"run": "one recording", "campaign": "many recordings", "studies": "speed, stability"}
-FACES = {"api": "import camtorque", "commands": "camtorque COMMAND", "cli": "prints"}
+"""Room -> what it does, what it hands on. Left of them: records, units, config; below: flows, then faces."""
+FLOWS = {
+    "run": "one recording", "campaign": "many recordings", "compare": "before and after",
+    "predict_from": "runs not made", "plan": "what to record next", "studies": "speed, stability",
+}  # fmt: skip
+FACES = {
+    "api": "import camtorque", "watch": "during a test", "export, trend": "tables", "commands": "camtorque COMMAND",
+    "cli": "prints",
+}  # fmt: skip
 WIDTH, HEIGHT, GAP, TOP = 118, 54, 22, 74
 INK, SOFT, LINE, ACCENT = "#1d2329", "#eef2f5", "#8a929b", "#0072b2"
 
@@ -72,7 +79,7 @@ def arches(places: dict[str, int]) -> list[str]:
 def drawing() -> str:
     """Return the SVG."""
     places = {room: 20 + number * (WIDTH + GAP) for number, room in enumerate(ROOMS)}
-    total = places["report"] + WIDTH + 20
+    total = places["design"] + WIDTH + 20
     left = "records, units, config, TOML schemas, limits"
     parts = [box(20, 10, total - 40, left, "frozen records, one statement a fact")]
     for room, (does, hands) in ROOMS.items():
@@ -81,8 +88,8 @@ def drawing() -> str:
     for one, other in pairwise(ROOMS):
         parts.append(arrow(places[one] + WIDTH, TOP + 67, places[other] - 2, TOP + 67))
     parts += arches(places)
-    wide = (total - 40 - 2 * GAP) / 3
     for group, y, above in ((FLOWS, TOP + 140, 22), (FACES, TOP + 226, 32)):
+        wide = (total - 40 - (len(group) - 1) * GAP) / len(group)
         parts += [box(20 + k * (wide + GAP), y, wide, *item) for k, item in enumerate(group.items())]
         parts.append(arrow(total / 2, y - above, total / 2, y - 2))
     tip = '<marker id="tip" markerWidth="8" markerHeight="8" refX="7" refY="4" orient="auto"><path d="M0 0L8 4L0 8z"/>'
