@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -47,7 +48,7 @@ def write_run(result: Any, folder: Path) -> dict[str, Any]:
     return doc
 
 
-def no_joint_fit(usable: list[Finding], options: object) -> tuple[None, tuple[Finding, ...]]:
+def no_joint_fit(usable: Iterable[Finding], threads: int) -> tuple[None, tuple[Finding, ...]]:
     """Tell what the joint fit would have got."""
     return None, (Finding("joint", "info", " ".join(item.code for item in usable)),)
 

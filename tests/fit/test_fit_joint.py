@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from camtorque.fit.joint import (
     started_at,
     with_common_rows,
 )
-from camtorque.fit.joint_input import joint_input
+from camtorque.fit.joint_input import held_once, joint_input
 from camtorque.fit.joint_solver import Arrow, joint_task, solve_many, try_at
 from camtorque.fit.leftout import MODES, left_out_values, own_values, predicted_end, shares
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
@@ -203,3 +204,14 @@ def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):
         refuse_two_states([one, other])
     faster = replace(other, data=replace(other.data, chain=replace(other.data.chain, speed=100.0)))
     refuse_two_states([one, faster])
+
+
+def test_what_is_the_same_is_held_once(prepared):
+    copies = pickle.loads(pickle.dumps(prepared))
+    for item, copy in zip(prepared, held_once(copies), strict=True):
+        for name in ("theta", "line_pressure", "shaft_torque", "substeps"):
+            np.testing.assert_array_equal(getattr(copy.data.chain, name), getattr(item.data.chain, name))
+        np.testing.assert_array_equal(copy.lift, item.lift)
+    found = held_once([*copies, *pickle.loads(pickle.dumps(prepared))])
+    assert len({id(item.data.chain.law) for item in found}) == 1, "one pump, one lift table"
+    assert len({id(item.lift_velocity) for item in found}) == 1

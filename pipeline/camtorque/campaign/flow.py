@@ -88,9 +88,9 @@ def run_campaign(
         done = dict(_mapped(tasks, how, progress))
         entries = [done[name] for name in found]
         mapped = time.perf_counter() - start
-        usable = [read_joint_input(out / entry.folder) for entry in entries if entry.status == "ok"]
+        usable = [out / entry.folder for entry in entries if entry.status == "ok"]
         progress(f"joint fit of {len(usable)} recordings")
-        joint, more = joint_fit(usable, how.workers or os.cpu_count() or 1)
+        joint, more = joint_fit(map(read_joint_input, usable), how.workers or os.cpu_count() or 1)
         total = time.perf_counter() - start
         timing = {"recordings": mapped, "joint": total - mapped, "total": total}
         return _write_index(out, entries, joint, (*findings, *more), timing)

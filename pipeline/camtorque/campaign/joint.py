@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 from camtorque.fit import CampaignFit, JointInput, fit_joint
+from camtorque.fit.joint_input import held_once
 from camtorque.records import Finding, Refusal
 from camtorque.threads import on_one_thread
 
 
 @on_one_thread
-def joint_fit(usable: Sequence[JointInput], threads: int) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
+def joint_fit(found: Iterable[JointInput], threads: int) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or ids that repeat cannot be fitted together.
 
     Parameters
     ----------
-    usable : what the joint fit needs of each recording
+    found : what the joint fit needs of each recording
     threads : recordings that are worked at side by side
     """
+    usable = held_once(found)
     if len(usable) < 2:
         return _none(f"{len(usable)} usable recordings, a joint fit needs at least 2")
     pumps = sorted({item.pump_id for item in usable})
