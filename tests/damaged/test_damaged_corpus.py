@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from camtorque.ingest import check_recording
+from camtorque.ingest import summarise_recording
 from camtorque.records import Refusal
 from damaged.build import BUILDERS
 from damaged.cases import OF_THE_SHEETS, VERDICTS
@@ -22,8 +22,8 @@ def test_verdict(name: str, tmp_path: Path):
     folder = BUILDERS[name](tmp_path / name)
     if verdict.refused:
         with pytest.raises(Refusal, match=verdict.refused) as caught:
-            check_recording(folder)
+            summarise_recording(folder)
         assert "\n" not in str(caught.value)
         return
-    codes = {finding.code for finding in check_recording(folder)} - OF_THE_SHEETS
+    codes = {finding.code for finding in summarise_recording(folder).findings} - OF_THE_SHEETS
     assert codes == verdict.findings

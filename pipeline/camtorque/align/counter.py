@@ -83,7 +83,7 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     )  # fmt: skip
     text = "the recorded angle decreases: it is read in the direction of running"
     findings = (Finding("angle_turned", "info", text, where),) if turned else ()
-    edges = Edges(at, 0.0, float(np.ptp(angle)), noise, 0.0, "", n_nan, np.empty(0))
+    edges = Edges(at, 0.0, float(np.ptp(angle)), noise, "", n_nan, np.empty(0))
     return Counted(edges, train, n * revolutions_per_cycle, findings)
 
 

@@ -53,11 +53,6 @@ class RecordingSummary:
     findings: tuple[Finding, ...]
 
 
-def check_recording(path: Path) -> list[Finding]:
-    """Return everything that is to be said about a recording; see `summarise_recording`."""
-    return list(summarise_recording(path).findings)
-
-
 def summarise_recording(path: Path) -> RecordingSummary:
     """Read a recording and sum it up; see `summarise`.
 

@@ -55,7 +55,6 @@ class Edges:
     width : time that a pulse lasts, median [s]
     height : median height of the pulses [V]
     noise : standard error of one edge time: noise of the plateaus over the slope of the flank, and too few samples [s]
-    high_fraction : part of a usual period that the signal is high: a shaft that stands still does not count
     edge : the voltage edge that was taken
     n_nan : samples that are no numbers
     opposite : (m,) sample times of the other edges, to one sample [s]
@@ -65,7 +64,6 @@ class Edges:
     width: float
     height: float
     noise: float
-    high_fraction: float
     edge: str
     n_nan: int
     opposite: Array
@@ -225,7 +223,7 @@ def _edges(channel: Channel, declared: str, rising: EdgeSamples, falling: EdgeSa
     findings = (*_turned(inverted, high, width, where), *missing_finding(n_nan, where))
     edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
     time, opposite = sample_times(channel, crossing.position), sample_times(channel, other.before.astype(np.float64))
-    return Edges(time, width, height, edge_noise, high, edge, n_nan, opposite, findings)
+    return Edges(time, width, height, edge_noise, edge, n_nan, opposite, findings)
 
 
 def _turned(inverted: bool, high: float, width: float, where: str) -> tuple[Finding, ...]:
@@ -267,6 +265,7 @@ def _no_pulses(channel: Channel, where: str, count: int, height: float) -> Refus
 
 
 def _high_fraction(rising: NDArray[np.int64], falling: NDArray[np.int64]) -> float:
+    """Return the part of a usual period that the signal is high: a shaft that stands still does not count."""
     if rising.size < 2 or not falling.size:
         return 0.0
     return _pulse_width(rising.astype(np.float64), falling) / _median(np.diff(rising))
