@@ -72,8 +72,8 @@ class Bench:
         return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, fit.covariance.matrix, recordings)
 
 
-def proposed(bench: Bench, known: KnownFit, target: str, wanted: float) -> tuple[float, float]:
-    """Return share of the middle speed and load of the run that `plan` proposes first."""
+def proposed(bench: Bench, known: KnownFit, target: str, wanted: float) -> tuple[float, float] | None:
+    """Return share of the middle speed and load of the run that `plan` proposes first, None where it proposes none."""
     points, loads = [], {}
     for item, load in bench.made[:2]:
         config = item.recording.config
@@ -87,7 +87,7 @@ def proposed(bench: Bench, known: KnownFit, target: str, wanted: float) -> tuple
     gradient = np.eye(len(known.names))[known.names.index(target)]
     steps = [step for step in plan(known, gradient, wanted, points, (DURATION,)) if not step.offer.tooth]
     if not steps:
-        raise SystemExit("plan proposes no run without another tooth")
+        return None
     offer = steps[0].offer
     return offer.speed / RPM / MIDDLE, loads[offer.load]
 
@@ -108,8 +108,10 @@ def rows_of(name: str, bench: Bench, target: str, factor: float) -> Iterator[dic
         }  # fmt: skip
         if std <= wanted:
             return
-        share, load = proposed(bench, known, target, wanted) if name == "plan" else corners[made % len(corners)]
-        bench.record(share, load)
+        point = proposed(bench, known, target, wanted) if name == "plan" else corners[made % len(corners)]
+        if point is None:
+            return
+        bench.record(*point)
 
 
 def closed_loop(truth: RigTruth, seed: int, target: str, factor: float) -> Sequence[dict[str, object]]:

@@ -23,9 +23,11 @@ from camtorque.config_toml import load_recording_config
 from camtorque.fit.ends import Curve, ends_for
 from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, forecast
 from camtorque.fit.prepare import FIT_GRID, on_grid
+from camtorque.fit.problem import SEPARATOR
 from camtorque.ingest import read_recording
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.friction import Friction
@@ -38,6 +40,7 @@ from camtorque.report.forecast_page import forecast_document
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
 from camtorque.units import DEGREE, RPM
+from camtorque.version import __version__
 
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
@@ -68,7 +71,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
 
     Raises
     ------
-    Refusal : there is none, or it is of another schema
+    Refusal : there is none, or it is of another schema or of a version with other parameters
     """
     folder = path if path.is_dir() else path.parent
     file = folder / NAME
@@ -83,6 +86,12 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
         raise Refusal(f"{file}: is not valid JSON ({error}), expected what `camtorque run` writes") from error
     if not isinstance(doc, dict) or doc.get("schema") != SCHEMA:
         raise Refusal(f"{file}: expected schema {SCHEMA}; make the report again")
+    strange = [name for name in doc["names"] if name.split(SEPARATOR)[0] not in ROWS]
+    if strange:
+        raise Refusal(
+            f"{file}: holds {', '.join(strange[:3])}, expected parameters of this version ({__version__}); it was "
+            "written by another one: make the report again"
+        )
     std = np.array(doc["stderr"], dtype=np.float64)
     covariance = np.array(doc["correlation"], dtype=np.float64) * np.outer(std, std)
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
@@ -266,8 +275,12 @@ def _assumptions(
         load = f"the line pressure of {Path(load_of).name}"
     if pressure is not None:
         load = f"the line pressure of {pressure.name}, at every speed"
+    laws = "what predictions of left-out recordings were off" if source.left_out else (
+        "what the fit leaves of its own held-out cycles, and 2 % of the peak per unit of ln speed away from it: one "
+        "recording teaches no more, a campaign would"
+    )  # fmt: skip
     texts = [f"Load: {load}.", "The torque's zero is not in the torque.",
-             "The error of the laws is that of left-out recordings, spread as the torque is."]  # fmt: skip
+             f"The error of the laws is {laws}; it is spread as the torque is."]  # fmt: skip
     if clearance:
         base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
         texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")

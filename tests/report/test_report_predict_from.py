@@ -102,6 +102,13 @@ def test_clearance_changes_leakage_by_its_third_power() -> None:
         leakage_factor("-5um")
 
 
+def test_a_fit_of_another_version_is_refused(tmp_path: Path) -> None:
+    doc = run_fit_document(run_result())
+    (tmp_path / "fit.json").write_text(json.dumps({**doc, "names": ["feed_pressure", "twist_damping__A"]}))
+    with pytest.raises(Refusal, match="holds twist_damping__A, expected parameters of this version"):
+        read_fit(tmp_path)
+
+
 def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> None:
     doc = run_fit_document(run_result())
     assert doc["names"] == ["feed_pressure", "dead_volume"]

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import finding_lines
+from camtorque.fit.uncertainty import COVERAGE
 from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
@@ -16,6 +17,9 @@ from camtorque.records import Refusal
 from camtorque.report import check_output, output_folder, write_prediction
 from camtorque.report.forecast_page import write_forecast
 from camtorque.units import RPM
+
+WIDTHS = (20, 18, 20, 20, 18)
+"""Widths of the columns of a sweep."""
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -50,14 +54,14 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
         arguments.fit, arguments.speed, pressure=arguments.pressure, load_of=arguments.load_of,
         pump=arguments.other_pump, cam=arguments.cam, clearance=arguments.clearance,
     )  # fmt: skip
-    lines = [f"{'rpm':>8}{'torque max':>20}{'mean':>18} N m{'chamber':>16} bar{'contact':>16} N{'Hertz':>16} GPa"]
+    heads = zip(("torque max, N m", "mean, N m", "chamber, bar", "contact, N", "Hertz, GPa"), WIDTHS, strict=True)
+    lines = [f"{'rpm':>8}{''.join(f'{head:>{width}}' for head, width in heads)}  (± 95 %)"]
     for row in found.document["sweep"]:
         keys = ("torque_max_nm", "torque_mean_nm", "chamber_peak_bar", "contact_max_n", "hertz_max_gpa")
-        cells = [f"{row[key]['value']:.4g} ± {2.0 * row[key]['stderr']:.2g}" for key in keys]
+        cells = [f"{row[key]['value']:.4g} ± {COVERAGE * row[key]['stderr']:.2g}" for key in keys]
         beyond = "  beyond the fitted speeds" if row["beyond_fitted_speeds"] else ""
-        lines.append(
-            f"{row['speed_rpm']:8.1f}{cells[0]:>20}{cells[1]:>18}{cells[2]:>20}{cells[3]:>20}{cells[4]:>18}{beyond}"
-        )
+        columns = "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))
+        lines.append(f"{row['speed_rpm']:8.1f}{columns}{beyond}")
     lines += [str(text) for text in found.document["assumed"]]
     if arguments.out is not None:
         with output_folder(arguments.out) as folder:

@@ -116,7 +116,7 @@ def _cell(value: Any) -> str:
 
 def _drawing(name: str, item: Forecast) -> Drawing:
     def panel(title: str, label: str, values: Array, std: Array, height: float) -> Panel:
-        band = Band("95 %", values - COVERAGE * std, values + COVERAGE * std, "chamber")
+        band = Band("95 % band", values - COVERAGE * std, values + COVERAGE * std, "chamber")
         return Panel(title, (Line(label, values, "fitted", 1.6),), (band,), height)
 
     causes = tuple(
