@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.mechanism import LIFT_METHODS, closed_form_tables, lift_law, smoothing_law
 from camtorque.mechanism.cam import TURN, CamLaw
-from camtorque.mechanism.smoothing import table_error
+from camtorque.mechanism.smoothing import _unrolled, table_error
 from camtorque.records import CamTable, Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -186,3 +186,9 @@ def test_refusals_say_what_to_do():
         CamLaw(np.array([0.0, 1.0]), np.zeros((4, 1)), "short")
     with pytest.raises(ValueError, match="do not belong"):
         CamLaw(np.array([0.0, TURN]), np.zeros((4, 2)), "odd")
+
+
+def test_angles_beyond_the_table_go_on_by_a_revolution():
+    closed = np.deg2rad(np.arange(361.0))  # the last point is the first of the next revolution
+    found = _unrolled(closed, np.array([-5, 3, 359, 360, 365]))
+    np.testing.assert_allclose(found, np.deg2rad([-5.0, 3.0, 359.0, 360.0, 365.0]), atol=1e-12)
