@@ -43,7 +43,7 @@ def others(truth: RigTruth) -> dict[str, RigTruth]:
     pump = truth.pump
     return {
         "again": truth, "plunger + 6 %": change(truth, pump__plunger_diameter=1.06 * pump.plunger_diameter),
-        "lift - 8 %": change(truth, cam__lift=0.92 * truth.cam.lift),
+        "lift - 8 %": change(truth, pump__cam__lift=0.92 * truth.pump.cam.lift),
     }  # fmt: skip
 
 
