@@ -520,20 +520,6 @@ class Alternative:
 
 
 @dataclass(frozen=True)
-class LadderRung:
-    """One set of effects that was tried, and why it was kept or dropped."""
-
-    effects: tuple[str, ...]
-    n_parameters: int
-    rms_nm: float
-    score: float
-    score_name: str
-    cv_rms_nm: float
-    chosen: bool
-    reason: str
-
-
-@dataclass(frozen=True)
 class FittedTorque:
     """The fitted model of one recording on its angle grid.
 
@@ -574,7 +560,6 @@ class FittedTorque:
     contact_lost: bool
     losses: Mapping[str, float]
     metrics: Mapping[str, Metrics]
-    ladder: tuple[LadderRung, ...]
     trigger_angle: Estimate
     torque_delay: Estimate
     angle_errors_after: tuple[AngleError, ...]

@@ -94,7 +94,7 @@ def run_result(recording_name: str = "case", with_chamber: bool = True, explaine
         chamber_return_start=None if chamber is None else Estimate(float("nan"), float("nan")),
         true_angle=theta + 0.01, forces=forces(1.2 * load), contact_lost=False,
         losses={"pressure": 7.0, "friction": 1.0, "input": 8.04, "closure_percent": 0.5},
-        metrics={"rigid": scores[2], "fitted": scores[0], "fitted_held_out_cycles": scores[1]}, ladder=(),
+        metrics={"rigid": scores[2], "fitted": scores[0], "fitted_held_out_cycles": scores[1]},
         trigger_angle=Estimate(0.36, 0.001, 0.349), torque_delay=Estimate(4.5e-4, 8e-6, 4.5e-4),
         angle_errors_after=(AngleError("trigger angle", 0.06, "fitted"),), odd_even_rms=0.03,
         next_measurement=("record standstill readings (now: leakage 0.1 +- 0.02 mm^3/s/bar)",), findings=(),

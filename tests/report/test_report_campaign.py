@@ -151,7 +151,7 @@ def joint_of(view: CampaignView) -> CampaignFit:
     values, errors = (tuple(row.tolist()) for row in (view.quantities[0].values, view.quantities[0].stderr))
     drifts = tuple(Drift(f"parameter_{k}", "bar", ids, speeds, values, errors, 0.1, 0.2) for k in range(45))
     one = JointRecording((), "land", found, True)
-    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros((0, 0)), held, (), drifts, (), (), 1.0)
+    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros((0, 0)), held, drifts, (), (), 1.0)
 
 
 def page_of_many(count: int) -> str:

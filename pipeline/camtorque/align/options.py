@@ -7,7 +7,10 @@ from pathlib import Path
 
 from camtorque.records import Finding, Refusal
 
-INTERPOLATIONS = ("auto", "cubic", "linear", "average")
+LINEAR, CUBIC, AVERAGE = 0, 1, 2
+RULES = {"cubic": CUBIC, "linear": LINEAR, "average": AVERAGE}
+"""Name -> number of a rule of resampling."""
+INTERPOLATIONS = ("auto", *RULES)
 SPEED_LAWS = ("constant", "smooth")
 
 

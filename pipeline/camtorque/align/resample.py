@@ -15,10 +15,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from camtorque.align.options import AVERAGE, CUBIC, RULES
 from camtorque.records import Array
 
-LINEAR, CUBIC, AVERAGE = 0, 1, 2
-RULES = {"linear": LINEAR, "cubic": CUBIC, "average": AVERAGE}
 COMPILED_FROM, LOADED_FROM = 4_000_000, 40_000_000
 """Samples of a channel from which the compiled pass is taken where compiled code is loaded anyhow (a run), and from
 which loading it, half a second, pays by itself."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from camtorque.align.resample import AVERAGE, CUBIC
+from camtorque.align.options import AVERAGE, CUBIC
 from camtorque.records import Array
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.align.channels import AlignedChannel
-from camtorque.align.options import AlignOptions
-from camtorque.align.resample import RULES
+from camtorque.align.options import RULES, AlignOptions
 from camtorque.align.timebase import TimeBase
 from camtorque.plain import plain
 from camtorque.records import CamCycles

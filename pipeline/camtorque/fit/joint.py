@@ -24,7 +24,7 @@ from camtorque.fit.search import SCAN_SHARES, rising_angles
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
 from camtorque.laws.chain import BINS
-from camtorque.records import Array, Finding, LadderRung, Metrics, ParameterEstimate, Refusal
+from camtorque.records import Array, Finding, Metrics, ParameterEstimate, Refusal
 from camtorque.threads import Each, in_turn, side_by_side
 from camtorque.units import DEGREE
 
@@ -96,7 +96,6 @@ class CampaignFit:
     correlation_names: tuple[str, ...]
     correlation: Array
     held_out: tuple[HeldOut, ...]
-    ladder: tuple[LadderRung, ...]
     drifts: tuple[Drift, ...]
     left_aside: tuple[str, ...]
     findings: tuple[Finding, ...]
@@ -283,7 +282,7 @@ def _fit_joint(inputs: Sequence[JointInput], each: Each) -> CampaignFit:
     std = fit.covariance.std
     return CampaignFit(
         tuple(item.name for item in used), (), shared, fitted, tuple(slot.name for slot in problem.slots),
-        fit.covariance.matrix / np.outer(std, std), held, (), drifts, tuple(aside), findings, solution.chi_square,
+        fit.covariance.matrix / np.outer(std, std), held, drifts, tuple(aside), findings, solution.chi_square,
     )  # fmt: skip
 
 

@@ -151,7 +151,7 @@ def fitted_torque(
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
-        metrics=_metrics(means, fitted.torque, held.torque, rigid), ladder=(), trigger_angle=trigger,
+        metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
         torque_delay=_delay(parameters, cycles.torque_delay),
         angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger), odd_even_rms=odd_even,
         next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),

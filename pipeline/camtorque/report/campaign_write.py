@@ -54,7 +54,7 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
         "effects": joint.effects if joint else [],
         "shared_parameters": parameters_document(joint.shared_parameters) if joint else {},
         "held_out": [asdict(row) for row in joint.held_out] if joint else [],
-        "ladder": [asdict(row) for row in joint.ladder] if joint else [],
+        "ladder": [],
         "drifts": [asdict(row) for row in joint.drifts] if joint else [],
         "left_aside": joint.left_aside if joint else [],
         "findings": findings_document((*result.findings, *(joint.findings if joint else ()))),

@@ -56,7 +56,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "evidence": {row.name: _evidence(row) for row in fitted.evidence},
             "alternatives": [_alternative(row) for row in fitted.alternatives],
             "accuracy": _accuracy(fitted),
-            "ladder": [asdict(rung) for rung in fitted.ladder],
+            "ladder": [],
             "effects": fitted.effects,
             "parameters": parameters_document(fitted.parameters),
             "uncertainty": uncertainty_document(fitted),
