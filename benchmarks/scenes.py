@@ -29,8 +29,8 @@ from rigs.rig import simulate  # noqa: E402
 from rigs.truth import NO_FRICTION, RIGID_DRIVELINE, RigTruth, change  # noqa: E402
 from rigs.write import write_recording  # noqa: E402
 
-FRICTION = ("bearing_mu", "bearing_mu_static", "pin_mu", "guide_mu", "seal_force")
-DAMPING = ("plunger_viscous", "drag_torque", "shaft_viscous")
+FRICTION = ("bearing_mu", "bearing_mu_static", "pin_mu", "guide_mu", "seal_force", "drag_torque")
+DAMPING = ("plunger_viscous", "shaft_viscous")
 LOSSES = ("chamber", "friction", "damping", "driveline")
 SCENES: dict[str, tuple[str, ...]] = {
     "none": (), "friction": ("friction",), "viscous": ("damping",), "compliance": ("driveline",),
