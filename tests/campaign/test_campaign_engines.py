@@ -5,10 +5,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,17 @@ def engine(request: pytest.FixtureRequest) -> Callable[..., Iterator[tuple[str, 
     if request.param == "dask":
         pytest.importorskip("dask_jobqueue")
     return ENGINES[request.param]
+
+
+@pytest.fixture(autouse=True)
+def usual_port_is_taken() -> Iterator[None]:
+    """Hold the port of a dashboard, as another campaign on this machine would."""
+    with socket.socket() as taken:
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        with suppress(OSError):  # somebody else has it
+            taken.bind(("", 8787))
+            taken.listen()
+        yield
 
 
 def test_a_dead_worker_costs_at_most_its_own_item(engine: Callable[..., Any], tmp_path: Path) -> None:
@@ -63,7 +76,7 @@ def test_items_are_taken_as_workers_become_free() -> None:
 
 def test_a_running_scheduler_is_used() -> None:
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, protocol="tcp") as running:
+    with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=":0", protocol="tcp") as running:
         done = dict(cluster.on_scheduler(campaign_words.sleepy, ["say 1", "say 2"], running.scheduler_address, print))
     assert done == {"say 1": "say 1", "say 2": "say 2"}
 

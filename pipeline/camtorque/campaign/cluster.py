@@ -33,6 +33,8 @@ BATCH_SYSTEMS = {
     "htcondor": "HTCondorCluster",
 }  # fmt: skip
 """Kind of a cluster file -> class of dask-jobqueue."""
+ANY_PORT = ":0"
+"""Dashboards at a port that is free: a second campaign on this machine must not be in the way of the first."""
 CLUSTER_KEYS = ("kind", "jobs", "options")
 WAIT_FOR_SCHEDULER = 10.0
 WAIT_FOR_WORKERS = 60.0
@@ -46,7 +48,7 @@ def on_local_cluster(call: Callable[[T], R], items: Iterable[T], workers: int) -
     quiet_tracker()
     with _quiet() as distributed:
         cluster = distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=ANY_PORT,
             silence_logs=logging.CRITICAL, memory_limit=0,
         )  # fmt: skip
         with cluster, distributed.Client(cluster) as client:
@@ -100,7 +102,8 @@ def on_cluster_file(
     with _quiet("dask_jobqueue") as distributed:
         dask_jobqueue = _batch_systems()
         try:
-            cluster = getattr(dask_jobqueue, BATCH_SYSTEMS[kind])(**{"processes": 1, "cores": 1, **options})
+            usual = {"processes": 1, "cores": 1, "scheduler_options": {"dashboard_address": ANY_PORT}}
+            cluster = getattr(dask_jobqueue, BATCH_SYSTEMS[kind])(**{**usual, **options})
             cluster.scale(jobs=jobs)
         except (OSError, TypeError, ValueError, RuntimeError) as error:
             raise Refusal(f"--cluster {file}: {kind} refused it ({' '.join(str(error).split())}); see docs") from error
