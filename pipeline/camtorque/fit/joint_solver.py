@@ -1,8 +1,8 @@
 """The solver's steps for many recordings: each is summed up at a point by a small matrix, and forgotten.
 
-The same steps as `solver.solve`, trial for trial. Parameters of one recording meet those of another only through the
-shared ones: the normal equations are an arrow, solved by eliminating each recording's own ones, so that time and memory
-are linear in the number of recordings.
+The descent is that of one recording (`descent.minimise`), only its linear algebra differs. Parameters of one recording
+meet those of another only through the shared ones: the normal equations are an arrow, solved by eliminating each
+recording's own ones, so that time and memory are linear in the number of recordings.
 """
 
 from __future__ import annotations
@@ -13,13 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import (
-    LARGEST_DAMPING,
     LARGEST_INFORMATION,
-    LEAST_GAIN,
     N_NONLINEAR,
-    RELATIVE_GAIN,
     LiftModes,
     lift_modes,
     smoother,
@@ -308,38 +306,15 @@ def solve_many(
     start : (k,) where to start
     smoothing : standard deviation of the residual's smoothing [rad]
     """
-    lower, upper = problem.bounds
-    z = np.clip(start, lower, upper)
     task = joint_task(problem, start, smoothing, each)
-    trial = try_at(task, z)
-    evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
-    while True:
-        point = linearised(task, trial.z)
-        if iterations >= max_iterations:
-            break
-        iterations += 1
-        before, accepted, gained = trial, False, 0.0
-        goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
-        while not converged and damping < LARGEST_DAMPING:
-            step, promise = _step(task, point, trial.z, damping)
-            if promise < goal:
-                converged = damping < 1.0e-2 or _promise(task, point, trial.z) < goal
-                break
-            new = try_at(task, np.clip(trial.z + step, lower, upper))
-            evaluations += 1
-            ratio = (trial.chi_square - new.chi_square) / promise
-            if ratio > 1e-4 and np.isfinite(new.chi_square):
-                gained = trial.chi_square - new.chi_square
-                damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 1e-8)
-                trial, accepted = new, gained > goal
-                break
-            damping *= 4.0 if ratio > 0.0 else 8.0
-        if not accepted:
-            converged = converged or gained < 5.0 * goal
-            if trial is not before:
-                point = linearised(task, trial.z)
-            break
-    return _solution(task, trial, point, (iterations, evaluations, converged))
+    descent = Descent[Trial, Linearised](
+        try_at=lambda z: try_at(task, z),
+        linearise=lambda trial: linearised(task, trial.z),
+        step=lambda point, z, damping: _step(task, point, z, damping),
+        promise=lambda point, z: _promise(task, point, z),
+        bounds=problem.bounds,
+    )
+    return _solution(task, *minimise(descent, start, max_iterations))
 
 
 def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:

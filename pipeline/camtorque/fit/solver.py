@@ -15,14 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import FitData, Problem
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, binned, evaluate, filtered, transfer
 from camtorque.records import Array, freeze_arrays
 
 N_NONLINEAR = len(NONLINEAR_NAMES)
-RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
-"""An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
-LARGEST_DAMPING = 1.0e9
 LARGEST_INFORMATION = 1.0e30
 """Beyond this a tangent has run away: the point is far from anything physical."""
 LIFT_CUT = 0.05
@@ -235,6 +233,16 @@ def normal_equations(
     return matrix, vector, tuple(outputs)
 
 
+@dataclass(frozen=True)
+class Point:
+    """Normal equations at a trial in units of the steps: with and without the priors, descent vector, outputs."""
+
+    matrix: Array
+    data_matrix: Array
+    vector: Array
+    outputs: tuple[ChainOutput, ...]
+
+
 def solve(
     problem: Problem,
     start: Array | None = None,
@@ -249,55 +257,37 @@ def solve(
     start : (k,) where to start, None for the starts of the rows
     lifts : lift correction of each recording, None to take it from the start
     smoothing : standard deviation of the residual's smoothing [rad]
+
+    Raises
+    ------
+    FloatingPointError : a tangent has run away
     """
-    lower, upper = problem.bounds
-    steps, (means, stds) = problem.steps, problem.priors
-    z = np.clip(problem.start if start is None else start, lower, upper)
+    bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
+    z = np.clip(problem.start if start is None else start, *bounds)
     smooth = smoother(smoothing)
-    if lifts is None:
-        lifts = lifts_at(problem, z)
-    trial = try_at(problem, z, lifts, smooth)
-    evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
+    modes = lifts_at(problem, z) if lifts is None else lifts
     inverse = (steps / stds) ** 2
     first = problem.n_nonlinear
-    while True:
-        data_matrix, vector, outputs = normal_equations(problem, trial, lifts, smooth)
+
+    def linearise(trial: Trial) -> Point:
+        data_matrix, vector, outputs = normal_equations(problem, trial, modes, smooth)
         if not np.max(np.abs(data_matrix)) < LARGEST_INFORMATION:
             raise FloatingPointError("the derivative of the chain is not finite")
         matrix = data_matrix + np.diag(inverse)
-        vector = vector - inverse * (trial.z - means) / steps
-        if iterations >= max_iterations:
-            break
-        iterations += 1
-        before = trial
-        accepted, gained = False, 0.0
-        goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
-        while not converged and damping < LARGEST_DAMPING:
-            step, promise = _step(matrix, vector, trial.z, damping, first, (lower, upper), steps)
-            if promise < goal:
-                converged = damping < 1.0e-2 or _promise(matrix, vector, _free(trial.z, vector, lower, upper)) < goal
-                break
-            new = try_at(problem, np.clip(trial.z + step, lower, upper), lifts, smooth)
-            evaluations += 1
-            ratio = (trial.chi_square - new.chi_square) / promise
-            if ratio > 1e-4 and np.isfinite(new.chi_square):
-                gained = trial.chi_square - new.chi_square
-                damping *= max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
-                damping = max(damping, 1e-8)
-                trial, accepted = new, gained > goal
-                break
-            damping *= 4.0 if ratio > 0.0 else 8.0
-        if not accepted:
-            converged = converged or gained < 5.0 * goal
-            if trial is not before:
-                data_matrix, vector, outputs = normal_equations(problem, trial, lifts, smooth)
-                matrix = data_matrix + np.diag(inverse)
-                vector = vector - inverse * (trial.z - means) / steps
-            break
+        return Point(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, outputs)
+
+    descent = Descent[Trial, Point](
+        try_at=lambda point: try_at(problem, point, modes, smooth),
+        linearise=linearise,
+        step=lambda point, at, damping: _step(point.matrix, point.vector, at, damping, first, bounds, steps),
+        promise=lambda point, at: _promise(point.matrix, point.vector, _free(at, point.vector, *bounds)),
+        bounds=bounds,
+    )
+    trial, point, cost = minimise(descent, z, max_iterations)
     outer = np.outer(steps, steps)
     return Solution(
-        trial.z, trial.chi_square, trial.data_chi_square, matrix / outer, data_matrix / outer, vector / steps, outputs,
-        trial.residuals, lifts, iterations, evaluations, converged,
+        trial.z, trial.chi_square, trial.data_chi_square, point.matrix / outer, point.data_matrix / outer,
+        point.vector / steps, point.outputs, trial.residuals, modes, *cost,
     )  # fmt: skip
 
 

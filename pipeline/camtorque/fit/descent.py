@@ -1,0 +1,92 @@
+"""The way down to a minimum, for 1 to n recordings: one damping, one test of convergence.
+
+Levenberg-Marquardt with the damping of Nielsen (Damping Parameter in Marquardt's Method, IMM-REP-1999-05).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from camtorque.records import Array
+
+RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
+"""An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
+LARGEST_DAMPING = 1.0e9
+
+
+class Tried(Protocol):
+    """A problem at one point."""
+
+    @property
+    def z(self) -> Array:
+        """Free parameters [SI]."""
+
+    @property
+    def chi_square(self) -> float:
+        """Weighted sum of squares with priors and lift."""
+
+
+T = TypeVar("T", bound=Tried)
+P = TypeVar("P")
+
+
+@dataclass(frozen=True)
+class Descent(Generic[T, P]):
+    """What the search for a minimum needs of a problem, of one recording or of many.
+
+    try_at : z -> trial, with ``z`` and ``chi_square``
+    linearise : trial -> the normal equations there
+    step : normal equations, z, damping -> damped step within bounds [SI] and how much chi-square it promises
+    promise : normal equations, z -> how much the undamped step promises
+    bounds : lower and upper bounds of z
+    """
+
+    try_at: Callable[[Array], T]
+    linearise: Callable[[T], P]
+    step: Callable[[P, Array, float], tuple[Array, float]]
+    promise: Callable[[P, Array], float]
+    bounds: tuple[Array, Array]
+
+
+def minimise(descent: Descent[T, P], start: Array, max_iterations: int) -> tuple[T, P, tuple[int, int, bool]]:
+    """Return the last trial, the normal equations there, and iterations, evaluations, whether it converged.
+
+    Parameters
+    ----------
+    start : (k,) where to start, moved into the bounds [SI]
+    max_iterations : of normal equations
+    """
+    lower, upper = descent.bounds
+    trial = descent.try_at(np.clip(start, lower, upper))
+    evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
+    while True:
+        point = descent.linearise(trial)
+        if iterations >= max_iterations:
+            break
+        iterations += 1
+        before, accepted, gained = trial, False, 0.0
+        goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
+        while not converged and damping < LARGEST_DAMPING:
+            step, promise = descent.step(point, trial.z, damping)
+            if promise < goal:
+                converged = damping < 1.0e-2 or descent.promise(point, trial.z) < goal
+                break
+            new = descent.try_at(np.clip(trial.z + step, lower, upper))
+            evaluations += 1
+            ratio = (trial.chi_square - new.chi_square) / promise
+            if ratio > 1e-4 and np.isfinite(new.chi_square):
+                gained = trial.chi_square - new.chi_square
+                damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 1e-8)
+                trial, accepted = new, gained > goal
+                break
+            damping *= 4.0 if ratio > 0.0 else 8.0
+        if not accepted:
+            converged = converged or gained < 5.0 * goal
+            if trial is not before:
+                point = descent.linearise(trial)
+            break
+    return trial, point, (iterations, evaluations, converged)
