@@ -7,7 +7,7 @@ smoothings; starts that fall behind leave. The first rung frees only what places
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -148,15 +148,10 @@ def grid_for(smoothing_deg: float) -> int:
 
 def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int = ITERATIONS) -> Start | None:
     """Return a start after some iterations on the smoothed residual."""
-    held = {}
-    if core:
-        full = build_problem([data])
-        held = {
-            slot.row.name: slot.row.start for slot in full.slots[: full.n_nonlinear] if slot.row.name not in CORE
-        }  # fmt: skip
-    data = refined(
-        coarse(data, grid_for(smoothing_deg)), build_problem([data]).values(build_problem([data]).start, 0)[0]
-    )
+    full = build_problem([data])
+    free = full.slots[: full.n_nonlinear] if core else ()
+    held = {slot.row.name: slot.row.start for slot in free if slot.row.name not in CORE}
+    data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
     lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, cut=SEARCH_LIFT_CUT)
     try:
@@ -258,7 +253,7 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
     name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)
     rest: dict[str, float] = {}
     if structure == "spill" and start.data.structure != "spill":
-        rest = {row: item.rows[row].prior[0] for row in ("spill_width", "spill_span")}  # type: ignore[index]
+        rest = expected(item, ("spill_width", "spill_span"))
     tried = [with_starts(item, {name: float(place), **rest}) for place in places]
     scored = []
     for number, trial in enumerate(tried):
@@ -267,18 +262,21 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
     return [tried[number] for _, number in sorted(scored)[:SCAN_KEPT]]
 
 
+def expected(data: FitData, names: Iterable[str]) -> dict[str, float]:
+    """Return what is expected of the named parameters, those of which something is [SI]."""
+    priors = {name: data.rows[name].prior for name in names}
+    return {name: prior[0] for name, prior in priors.items() if prior}
+
+
 def as_expected(start: Start) -> FitData:
     """Return a start with all but what places the load back at what is expected of it."""
-    rows = start.data.rows
     names = [slot.row.name for slot in build_problem([start.data]).slots if slot.row.name not in CORE]
-    return with_starts(start.data, {name: rows[name].prior[0] for name in names if rows[name].prior})  # type: ignore[index]
+    return with_starts(start.data, expected(start.data, names))
 
 
 def in_parts(best: Start) -> list[FitData]:
     """Return the best start with one part of the bench after another as expected: a bent part holds the others."""
-    rows = best.data.rows
-    return [with_starts(best.data, {name: rows[name].prior[0] for name in part if rows[name].prior})  # type: ignore[index]
-            for part in PARTS]  # fmt: skip
+    return [with_starts(best.data, expected(best.data, part)) for part in PARTS]
 
 
 def expected_again(result: Starts, _rough: FitData) -> Items:
