@@ -8,16 +8,11 @@ zero drift. One line per comparison; the table at the end counts them.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
+from benches import plain_parser, write_rows
 from camtorque.compare import compare_prepared
 from camtorque.fit import Prepared, prepare
 from camtorque.fit.prepare import halves
@@ -121,7 +116,7 @@ def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
 
 def main() -> None:
     """Write one line per comparison and print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = plain_parser(__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--rigs", type=int, default=6)
     parser.add_argument("--first", type=int, default=0)
@@ -130,10 +125,7 @@ def main() -> None:
     rows: list[dict[str, object]] = []
     for seed in range(chosen.first, chosen.first + chosen.rigs):
         rows += rig_rows(chosen.family[seed % len(chosen.family)], seed)
-        with chosen.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(chosen.out, rows)
     for kind in EXPECTED:
         results = [row["result"] for row in rows if row["change"] == kind]
         print(f"{kind:10}" + ", ".join(f"{results.count(name)} {name}" for name in dict.fromkeys(results)))

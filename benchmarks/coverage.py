@@ -6,33 +6,21 @@ leaves it (format and loggers in turn), run with `camtorque run` and its default
 ``foreign`` obey a law that the fit lacks.
 
     python benchmarks/coverage.py --draws 2 --families closed_volume spill foreign_leak --write docs/coverage_figures.md
-
-The interval score of a 95 % interval is its width plus 40 times the distance by which it misses (Gneiting & Raftery,
-J. Am. Stat. Assoc. 102 (2007)): wide intervals and false ones both cost.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import subprocess
-import sys
 import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
 import numpy as np
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from rigs.families import FAMILIES  # noqa: E402
-from rigs.rig import RigRun, end_angle, lift_of, simulate  # noqa: E402
-from rigs.truth import RigTruth, change  # noqa: E402
-from rigs.write import write_recording  # noqa: E402
+from benches import bench_parser, interval_table, outcomes, run_from_files, tell
+from rigs.families import FAMILIES
+from rigs.rig import RigRun, end_angle, lift_of, simulate
+from rigs.truth import RigTruth, change
 
 DEFAULT = (
     "closed_volume", "spill", "plain", "plain_spill", "other_geometry", "negative_rotation", "stiff_driveline",
@@ -40,7 +28,6 @@ DEFAULT = (
     "foreign_leak",
 )  # fmt: skip
 BENCHES = (("tdms", "single"), ("csv", "independent"), ("hdf5", "synchronised"))
-MISS_COST = 2.0 / 0.05
 LOADED_SHARE = 0.3
 LEAK_PRESSURE = 500e5
 CURVES = ("true_angle", "chamber_pressure", "chamber_pressure_std")
@@ -108,21 +95,16 @@ def as_declared(truth: RigTruth) -> RigTruth:
 def one_rig(family: str, draw: int, cycles: int) -> Outcome:
     """Return what one rig shows."""
     rng = np.random.default_rng([4000 + draw, sorted(FAMILIES).index(family)])
-    truth = as_declared(FAMILIES[family](rng))
+    truth = change(as_declared(FAMILIES[family](rng)), name=f"{family}_{draw}")
     speed, load = float(rng.uniform(400.0, 1300.0)), float(rng.uniform(0.55, 0.95))
     run = simulate(truth, speed, load, n_cycles=cycles, seed=draw, step=1e-5)
-    file_format, layout = BENCHES[draw % len(BENCHES)]
     with tempfile.TemporaryDirectory() as temporary:
-        folder, out = Path(temporary) / f"{family}_{draw}", Path(temporary) / "out"
-        write_recording(run, folder, file_format, layout, seed=draw)
         began = time.perf_counter()
-        command = [sys.executable, "-m", "camtorque.cli", "run", str(folder), "--out", str(out), "--quiet"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        refused, result = run_from_files(run, Path(temporary), BENCHES[draw % len(BENCHES)], draw)
         seconds = time.perf_counter() - began
-        if not (out / "result.json").exists():
-            return Outcome(family, done.stderr.strip()[-200:] or f"exit status {done.returncode}", seconds)
-        result = json.loads((out / "result.json").read_text(encoding="utf-8"))
-        with h5py.File(out / "cycles.h5") as file:
+        if refused:
+            return Outcome(family, refused, seconds)
+        with h5py.File(Path(temporary) / "out" / "cycles.h5") as file:
             curves = {name: file["model"][name][:] for name in CURVES if name in file["model"]}
     return compared(family, run, load, seconds, result, curves)
 
@@ -155,15 +137,15 @@ def compared(family: str, run: RigRun, load: float, seconds: float, result: dict
     return Outcome(family, status, seconds, rows, **values)
 
 
-def family_lines(outcomes: list[Outcome]) -> list[str]:
+def family_lines(rigs: list[Outcome]) -> list[str]:
     """Return a line a family."""
     lines = [
         "| family | rigs | unexplained | refused | parameters covered | trigger covered | median trigger error, deg | "
         "held-out RMS, % of peak | chamber RMS, % | loaded angles inside 2 std | all at once |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for family in dict.fromkeys(outcome.family for outcome in outcomes):
-        group = [outcome for outcome in outcomes if outcome.family == family]
+    for family in dict.fromkeys(outcome.family for outcome in rigs):
+        group = [outcome for outcome in rigs if outcome.family == family]
         done = [outcome for outcome in group if outcome.rows]
         told = sum(outcome.status == "unexplained" for outcome in done)
         inside = [covers(*row) for outcome in done for row in outcome.rows.values()]
@@ -174,25 +156,6 @@ def family_lines(outcomes: list[Outcome]) -> list[str]:
             f"{sum(triggers)}/{len(triggers)} | {median(abs(o.trigger_error) for o in done):.3f} | "
             f"{median(o.held_out for o in done):.3f} | {median(o.chamber_rms for o in done):.2f} | "
             f"{median(o.chamber_inside for o in done):.0f} % | {every}/{len(done)} |"
-        )
-    return lines
-
-
-def parameter_lines(outcomes: list[Outcome]) -> list[str]:
-    """Return a line a parameter, over all families."""
-    lines = [
-        "| parameter | rigs | covered | median error | median half width | mean interval score |",
-        "|---|---|---|---|---|---|",
-    ]
-    names = dict.fromkeys(name for outcome in outcomes for name in outcome.rows)
-    for name in names:
-        rows = np.array([outcome.rows[name] for outcome in outcomes if name in outcome.rows])
-        true, value, low, high = rows.T
-        inside = (low <= true) & (true <= high)
-        score = high - low + MISS_COST * (np.maximum(low - true, 0.0) + np.maximum(true - high, 0.0))
-        lines.append(
-            f"| {name} | {len(rows)} | {int(inside.sum())} | {np.median(np.abs(value - true)):.3g} | "
-            f"{0.5 * np.median(high - low):.3g} | {np.mean(score):.3g} |"
         )
     return lines
 
@@ -210,29 +173,22 @@ def median(values: object) -> float:
 
 def main() -> None:
     """Run the rigs and print, or write, the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--draws", type=int, default=2, help="rigs of each family")
-    parser.add_argument("--first", type=int, default=0, help="number of the first draw")
+    parser = bench_parser(__doc__)
     parser.add_argument("--families", nargs="+", default=list(DEFAULT), choices=sorted(FAMILIES))
-    parser.add_argument("--cycles", type=int, default=20, help="revolutions of each recording")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     draws = range(arguments.first, arguments.first + arguments.draws)
     jobs = [(family, draw, arguments.cycles) for draw in draws for family in arguments.families]
-    outcomes = []
-    with ThreadPoolExecutor(arguments.workers) as pool:
-        for (family, draw, _), outcome in zip(jobs, pool.map(lambda job: one_rig(*job), jobs), strict=True):
-            outcomes.append(outcome)
-            missed = ", ".join(name for name, row in outcome.rows.items() if not covers(*row))
-            said = f"{outcome.status}, {outcome.seconds:.0f} s, trigger {outcome.trigger_error:+.3f} deg, chamber "
-            said += f"{outcome.chamber_inside:.0f} % inside 2 std, missed {missed or 'nothing'}"
-            print(f"{family} {draw}: {said}", flush=True)
-    outcomes.sort(key=lambda outcome: arguments.families.index(outcome.family))
-    text = "\n".join([*family_lines(outcomes), "", *parameter_lines(outcomes)]) + "\n"
-    print(text)
-    if arguments.write:
-        arguments.write.write_text(text, encoding="utf-8")
+    rigs = []
+    for (family, draw, _), rig in outcomes(lambda job: one_rig(*job), jobs, arguments.workers):
+        rigs.append(rig)
+        missed = ", ".join(name for name, row in rig.rows.items() if not covers(*row))
+        said = f"{rig.status}, {rig.seconds:.0f} s, trigger {rig.trigger_error:+.3f} deg, chamber "
+        said += f"{rig.chamber_inside:.0f} % inside 2 std, missed {missed or 'nothing'}"
+        print(f"{family} {draw}: {said}", flush=True)
+    rigs.sort(key=lambda rig: arguments.families.index(rig.family))
+    names = dict.fromkeys(name for rig in rigs for name in rig.rows)
+    intervals = {name: [rig.rows[name] for rig in rigs if name in rig.rows] for name in names}
+    tell("\n".join([*family_lines(rigs), "", *interval_table(intervals)]) + "\n", arguments.write)
 
 
 if __name__ == "__main__":

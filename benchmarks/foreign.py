@@ -16,8 +16,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
-MISS_COST = 2.0 / 0.05
+from benches import interval_table
 
 
 def column(rows: list[dict], name: str) -> np.ndarray:
@@ -37,21 +36,12 @@ def summary(rows: list[dict]) -> list[str]:
         f"chamber: loaded angles inside 2 std {np.mean(inside):.0f} % (mean), below 90 % in {np.sum(inside < 90.0)} of "
         f"{inside.size}; rms {np.median(rms):.2f} % (median), {np.max(rms):.2f} % (worst)",
         "",
-        "| parameter | rigs | covered | median error | median half width | mean interval score |",
-        "|---|---|---|---|---|---|",
     ]
     found: dict[str, list[tuple[float, ...]]] = {}
     for row in done:
         for name, _, value, true, (low, high) in row["coverage"]:
-            found.setdefault(name, []).append((value, true, low, high))
-    for name, entries in found.items():
-        value, true, low, high = np.array(entries).T
-        missed = np.maximum(low - true, 0.0) + np.maximum(true - high, 0.0)
-        lines.append(
-            f"| {name} | {value.size} | {int(np.sum(missed == 0.0))} | {np.median(np.abs(value - true)):.3g} | "
-            f"{0.5 * np.median(high - low):.3g} | {np.mean(high - low + MISS_COST * missed):.3g} |"
-        )
-    return lines
+            found.setdefault(name, []).append((true, value, low, high))
+    return [*lines, *interval_table(found)]
 
 
 def main() -> None:

@@ -9,24 +9,19 @@ wanted share of what it was. A line per run: standard error, and whether the tru
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
+from benches import plain_parser, rig_of, write_rows
 from camtorque.fit import Prepared, joint_input, prepare
 from camtorque.fit.ends import Curve
 from camtorque.fit.forecast import FittedAt, KnownFit
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.planning import plan, point_of
 from camtorque.plan import SPEED_FACTORS
-from camtorque.predict_from import Rig, chain_of
+from camtorque.predict_from import chain_of
 from camtorque.units import RPM
 from compare_twins import compared_side, recorded
 from rigs.families import FAMILIES
@@ -76,14 +71,14 @@ def proposed(bench: Bench, known: KnownFit, target: str, wanted: float) -> tuple
     """Return share of the middle speed and load of the run that `plan` proposes first, None where it proposes none."""
     points, loads = [], {}
     for item, load in bench.made[:2]:
-        config = item.recording.config
-        rig = Rig(config.pump, item.recording.cam_table, config.rotation, config.trigger.nominal_angle)
         curve = Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
         source = next(one for one in known.recordings if one.id == item.data.name)
         scatter = float(np.sqrt(np.mean(item.means.torque_std**2)))
         loads[source.id] = load
         for share in SPEED_FACTORS:
-            points.append(point_of(known, chain_of(rig, MIDDLE * share * RPM, curve), source, source.id, scatter))
+            points.append(
+                point_of(known, chain_of(rig_of(item), MIDDLE * share * RPM, curve), source, source.id, scatter)
+            )
     gradient = np.eye(len(known.names))[known.names.index(target)]
     steps = [step for step in plan(known, gradient, wanted, points, (DURATION,)) if not step.offer.tooth]
     if not steps:
@@ -129,7 +124,7 @@ def closed_loop(truth: RigTruth, seed: int, target: str, factor: float) -> Seque
 
 def main() -> None:
     """Write one line per run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = plain_parser(__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--family", default="closed_volume")
     parser.add_argument("--seed", type=int, default=5)
@@ -138,10 +133,7 @@ def main() -> None:
     chosen = parser.parse_args()
     truth = FAMILIES[chosen.family](np.random.default_rng(chosen.seed))
     rows = closed_loop(truth, chosen.seed, chosen.target, chosen.factor)
-    with chosen.out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(chosen.out, rows)
 
 
 if __name__ == "__main__":

@@ -8,12 +8,11 @@ peak, share of the revolution inside the pointwise 95 % band.
 
 from __future__ import annotations
 
-import argparse
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from benches import plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import Prepared, joint_input, prepare
 from camtorque.fit.ends import Curve, ends_for
@@ -22,7 +21,7 @@ from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
 from camtorque.ingest import read_recording
-from camtorque.predict_from import Rig, chain_of
+from camtorque.predict_from import chain_of
 from camtorque.rehearsal import rigid_torque
 
 
@@ -42,12 +41,10 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
 
 def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared) -> dict[str, object]:
     """Return how well a recording that is not in the fit is predicted."""
-    config = left.recording.config
-    rig = Rig(config.pump, left.recording.cam_table, config.rotation, config.trigger.nominal_angle)
     speed = left.cycles.mean_speed
     curve = Curve(left.cycles.theta, left.means.pressure_all, speed)
     source = known.nearest(speed)
-    chain = chain_of(rig, speed, curve)
+    chain = chain_of(rig_of(left), speed, curve)
     templates = {
         item.data.name: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed) for item in used
     }
@@ -81,7 +78,7 @@ def left_out_rows(prepared: Sequence[Prepared]) -> list[dict[str, object]]:
 
 def main() -> None:
     """Write one line per left-out recording."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = plain_parser(__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("campaigns", type=Path, nargs="+")
     chosen = parser.parse_args()
@@ -93,10 +90,7 @@ def main() -> None:
             cycles = align(recording)
             prepared.append(prepare(recording, cycles, rigid_torque(recording, cycles)))
         rows += left_out_rows(prepared)
-        with chosen.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(chosen.out, rows)
 
 
 if __name__ == "__main__":

@@ -8,20 +8,15 @@ the run that was fitted, made again.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
+from benches import plain_parser, rig_of, write_rows
 from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.fit.ends import Curve, ends_for
 from camtorque.fit.forecast import FittedAt, KnownFit, forecast
 from camtorque.fit.prepare import on_grid
-from camtorque.predict_from import Rig, chain_of
+from camtorque.predict_from import chain_of
 from compare_twins import compared_side, recorded
 from rigs.families import FAMILIES
 from rigs.truth import RigTruth, change
@@ -60,10 +55,9 @@ def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
     for number, (name, other) in enumerate(others(truth).items(), 1):
         made = recorded(other, SPEED, LOAD, 50 * seed + number)
         item = compared_side(made, made, name)
-        config, speed = item.recording.config, item.cycles.mean_speed
+        speed = item.cycles.mean_speed
         curve = Curve(item.cycles.theta, item.means.pressure_all, speed)
-        rig = Rig(config.pump, item.recording.cam_table, config.rotation, config.trigger.nominal_angle)
-        chain = chain_of(rig, speed, curve)
+        chain = chain_of(rig_of(item), speed, curve)
         found = forecast(known, chain, source, ends_for(known, source, templates, chain, curve), {})
         measured = on_grid(item.means.torque_all, found.theta.size)
         top = int(np.argmax(found.torque))
@@ -79,17 +73,14 @@ def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
 
 def main() -> None:
     """Write one line per prediction."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = plain_parser(__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--family", default="closed_volume")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--rigs", type=int, default=2)
     chosen = parser.parse_args()
     rows = [row for k in range(chosen.first, chosen.first + chosen.rigs) for row in rig_rows(chosen.family, k)]
-    with chosen.out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(chosen.out, rows)
 
 
 if __name__ == "__main__":

@@ -9,25 +9,16 @@ or "cannot tell". A scene's draw is right where every verdict is, wrong where on
 
 from __future__ import annotations
 
-import argparse
-import json
-import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from rigs.families import closed_volume, spill  # noqa: E402
-from rigs.rig import simulate  # noqa: E402
-from rigs.truth import NO_FRICTION, RIGID_DRIVELINE, RigTruth, change  # noqa: E402
-from rigs.write import write_recording  # noqa: E402
+from benches import bench_parser, outcomes, run_from_files, tell
+from rigs.families import closed_volume, spill
+from rigs.rig import simulate
+from rigs.truth import NO_FRICTION, RIGID_DRIVELINE, RigTruth, change
 
 FRICTION = ("bearing_mu", "bearing_mu_static", "pin_mu", "guide_mu", "seal_force", "drag_torque")
 DAMPING = ("plunger_viscous", "shaft_viscous")
@@ -60,14 +51,8 @@ def verdicts_of(name: str, draw: int, cycles: int) -> Mapping[str, str]:
     run = simulate(truth, float(rng.uniform(400.0, 1300.0)), float(rng.uniform(0.55, 0.95)), n_cycles=cycles,
                    seed=draw, step=1e-5)  # fmt: skip
     with tempfile.TemporaryDirectory() as temporary:
-        folder, out = Path(temporary) / truth.name, Path(temporary) / "out"
-        write_recording(run, folder, "hdf5", "single", seed=draw)
-        command = [sys.executable, "-m", "camtorque.cli", "run", str(folder), "--out", str(out), "--quiet"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if not (out / "result.json").exists():
-            return {"refused": done.stderr.strip()[-200:] or f"exit status {done.returncode}"}
-        result = json.loads((out / "result.json").read_text(encoding="utf-8"))
-    return {loss: result["evidence"][loss]["verdict"] for loss in LOSSES}
+        refused, result = run_from_files(run, Path(temporary), ("hdf5", "single"), draw)
+    return {"refused": refused} if refused else {loss: result["evidence"][loss]["verdict"] for loss in LOSSES}
 
 
 def judged(name: str, verdicts: Mapping[str, str]) -> Counter[str]:
@@ -80,14 +65,14 @@ def judged(name: str, verdicts: Mapping[str, str]) -> Counter[str]:
     return counted
 
 
-def table(outcomes: list[tuple[str, Mapping[str, str]]]) -> str:
+def table(drawn: list[tuple[str, Mapping[str, str]]]) -> str:
     """Return a line a scene."""
     lines = [
         "| scene | draws | right | cannot tell | wrong | verdicts right / cannot tell / wrong | wrong ones |",
         "|---|---|---|---|---|---|---|",
     ]
-    for name in [*dict.fromkeys(scene for scene, _ in outcomes), ""]:
-        group = [(scene, said) for scene, said in outcomes if not name or scene == name]
+    for name in [*dict.fromkeys(scene for scene, _ in drawn), ""]:
+        group = [(scene, said) for scene, said in drawn if not name or scene == name]
         each = [judged(scene, said) for scene, said in group]
         wrong = sum(one["wrong"] > 0 for one in each)
         right = sum(one["right"] == len(LOSSES) for one in each)
@@ -106,23 +91,16 @@ def table(outcomes: list[tuple[str, Mapping[str, str]]]) -> str:
 
 def main() -> None:
     """Run the scenes and print, or write, the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--draws", type=int, default=2, help="pumps of each scene")
+    parser = bench_parser(__doc__)
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES))
-    parser.add_argument("--cycles", type=int, default=20, help="revolutions of each recording")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    jobs = [(name, draw, arguments.cycles) for name in arguments.scenes for draw in range(arguments.draws)]
-    outcomes = []
-    with ThreadPoolExecutor(arguments.workers) as pool:
-        for (name, draw, _), said in zip(jobs, pool.map(lambda job: verdicts_of(*job), jobs), strict=True):
-            outcomes.append((name, said))
-            print(name, draw, dict(judged(name, said)), dict(said), flush=True)
-    text = table(outcomes)
-    print(text)
-    if arguments.write:
-        arguments.write.write_text(text, encoding="utf-8")
+    draws = range(arguments.first, arguments.first + arguments.draws)
+    jobs = [(name, draw, arguments.cycles) for name in arguments.scenes for draw in draws]
+    drawn = []
+    for (name, draw, _), said in outcomes(lambda job: verdicts_of(*job), jobs, arguments.workers):
+        drawn.append((name, said))
+        print(name, draw, dict(judged(name, said)), dict(said), flush=True)
+    tell(table(drawn), arguments.write)
 
 
 if __name__ == "__main__":
