@@ -32,8 +32,6 @@ def run(request):
 
 @pytest.mark.parametrize(("file_format", "layout", "dialect"), CASES)
 def test_files_give_the_cycles_of_the_rig(run, tmp_path, file_format, layout, dialect):
-    if file_format == "mf4":
-        pytest.importorskip("asammdf")
     written = write_recording(run, tmp_path / "r", file_format, layout, dialect, seed=5, skew_ppm=40.0)
     cycles = align(read_recording(written.folder))
     expected = as_cycles(run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -75,11 +76,9 @@ def test_the_table_names_cases_of_the_corpus() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(name for name in BUILDERS if not VERDICTS[name].refused))
-def test_alignment_of(name: str, tmp_path: Path) -> None:
-    if "mf4" in name:
-        pytest.importorskip("asammdf")
+def test_alignment_of(name: str, corpus: Callable[[str], Path]) -> None:
     expected = ALIGNED.get(name, SOUND)
-    recording = read_recording(BUILDERS[name](tmp_path / name))
+    recording = read_recording(corpus(name))
     if expected.refused:
         with pytest.raises(Refusal, match=expected.refused) as caught:
             align(recording)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from argparse import Namespace
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -54,10 +55,8 @@ def agree(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("name", sorted(BUILDERS))
-def test_check_says_what_align_and_run_do(name: str, tmp_path: Path) -> None:
-    if "mf4" in name:
-        pytest.importorskip("asammdf")
-    agree(BUILDERS[name](tmp_path / name))
+def test_check_says_what_align_and_run_do(name: str, corpus: Callable[[str], Path]) -> None:
+    agree(corpus(name))
 
 
 @pytest.mark.parametrize("lacking", ["torque", "pressure", "pump", "cycles", "nothing"])

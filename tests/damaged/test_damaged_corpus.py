@@ -1,5 +1,6 @@
 """Every case of the corpus meets its verdict, and none ends in anything but a record or a refusal of one line."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,11 +16,9 @@ def test_every_case_has_a_verdict_and_there_are_enough():
 
 
 @pytest.mark.parametrize("name", sorted(BUILDERS))
-def test_verdict(name: str, tmp_path: Path):
-    if "mf4" in name:
-        pytest.importorskip("asammdf")
+def test_verdict(name: str, corpus: Callable[[str], Path]):
     verdict = VERDICTS[name]
-    folder = BUILDERS[name](tmp_path / name)
+    folder = corpus(name)
     if verdict.refused:
         with pytest.raises(Refusal, match=verdict.refused) as caught:
             summarise_recording(folder)

@@ -125,7 +125,6 @@ def test_a_tdms_of_empty_segments(tmp_path: Path):
 
 
 def test_an_mf4_whose_blocks_run_in_a_circle(tmp_path: Path):
-    pytest.importorskip("asammdf")
     folder, file = folder_of(tmp_path, replace(PLANS["mf4"], writer_options={"compression": 0}))
     data = bytearray(file.read_bytes())
     at = data.index(b"##CN")
@@ -136,7 +135,6 @@ def test_an_mf4_whose_blocks_run_in_a_circle(tmp_path: Path):
 
 
 def test_an_mf4_channel_outside_its_record(tmp_path: Path):
-    pytest.importorskip("asammdf")
     folder, file = folder_of(tmp_path, replace(PLANS["mf4"], writer_options={"compression": 0}))
     data = bytearray(file.read_bytes())
     at = data.index(b"##CN", data.index(b"##CN") + 4)

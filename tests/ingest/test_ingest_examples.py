@@ -43,8 +43,6 @@ FACTS = {
 
 
 def example(name: str) -> Recording:
-    if name == "A_0750rpm":
-        pytest.importorskip("asammdf")
     return read_recording(EXAMPLES / name)
 
 

@@ -48,8 +48,6 @@ def assert_is_the_log(read: Recording, tolerance: float = 0.0, start: float = LO
 
 @pytest.mark.parametrize("name", sorted(PLANS))
 def test_round_trip(tmp_path: Path, name: str):
-    if name == "mf4":
-        pytest.importorskip("asammdf")
     assert_is_the_log(recording(tmp_path / "r", PLANS[name]), TOLERANCE[name])
 
 
@@ -149,7 +147,6 @@ def test_a_large_csv_lies_on_disk_and_gives_the_same(tmp_path: Path, monkeypatch
 
 
 def test_a_large_mf4_is_read_in_pieces_and_gives_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    pytest.importorskip("asammdf")
     folder = write_folder(tmp_path / "r", [LOG], PLANS["mf4"])
     small = read_recording(folder)
     monkeypatch.setattr(mf4, "IN_MEMORY_BYTES", 1000)

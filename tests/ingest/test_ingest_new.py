@@ -154,7 +154,6 @@ def test_a_time_without_a_unit_is_only_taken_where_it_can_be_nothing_but_seconds
 
 
 def test_two_loggers_are_asked_for_their_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    pytest.importorskip("asammdf")
     logs = [shutil.copy(path, tmp_path) for path in sorted((EXAMPLES / "A_0750rpm").glob("*.mf4"))]
     assert cli.main(["new", *map(str, logs), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["unknown"] == ["clock", "clock"]

@@ -184,8 +184,10 @@ def test_chamber_is_the_rigs_where_nothing_is_delivered(case, limit):
         values["spill_lift"] = float(lift_of(truth, np.array([run.end_angle[0]]))[0])
     vector = np.array([values[name] * KERNEL_UNITS[name] for name in NAMES])
     geometry = np.array([truth.pump.plunger_area * 1e6, truth.pump.cam.lift * 1e3, 2e3 * np.pi / N / speed.mean()])
+    substeps = np.full(N, 16)
+    substeps.flags.writeable = False  # as the chain hands them on: compiled once
     pressure, *_ = integrate(
-        vector, geometry, theta, lift_of(truth, theta) * 1e3, np.zeros(N), np.zeros(N), np.full(N, 16),
+        vector, geometry, theta, lift_of(truth, theta) * 1e3, np.zeros(N), np.zeros(N), substeps,
         np.zeros((N, 1)), False,
     )  # fmt: skip
     peak = rig_pressure.max()

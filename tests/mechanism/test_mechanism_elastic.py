@@ -28,7 +28,9 @@ def loads(count):
 
 def integrate(count, stiffness, damping):
     """Integrate the lobes over four revolutions from rest in twist; torque at the drive end over the last one."""
-    shaft = units(count)
+    unit, fine = units(1)[0], np.linspace(0.0, 2.0 * np.pi, 4 * SIZE + 1)
+    # constant, pressure, speed squared and inertia of the torque on one cam, over its own angle
+    parts = CubicSpline(fine, closed_form_tables(unit.pump, LAW, fine).outputs["torque"].T, bc_type="periodic")
 
     def pressure(angle, k):
         local = np.mod(angle - 2.0 * np.pi * k / count, 2.0 * np.pi)
@@ -41,9 +43,9 @@ def integrate(count, stiffness, damping):
         section = -(stiffness * across + damping * across_rate)
         net = section - np.append(section[1:], 0.0)
         change = np.empty(count)
-        for k, unit in enumerate(shaft):
+        for k in range(count):
             angle = SPEED * time + twist[k]
-            table = closed_form_tables(unit.pump, LAW, np.array([angle - unit.phase])).outputs["torque"][:, 0]
+            table = parts(np.mod(angle - 2.0 * np.pi * k / count, 2.0 * np.pi))
             known = table[0] + table[1] * pressure(angle, k) + table[2] * (SPEED + rate[k]) ** 2
             change[k] = (net[k] - known) / table[3]
         return np.concatenate([rate, change])
