@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from camtorque import cli
 from camtorque.ingest import read_recording
-from camtorque.ingest.csv_layout import name_and_unit
+from camtorque.ingest.header import name_and_unit
 from damaged.logs import CALIBRATION
 from test_ingest_new import ANSWERS
 

@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.csv_layout import MAYBE_TIME, TIME_NAME, CsvLayout
-from camtorque.ingest.raw import FileChannel, RawChannel, RawFile
-from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
+from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, time_unit
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
+from camtorque.ingest.timebase import RATE_NOTE, TimeBase, agreed_rate, time_base
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, unit_factor
 
 SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
+FOOTER_ROWS = 100_000
+"""Rows at the end of a table that are looked at for a time."""
 RATE_SAMPLES = 10_000
 """Time stamps looked at to tell the rate of a file that nobody has described yet."""
 
@@ -25,49 +28,78 @@ def raw_file(
     path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource], specs: tuple[ChannelSpec, ...]
 ) -> RawFile:
     """Return the channels of columns that were read; ``sources`` holds them by number, the time column too."""
-    time_column = time_column_of(path, layout, specs)
     channels: list[RawChannel] = []
     findings: list[Finding] = []
-    for number, spec in enumerate(specs):
+    told: set[int | None] = set()
+    for spec, time in zip(specs, time_columns_of(path, layout, specs), strict=True):
         column = column_of(path, layout, spec.channel)
-        base, stamp = _times(path, layout, sources, time_column, spec)
+        source, stamps, cut = _without_footer(sources[column], sources.get(time) if time is not None else None, path)
+        base, stamp = _times(path, layout, stamps, time, spec)
         raw = RawChannel(
-            spec.channel, layout.units[column], sources[column], base.start, base.rate, stamp, base.breaks,
-            base.break_steps,
-        )  # fmt: skip
+            spec.channel, layout.units[column], source, base.start, base.rate, stamp, base.breaks, base.break_steps
+        )
         channels.append(raw)
-        findings += base.findings if number == 0 else ()
+        findings += (*base.findings, *cut) if time not in told else ()
+        told.add(time)
     return RawFile(tuple(channels), tuple(findings))
 
 
-def time_column_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> int | None:
-    """Return the number of the time column, None where there is none.
+def time_columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> list[int | None]:
+    """Return the number of each channel's time column, None where there is none.
 
     Raises
     ------
     Refusal : recording.toml names one that is not there
     """
-    column = layout.time_column(specs[0].time_channel, tuple(spec.channel for spec in specs))
-    if specs[0].time_channel and column is None:
-        shown = ", ".join(layout.names)
-        raise Refusal(f"{path}: no time column {specs[0].time_channel!r}; the columns are {shown}")
-    return column
+    found, names = [], tuple(spec.channel for spec in specs)
+    for spec in specs:
+        column = layout.time_column(spec.time_channel, names, column_of(path, layout, spec.channel))
+        if spec.time_channel and column is None:
+            shown = ", ".join(layout.names)
+            raise Refusal(f"{path}: no time column {spec.time_channel!r}; the columns are {shown}")
+        found.append(column)
+    return found
+
+
+def _without_footer(
+    source: SampleSource, times: SampleSource | None, path: Path
+) -> tuple[SampleSource, SampleSource | None, tuple[Finding, ...]]:
+    """Leave out the end of a table where no row has a time: statistics below it, or a shorter pair of columns."""
+    if times is None or not times.n_samples:
+        return source, times, ()
+    last = times.read(max(times.n_samples - FOOTER_ROWS, 0), times.n_samples)
+    n = times.n_samples - int(np.argmax(np.isfinite(last)[::-1])) if np.isfinite(last).any() else times.n_samples
+    if n == times.n_samples:
+        return source, times, ()
+    text = f"the last {times.n_samples - n} rows hold no time; they are left out"
+    kept = ArraySource(source.read(0, n)), ArraySource(times.read(0, n))
+    return *kept, (Finding("rows_without_time", "warning", text, path.name),)
 
 
 def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -> tuple[FileChannel, ...]:
-    """Return every column but the time as a channel; the time's usual step tells the rate."""
-    time = layout.time_column("")
-    rate = layout.header_rate
-    if time is not None:
-        unit = layout.units[time]
-        rate = usual_rate(sources[time], unit_factor(unit, "time", f"{path} time") if unit else 1.0)
-        if not unit and not layout.stamp_kind(time) and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
-            rate = None  # seconds or milliseconds: a person has to say
+    """Return every column but the times as a channel; the time's usual step tells the rate."""
+    columns = {number: layout.time_column("", (), number) for number in sources}
+    times = {time for time in columns.values() if time is not None}
+    rates = {time: _listed_rate(path, layout, sources[time], time) for time in times if time in sources}
+
+    def rate_of(number: int) -> float | None:
+        time = columns[number]
+        return layout.header_rate if time is None else rates.get(time)
+
     return tuple(
-        FileChannel("", layout.names[number], layout.units[number], source.n_samples, rate, "", source)
+        FileChannel("", layout.names[number], layout.units[number], source.n_samples,
+                    rate_of(number), "", source)
         for number, source in sources.items()
-        if number != time and layout.names[number]
-    )
+        if number not in times and layout.names[number]
+    )  # fmt: skip
+
+
+def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int) -> float | None:
+    unit = layout.units[column]
+    rate = usual_rate(times, unit_factor(unit, "time", f"{path} time") if unit else 1.0)
+    if not unit and not layout.stamp_kind(column) and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
+        return layout.header_rate  # seconds or milliseconds: the header, or a person, has to say
+    return rate
 
 
 def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
@@ -83,17 +115,32 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
         if item in times.values():
             continue
         if item.sample_rate is None and time is not None:
-            item = replace(item, sample_rate=usual_rate(time.source), time_channel=time.name)
+            unit = time_unit(time.name, time.unit)
+            factor = unit_factor(unit, "time", f"{time.name} unit") if unit else 1.0
+            item = replace(item, sample_rate=usual_rate(time.source, factor), time_channel=time.name)
         listed_channels.append(item)
     return tuple(listed_channels)
 
 
 def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:
-    """Return the sampling rate that stamps tell [Hz], None where they do not run forward."""
-    stamps = times.read(0, min(times.n_samples, RATE_SAMPLES))
+    """Return the sampling rate that stamps tell [Hz], None where they do not run forward.
+
+    Stamps are rounded; of the rates that they allow it is the one with the fewest digits.
+    """
+    stamps = times.read(0, min(times.n_samples, RATE_SAMPLES)) * to_seconds
     stamps = stamps[np.isfinite(stamps)]
-    span = (stamps[-1] - stamps[0]) * to_seconds if stamps.size > 1 else 0.0
-    return float((stamps.size - 1) / span) if span > 0.0 else None
+    steps = np.diff(stamps)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    near = steps[np.abs(steps - usual) < 0.5 * usual]
+    # where several samples share a stamp only the whole span tells
+    steps = near if near.size > 0.5 * steps.size else steps
+    span = float(steps.sum())
+    if not span > 0.0:
+        return None
+    rate = steps.size / span
+    rounding = float(np.percentile(steps, 99.0) - np.percentile(steps, 1.0)) + float(np.spacing(abs(stamps[-1])))
+    allowed = rate * min(rounding / span, 0.05)
+    return next((r for digits in range(1, 12) if abs((r := float(f"{rate:.{digits}g}")) - rate) <= allowed), rate)
 
 
 def column_of(path: Path, layout: CsvLayout, name: str) -> int:
@@ -108,23 +155,25 @@ def column_of(path: Path, layout: CsvLayout, name: str) -> int:
 
 
 def _times(
-    path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource], column: int | None, spec: ChannelSpec
+    path: Path, layout: CsvLayout, times: SampleSource | None, column: int | None, spec: ChannelSpec
 ) -> tuple[TimeBase, float | None]:
     """Return the time base of a channel, and its date where the file has stamps."""
-    where = path.name
-    findings: tuple[Finding, ...] = ()
-    if layout.header_rate is not None:
-        rate, findings = agreed_rate(layout.header_rate, spec.sample_rate, where, 1e-9, "the header says")
-    if column is None:
-        rate = layout.header_rate or spec.sample_rate
+    where, stated = path.name, layout.header_rate
+    if column is None or times is None:
+        rate: float = spec.sample_rate
+        findings: tuple[Finding, ...] = ()
+        if stated is not None:
+            rate, findings = agreed_rate(stated, spec.sample_rate, where, 1e-9, "the header says")
         return TimeBase(spec.start_time or layout.start or 0.0, rate, findings=findings), None
-    times, kind = sources[column], layout.stamp_kind(column)
+    kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = time_base(times, spec.sample_rate, where, to_seconds=factor)
-    base = TimeBase(base.start, base.rate, base.breaks, base.break_steps, (*base.findings, *findings))
+    if stated is not None and abs(stated / base.rate - 1.0) > RATE_NOTE:
+        text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
+        base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
     if kind in ("", "clock"):
         return base, None
-    return TimeBase(0.0, base.rate, base.breaks, base.break_steps, base.findings), base.start
+    return replace(base, start=0.0), base.start
 
 
 def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) -> float:
@@ -133,10 +182,10 @@ def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) 
     steps = np.diff(times.read(0, min(times.n_samples, 10_000)))
     steps = steps[np.isfinite(steps)]
     step = float(np.median(steps)) if steps.size else 0.0
-    for factor in (1.0, 1e-3, 1e-6):
+    for factor in (1.0, 1e-3, 1e-6, 1e-9, 86_400.0):
         if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
             return factor
     raise Refusal(
-        f"{where}: the time column has no unit and its step of {step:.6g} fits neither s, ms nor us at "
+        f"{where}: the time column has no unit and its step of {step:.6g} fits neither s, ms, us, ns nor days at "
         f"{spec.sample_rate:g} Hz; write the unit into the header"
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import codecs
+import csv
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, header_rate, is_time_unit, names_of
 from camtorque.records import Finding, Refusal
-from camtorque.units import is_known_unit
 
 SNIFF_BYTES = 1 << 18
 SNIFF_LINES = 300
@@ -22,22 +23,17 @@ COMMENT = "#%!'\""
 STAMPS: dict[str, re.Pattern[str]] = {
     "iso": re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d:?\d\d)?$"),
     "day first": re.compile(r"^\d{1,2}[.]\d{1,2}[.]\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
-    "slashes": re.compile(r"^\d{1,2}/\d{1,2}/\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
+    "slashes": re.compile(r"^\d{1,2}/\d{1,2}/\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE),
     "clock": re.compile(r"^\d{1,2}:\d\d:\d\d([.,]\d+)?$"),
     "date": re.compile(r"^\d{4}-\d\d-\d\d$|^\d{1,2}[./]\d{1,2}[./]\d{4}$"),
 }
 """Kinds of date and time; a date alone is a column that is skipped."""
+THOUSANDS = {
+    ".": re.compile(r"^[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"),
+    ",": re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?$"),
+}
+"""Sign between thousands -> a number that shows it."""
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
-RATE = re.compile(r"(\d[\d.,]*)\W{0,3}(hz|khz|1/s)\b", re.IGNORECASE)
-RATE_WORDS = re.compile(r"rate|freq|abtast|sampl", re.IGNORECASE)
-TIME_NAME = re.compile(
-    r"^(time|zeit|timestamp|time.?stamp|zeitstempel|date.?time|temps|tiempo|x_value|elapsed.?time|time.axis)$",
-    re.IGNORECASE,
-)
-MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
-"""Time, unless a column is named outright so, or the recording takes it for a channel."""
-BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
-SLASH = re.compile(r"^(?P<name>.*\S)\s*/\s+(?P<unit>\S.*)$")
 
 
 @dataclass(frozen=True)
@@ -52,6 +48,8 @@ class CsvLayout:
     first_row : fields of the first data row
     surplus : names that the header has beyond the columns, at its end
     header_rate : sampling rate in the header [Hz], None where there is none
+    thousands : sign between thousands, "" for none
+    repeated : lines of the header, which some loggers write anew before each block
     """
 
     encoding: str
@@ -65,21 +63,31 @@ class CsvLayout:
     header_rate: float | None
     surplus: tuple[str, ...] = ()
     start: float | None = None
+    thousands: str = ""
+    repeated: frozenset[str] = frozenset()
 
     @property
     def n_columns(self) -> int:
         """Number of columns."""
         return len(self.names)
 
-    def time_column(self, declared: str, channels: tuple[str, ...] = ()) -> int | None:
-        """Return the column that holds the time: the declared one, else the one named so, else the one of dates."""
+    def time_column(self, declared: str, channels: tuple[str, ...] = (), column: int | None = None) -> int | None:
+        """Return the column that holds the time: the declared one, else the one named so, of its unit, of dates.
+
+        Where several do, as in files of pairs, it is the nearest to the left of ``column``.
+        """
         if declared:
             return self.names.index(declared) if declared in self.names else None
         free = [number for number, name in enumerate(self.names) if name not in channels]
-        for pattern in (TIME_NAME, MAYBE_TIME):
-            found = [number for number in free if pattern.match(self.names[number])]
+        timed = [number for number in free if is_time_unit(self.units[number]) and self.first_row[number]]
+        for found in (
+            [number for number in free if TIME_NAME.match(self.names[number])],
+            timed if 0 in timed else [],
+            [number for number in free if MAYBE_TIME.match(self.names[number])],
+        ):
             if found:
-                return found[0]
+                left = [number for number in found if column is not None and number < column]
+                return left[-1] if left else found[0]
         dated = [number for number in free if self.stamp_kind(number) not in ("", "date")]
         return dated[0] if len(dated) == 1 else None
 
@@ -90,9 +98,11 @@ class CsvLayout:
 
 
 def split_row(line: str, separator: str) -> list[str]:
-    """Return the fields of a row; blanks separate in any number."""
+    """Return the fields of a row; blanks separate in any number, quotes hold a separator together."""
     if separator == " ":
         return line.split()
+    if line.count('"') >= 2:
+        return [field.strip().strip('"') for field in next(csv.reader([line], delimiter=separator))]
     return [field.strip().strip('"') for field in line.split(separator)]
 
 
@@ -109,14 +119,14 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     if len(head) == SNIFF_BYTES:
         raw_lines = raw_lines[:-1]
     lines = [line.decode(encoding, errors="replace").rstrip("\r") for line in raw_lines]
-    separator, decimal, n_columns, first = _table(path, lines)
+    separator, decimal, thousands, first = _table(path, lines)
     offset = sum(len(line) + 1 for line in raw_lines[:first])
     header = lines[:first]
     rows = [
         split_row(line.lstrip("\ufeff").lstrip(COMMENT) if line[:1] in COMMENT else line, separator) for line in header
     ]
-    names, units, surplus = names_of(path, rows, n_columns, wanted)
     row = split_row(lines[first], separator)
+    names, units, surplus = names_of(path, rows, row, wanted)
     return CsvLayout(
         encoding=encoding,
         separator=separator,
@@ -126,8 +136,10 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
         names=names,
         units=units,
         first_row=tuple(row),
-        header_rate=_header_rate(header),
+        header_rate=header_rate(header, separator),
         surplus=surplus,
+        thousands=thousands,
+        repeated=frozenset(line for line in header if line.strip()),
     )
 
 
@@ -166,105 +178,69 @@ def encoding_of(head: bytes) -> str:
         return "cp1252" if not set(head) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
 
 
-def _is_value(field: str, decimal: str) -> bool:
-    text = field.replace(",", ".") if decimal == "," else field
+def _is_value(field: str, decimal: str, thousands: str = "") -> bool:
+    plain = field.replace(thousands, "") if thousands and THOUSANDS[thousands].match(field) else field
+    text = plain.replace(",", ".") if decimal == "," else plain
     return not field or bool(NUMBER.match(text)) or any(pattern.match(field) for pattern in STAMPS.values())
 
 
-def _is_row(line: str, separator: str, decimal: str) -> int:
+def _is_row(line: str, separator: str, decimal: str, thousands: str) -> int:
     """Return the number of fields of a data row, 0 for any other line."""
     fields = split_row(line, separator)
-    if not any(fields) or not all(_is_value(field, decimal) for field in fields):
+    if not any(fields) or not all(_is_value(field, decimal, thousands) for field in fields):
         return 0
     return len(fields)
 
 
-def _table(path: Path, lines: list[str]) -> tuple[str, str, int, int]:
-    """Return separator, decimal sign, columns and the first data row: the reading that explains most lines."""
+def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
+    """Return separator, decimal sign, sign of thousands and the first data row: what explains most lines."""
     found = _best_table(lines[:SNIFF_LINES]) or _best_table(lines)
     if found is None:
         what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
         raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
+    separator, decimal, thousands, first = found
+    if not thousands and decimal == "." and _grouped([split_row(line, separator) for line in lines[first:]]):
+        return separator, ",", ".", first
     return found
 
 
-def _best_table(lines: list[str]) -> tuple[str, str, int, int] | None:
-    best: tuple[int, int, str, str, int] | None = None
+def _grouped(rows: list[list[str]]) -> bool:
+    """Tell points that part thousands: all stand before three digits, and a column holds numbers without one, too."""
+    dotted = [field for row in rows for field in row if "." in field]
+    if not dotted or not all(THOUSANDS["."].match(field) for field in dotted):
+        return False
+    columns = zip(*(row for row in rows if len(row) == len(rows[0])), strict=True)
+    return any(0 < sum("." in field for field in column) < sum(map(bool, column)) for column in columns)
+
+
+def _best_table(lines: list[str]) -> tuple[str, str, str, int] | None:
+    best: tuple[int, int, str, str, str, int] | None = None
+    quoted = any('"' in line for line in lines)
     for separator in SEPARATORS:
-        for decimal in (".", ",") if separator != "," else (".",):
-            counts = [_is_row(line, separator, decimal) for line in lines]
+        # a comma that separates is no decimal sign, unless quotes hold the fields together
+        signs = [(".", ""), (",", ""), (",", "."), (".", ",")] if separator != "," or quoted else [(".", "")]
+        for decimal, thousands in signs:
+            counts = [_is_row(line, separator, decimal, thousands) for line in lines]
             widths = [count for count in counts if count]
             if not widths:
                 continue
             usual = max(set(widths), key=widths.count)
             score = (widths.count(usual), usual)
             if best is None or score > best[:2]:
-                best = (*score, separator, decimal, counts.index(usual))
-    if best is None:
-        return None
-    _, usual, separator, decimal, first = best
-    return separator, decimal, usual, first
+                best = (*score, separator, decimal, thousands, counts.index(usual))
+    return best[2:] if best is not None else None
 
 
-def names_of(
-    path: Path, rows: list[list[str]], n_columns: int, wanted: tuple[str, ...]
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return names, units, and names beyond the columns from the rows above the data.
-
-    The row of names is the one that holds the wanted names; where none are wanted, the one with the most text.
-
-    Raises
-    ------
-    Refusal : no row has a name for each column, or none holds a wanted name
-    """
-    candidates = []
-    for number, row in enumerate(rows):
-        row, beyond = row[:n_columns], tuple(field for field in row[n_columns:] if field)
-        if len(row) != n_columns or set(beyond) & set(wanted):
-            continue
-        plain = [name_and_unit(field) for field in row]
-        hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
-        if not wanted:
-            hits = sum(bool(field) and not is_known_unit(field) and not _is_value(field, ",") for field in row)
-        candidates.append((hits - len(beyond), number, row, plain, beyond))
-    if not candidates:
-        raise Refusal(
-            f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
-            "by name, add a line with the names"
-        )
-    hits, number, row, plain, beyond = max(candidates, key=lambda item: (item[0], -item[1] if wanted else item[1]))
-    if hits + len(beyond) <= 0:
-        shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
-        raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
-    names = tuple(field if field in wanted else name for field, (name, _) in zip(row, plain, strict=True))
-    units = tuple(unit for _, unit in plain)
-    for other in rows[number + 1 :]:
-        # a line of units stands below the names
-        if len(other) == n_columns and not any(units) and any(is_known_unit(field) for field in other):
-            units = tuple(field.strip("[]() ") for field in other)
-    return names, units, beyond
+def layout_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:
+    """Tell a hint that does not fit, a header that is too long, points or commas that part thousands."""
+    return (
+        *_hint_findings(layout, hint, where),
+        *_surplus_findings(layout, where),
+        *_thousands_findings(layout, where),
+    )
 
 
-def name_and_unit(field: str) -> tuple[str, str]:
-    """Return name and unit of a header field; the unit stands in brackets, or behind a slash if it is a known one."""
-    match = BRACKETS.match(field)
-    if match is None:
-        match = SLASH.match(field)
-        match = match if match and is_known_unit(match["unit"]) else None
-    return (match["name"], match["unit"]) if match else (field, "")
-
-
-def _header_rate(header: list[str]) -> float | None:
-    for line in header:
-        match = RATE.search(line.replace(";", " ").replace("\t", " "))
-        if match and RATE_WORDS.search(line):
-            text = match[1].strip(".,")
-            value = float(text.replace(",", ".")) if text.count(",") + text.count(".") <= 1 else 0.0
-            return value * (1000.0 if match[2].lower() == "khz" else 1.0) or None
-    return None
-
-
-def hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:
+def _hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:
     """Hold the bench's hint about the dialect against the file; the file decides."""
     words = hint.lower()
     separators = {name for name in NAMES.values() if re.search(rf"(?<!decimal ){name}", words)}
@@ -277,7 +253,7 @@ def hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ..
     return (Finding("csv_dialect_differs", "warning", text, where),)
 
 
-def surplus_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
+def _surplus_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
     """Tell a header that has more names than the rows have fields."""
     if not layout.surplus:
         return ()
@@ -286,3 +262,10 @@ def surplus_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
         f"{', '.join(layout.surplus)}, are taken for empty"
     )
     return (Finding("csv_header_longer", "warning", text, where),)
+
+
+def _thousands_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
+    if not layout.thousands:
+        return ()
+    text = f"{layout.thousands!r} stands between thousands (1{layout.thousands}234 is 1234) and is left out"
+    return (Finding("csv_thousands", "warning", text, where),)

@@ -7,6 +7,7 @@ line by line: a damaged row becomes missing samples and is counted, it never shi
 from __future__ import annotations
 
 import io
+import re
 import tempfile
 import weakref
 from collections.abc import Iterator
@@ -18,25 +19,32 @@ import numpy as np
 import pandas as pd
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
+from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import (
     NUMBER,
+    THOUSANDS,
     CsvLayout,
-    hint_findings,
+    layout_findings,
     sniff,
     split_row,
-    surplus_findings,
     text_pieces,
 )
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 BLOCK_BYTES = 8 * 2**20
+DAY = 86_400.0
 LONGEST_LINE = 2**20
 """A row of a thousand columns has 20 kilobytes [bytes]."""
 DAY_FIRST = r"^(?P<day>\d{1,2})[./](?P<month>\d{1,2})[./](?P<year>\d{4})[ T]+(?P<clock>\S+)$"
-SLASHES = r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+)$"
-MISSING = ("", "nan", "na", "n/a", "-", "--", "null")
+SLASHES = r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$"
+MISSING = ("", "nan", "na", "n/a", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
+OVERRANGE = re.compile(
+    r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|over\w*|clip\w*|#+|\*+|-{3,})$", re.IGNORECASE
+)
+"""What loggers print for a value beyond their range."""
+NO_VALUE = 9.0e36
+"""Instruments print 9.9E+37 for a value beyond their range, 9.91E+37 for none (SCPI 1999, 7.2.1.4)."""
 
 
 @dataclass
@@ -45,6 +53,8 @@ class Damage:
 
     rows: int = 0
     cells: int = 0
+    overrange: int = 0
+    headers: int = 0
     places: list[int] = field(default_factory=list)
 
     def row(self, line: int) -> None:
@@ -86,13 +96,12 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a text whose layout is known."""
     columns = [column_of(path, layout, spec.channel) for spec in specs]
-    time_column = time_column_of(path, layout, specs)
-    wanted = sorted({*columns, *([time_column] if time_column is not None else [])})
+    times = {column for column in time_columns_of(path, layout, specs) if column is not None}
     damage = Damage()
     with refusing(path, "CSV"):
-        sources, tail = _columns(path, layout, wanted, time_column, damage)
+        sources, tail = _columns(path, layout, sorted({*columns, *times}), times, damage)
     result = raw_file(path, layout, sources, specs)
-    notes = (*hint_findings(layout, hint, path.name), *surplus_findings(layout, path.name))
+    notes = layout_findings(layout, hint, path.name)
     return RawFile(result.channels, (*notes, *_damage_findings(damage, path.name), *tail, *result.findings))
 
 
@@ -103,19 +112,21 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 def channels_of(path: Path, layout: CsvLayout) -> tuple[FileChannel, ...]:
     """List the columns of a text whose layout is known."""
+    every = list(range(layout.n_columns))
+    times = {time for column in every if (time := layout.time_column("", (), column)) is not None}
     with refusing(path, "CSV"):
-        sources, _ = _columns(path, layout, list(range(layout.n_columns)), layout.time_column(""), Damage())
+        sources, _ = _columns(path, layout, every, times, Damage())
     return listed(path, layout, sources)
 
 
 def _columns(
-    path: Path, layout: CsvLayout, wanted: list[int], time_column: int | None, damage: Damage
+    path: Path, layout: CsvLayout, wanted: list[int], times: set[int], damage: Damage
 ) -> tuple[dict[int, SampleSource], list[Finding]]:
     """Parse the wanted columns, into memory or, for a large file, into temporary files."""
     in_memory = path.stat().st_size <= IN_MEMORY_BYTES
     parts: dict[int, list[Array]] = {column: [] for column in wanted}
     files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}  # noqa: SIM115
-    stamps = time_column if layout.stamp_kind(time_column) else None
+    stamps = next((column for column in times if layout.stamp_kind(column)), None)
     count, line, tail = 0, layout.header_lines + 1, b""
     for block, is_last in _blocks(path, layout.data_offset):
         if is_last and not block.endswith(b"\n"):
@@ -131,7 +142,10 @@ def _columns(
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
     if files:
         return {column: CachedSource(file, count, path) for column, file in files.items()}, findings
-    return {column: ArraySource(np.concatenate(part)) for column, part in parts.items()}, findings
+    arrays = {column: np.concatenate(part) for column, part in parts.items()}
+    if stamps is not None and layout.stamp_kind(stamps) == "clock":
+        arrays[stamps] = np.unwrap(arrays[stamps], period=DAY)  # a test may run over midnight
+    return {column: ArraySource(values) for column, values in arrays.items()}, findings
 
 
 def _refuse_long_line(path: Path, rest: bytes) -> None:
@@ -164,12 +178,12 @@ def parse_block(
     rows = block.count(b"\n")
     separators = (layout.n_columns - 1) * rows
     in_order = layout.separator == " " or block.count(layout.separator.encode()) == separators
-    if in_order and block.count(b'"') == 0:
+    if in_order and block.count(b'"') == 0 and not layout.thousands:
         try:
             frame = _parse_fast(block, layout, wanted, stamps)
         except (ValueError, OverflowError):
             frame = None
-        if frame is not None and len(frame) == rows and np.isfinite(frame.to_numpy()).all():
+        if frame is not None and len(frame) == rows and (np.abs(frame.to_numpy()) < NO_VALUE).all():
             return [frame[column].to_numpy() for column in wanted]
     return _parse_lines(block, layout, wanted, stamps, damage, line)
 
@@ -202,7 +216,10 @@ def _stamps(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] = "r
     if kind != "iso":
         parts = texts.str.extract(DAY_FIRST if kind == "day first" else SLASHES)
         padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
-        texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + parts["clock"]
+        clock = parts["clock"]
+        if clock.str.contains("M", case=False).any():
+            clock = pd.to_datetime(clock, format="mixed", errors=errors).dt.strftime("%H:%M:%S.%f")
+        texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + clock
     times = pd.to_datetime(texts, utc=True, format="ISO8601", errors=errors)
     return (times - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
 
@@ -213,8 +230,18 @@ def _parse_lines(
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
     rows: list[list[float]] = []
     texts: list[str] = []
-    for text in block[:-1].decode("latin-1").split("\n"):
-        fields = split_row(text.rstrip("\r"), layout.separator)
+    blank = 0
+    for text in block[:-1].decode(layout.encoding, errors="replace").split("\n"):
+        text = text.rstrip("\r")
+        if text in layout.repeated:
+            damage.headers += 1
+            line += 1
+            while blank:  # lines before it that hold nothing part the blocks
+                rows.pop(), texts.pop()
+                damage.rows, blank = damage.rows - 1, blank - 1
+            continue
+        blank = blank + 1 if not text.strip() else 0
+        fields = split_row(text, layout.separator)
         while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
             fields.pop()  # a separator at the end of the row
         if len(fields) != layout.n_columns:
@@ -223,7 +250,7 @@ def _parse_lines(
             rows += [[np.nan] * len(wanted)] * lost
             texts += [""] * lost
         else:
-            rows.append([np.nan if c == stamps else _cell(fields[c], layout.decimal, damage, line) for c in wanted])
+            rows.append([np.nan if c == stamps else _cell(fields[c], layout, damage, line) for c in wanted])
             texts.append("" if stamps is None else fields[stamps])
         line += 1
     columns = list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
@@ -241,11 +268,17 @@ def _stamp_column(texts: list[str], kind: str, damage: Damage, line: int) -> Arr
     return seconds
 
 
-def _cell(text: str, decimal: str, damage: Damage, line: int) -> float:
-    plain = text.replace(decimal, ".") if decimal != "." else text
+def _cell(text: str, layout: CsvLayout, damage: Damage, line: int) -> float:
+    if layout.thousands and THOUSANDS[layout.thousands].match(text):
+        text = text.replace(layout.thousands, "")
+    plain = text.replace(layout.decimal, ".") if layout.decimal != "." else text
     if NUMBER.match(plain):
-        return float(plain)
-    if plain.lower() not in MISSING:
+        value = float(plain)
+        if not abs(value) >= NO_VALUE:
+            return value
+    if plain.lower() in MISSING or NUMBER.match(plain) or OVERRANGE.match(text):
+        damage.overrange += plain.lower() not in MISSING and plain.lower() != "nan"
+    else:
         damage.cell(line)
     return np.nan
 
@@ -259,6 +292,12 @@ def _damage_findings(damage: Damage, where: str) -> list[Finding]:
     if damage.cells:
         text = f"{damage.cells} cells are not numbers and are read as missing samples (line {lines})"
         found.append(Finding("csv_cells_damaged", "error", text, where))
+    if damage.overrange:
+        text = f"{damage.overrange} cells say that the value is beyond the logger's range; they are missing samples"
+        found.append(Finding("csv_overrange", "warning", text, where))
+    if damage.headers:
+        text = f"{damage.headers} lines repeat the header and are left out"
+        found.append(Finding("csv_header_repeated", "warning", text, where))
     return found
 
 

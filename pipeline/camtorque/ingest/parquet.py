@@ -9,8 +9,9 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.arrow_size import refuse_feather_bomb
-from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
-from camtorque.ingest.csv_layout import CsvLayout, name_and_unit
+from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
+from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Refusal, SampleSource
@@ -22,8 +23,8 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a Parquet or Feather file."""
     layout = _layout(path)
-    time = time_column_of(path, layout, specs)
-    wanted = {column_of(path, layout, spec.channel) for spec in specs} | ({time} if time is not None else set())
+    times = {column for column in time_columns_of(path, layout, specs) if column is not None}
+    wanted = {column_of(path, layout, spec.channel) for spec in specs} | times
     return raw_file(path, layout, _sources(path, layout, sorted(wanted)), specs)
 
 
@@ -64,11 +65,11 @@ def _layout(path: Path) -> CsvLayout:
     names, units, first = [], [], []
     for item in schema:
         number = library.types.is_floating(item.type) or library.types.is_integer(item.type)
-        stamp = library.types.is_timestamp(item.type)
+        stamp, span = library.types.is_timestamp(item.type), library.types.is_duration(item.type)
         name, unit = name_and_unit(item.name)
         stated = next((item.metadata[key].decode() for key in UNIT_KEYS if key in (item.metadata or {})), unit)
-        names.append(name if number or stamp else "")
-        units.append("" if stamp else stated)
+        names.append(name if number or stamp or span else "")
+        units.append("s" if span else "" if stamp else stated)
         first.append("2000-01-01T00:00:00" if stamp else "0")
     return CsvLayout("", "", ".", 0, 0, tuple(names), tuple(units), tuple(first), None)
 
@@ -93,8 +94,8 @@ def _schema_name(path: Path, library: Any, number: int) -> str:
 
 
 def _numbers(library: Any, column: Any) -> np.ndarray:
-    """Return a column as numbers: a date as seconds since 1970, what is missing as nan."""
-    if library.types.is_timestamp(column.type):
+    """Return a column as numbers: a date as seconds since 1970, a duration in seconds, what is missing as nan."""
+    if library.types.is_timestamp(column.type) or library.types.is_duration(column.type):
         factor = TICKS[column.type.unit]
         return column.cast(library.int64()).to_numpy().astype(np.float64) * factor
     return column.to_numpy().astype(np.float64)

@@ -96,9 +96,10 @@ def look_into(paths: list[Path]) -> list[Proposal]:
             raise Refusal(f"{path}: holds no channel of numbers")
         taken: set[str] = set()
         proposals = [_proposal(path, name, channel) for channel in channels]
+        places = {id(item): place for place, item in enumerate(proposals)}
         for item in sorted(proposals, key=lambda item: _certainty(item), reverse=True):
             if item.quantity in taken:
-                proposals[proposals.index(item)] = Proposal(
+                proposals[places[id(item)]] = Proposal(
                     item.path, item.file_format, item.channel, "", item.unit, item.low, item.high
                 )
             taken.add(item.quantity)

@@ -17,6 +17,8 @@ ODD_STEP = 0.5
 """A step that differs by more than this part of a sampling interval is odd: nearer to another sample."""
 MANY_ODD = 0.01
 """Above this share of odd steps the stamps are not a uniform time base."""
+MANY_SHARED = 0.2
+"""Above this share of steps of nothing the stamps have too few digits."""
 RATE_NOTE = 1.0e-5
 """Relative difference of two rates that is worth a finding: ten times what a crystal is off."""
 RATE_GROSS = 0.05
@@ -48,6 +50,8 @@ def time_base(times: SampleSource, declared_rate: float, where: str, *, to_secon
     Refusal
         when there are fewer than two stamps, when they do not run forward, or contradict the declared rate grossly
     """
+    if _is_coarse(times, to_seconds):
+        return _coarse_base(times, declared_rate, where, to_seconds)
     step, rounding = _usual_step(times, where, to_seconds)
     odd_index, odd_size, damaged, first, last = _odd_steps(times, step, to_seconds)
     steps_seen = last[0] - first[0]
@@ -63,6 +67,42 @@ def time_base(times: SampleSource, declared_rate: float, where: str, *, to_secon
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
     start = first[1] - first[0] / rate
     return TimeBase(start, rate, tuple(index.tolist()), tuple(size.tolist()), (*findings, *more))
+
+
+def _is_coarse(times: SampleSource, to_seconds: float) -> bool:
+    """Tell stamps that several samples share although time runs forward: printed with fewer digits than it takes."""
+    steps = np.diff(times.read(0, min(times.n_samples, BLOCK)) * to_seconds)
+    steps = steps[np.isfinite(steps)]
+    return bool(steps.size) and float(np.mean(steps == 0.0)) > MANY_SHARED and float(steps.sum()) > 0.0
+
+
+def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_seconds: float) -> TimeBase:
+    """Return start and rate of stamps that several samples share; they have to follow the declared rate.
+
+    Raises
+    ------
+    Refusal
+        when the stamps leave the line of the declared rate by more than their own steps
+    """
+    stamps = times.read(0, times.n_samples) * to_seconds
+    good = np.flatnonzero(np.isfinite(stamps))
+    steps = np.diff(stamps[good])
+    resolution = float(np.median(steps[steps > 0.0]))
+    off = stamps[good] - good / declared_rate
+    spread = float(np.ptp(off))
+    if spread > 2.0 * resolution + 2.0 / declared_rate:
+        raise Refusal(
+            f"{where}: several samples share each time stamp (they step by {resolution:.6g} s), and sample_rate_hz = "
+            f"{declared_rate:.8g} leaves the stamps by {spread:.4g} s over {stamps[good[-1]] - stamps[good[0]]:.6g} s: "
+            "give the rate of the logger, or export the time with more digits"
+        )
+    text = (
+        f"several samples share each time stamp, which step by {resolution:.6g} s: the samples are taken as "
+        f"equidistant at the declared {declared_rate:.8g} Hz, which the stamps follow within {spread:.4g} s; their "
+        "start against other loggers is known to that"
+    )
+    start = float(np.mean(off))
+    return TimeBase(start, declared_rate, findings=(Finding("time_stamps_coarse", "warning", text, where),))
 
 
 def agreed_rate(

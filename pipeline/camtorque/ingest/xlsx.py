@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import column_of, listed, raw_file, time_column_of
-from camtorque.ingest.csv_layout import CsvLayout, names_of
+from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
+from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.header import names_of
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal, SampleSource
@@ -37,8 +38,8 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         rows = _sheet(path, group)
         layout = _layout(path, rows, tuple(spec.channel for spec in mine))
         wanted = [column_of(path, layout, spec.channel) for spec in mine]
-        time_column = time_column_of(path, layout, mine)
-        sources = _sources(rows, layout, [*wanted, *([time_column] if time_column is not None else [])])
+        times = {column for column in time_columns_of(path, layout, mine) if column is not None}
+        sources = _sources(rows, layout, sorted({*wanted, *times}))
         result = raw_file(path, layout, sources, mine)
         channels += list(zip(mine, result.channels, strict=True))
         findings += result.findings
@@ -53,7 +54,8 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
         rows = _sheet(path, name)
         if len(rows) > 2:
             layout = _layout(path, rows, ())
-            sources = _sources(rows, layout, [n for n, item in enumerate(layout.names) if item])
+            time = layout.time_column("")
+            sources = _sources(rows, layout, [n for n, item in enumerate(layout.names) if item or n == time])
             found += [
                 FileChannel(name, c.name, c.unit, c.n_samples, c.sample_rate, c.time_channel, c.source)
                 for c in listed(path, layout, sources)
@@ -121,7 +123,7 @@ def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
     if first is None:
         raise Refusal(f"{path}: the sheet holds no row of numbers; expected a row of names and rows of numbers")
     header = [[_text(cell) for cell in row] for row in rows[:first]]
-    names, units, _ = names_of(path, header, len(rows[first]), wanted)
+    names, units, _ = names_of(path, header, [_text(cell) for cell in rows[first]], wanted)
     return CsvLayout("", "", ".", first, first, names, units, tuple(_text(cell) for cell in rows[first]), None)
 
 

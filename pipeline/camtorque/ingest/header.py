@@ -1,0 +1,168 @@
+"""What the lines above the numbers say: names, units, sampling rate; of texts, spreadsheets and columnar files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from camtorque.records import Refusal
+from camtorque.units import BORDER_UNITS, is_known_unit, tidy_unit
+
+TIME_WORDS = (
+    r"time|zeit|uhrzeit|timestamp|time.?stamp|zeitstempel|date.?time|temps|tiempo|x.?(value|axis|achse)|"
+    r"elapsed.?time|time.axis|rel\w*.?time|zeitkanal"
+)
+TIME_NAME = re.compile(rf"^({TIME_WORDS}|t(?=[ _.-]))([ _.-](?P<unit>s|sec|ms|us|µs|ns))?$", re.IGNORECASE)
+MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
+"""Time, unless a column is named outright so, or the recording takes it for a channel."""
+BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+INNER_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\((?P<unit>[^()]*\([^()]*\))\)$")
+SLASH = re.compile(r"^(?P<name>.*\S)\s*/\s+(?P<unit>\S.*)$")
+TIGHT_SLASH = re.compile(r"^(?P<name>[^\d/]+)/(?P<unit>[^/]+)$")
+RATE_KEY = re.compile(
+    r"(?<![a-z])(sampl\w*[ _-]*(rate|freq\w*)|abtast(rate|freq\w*)|messrate|scan[ _-]*rate|acquisition[ _-]*rate|"
+    r"fs|sr)(?![a-z])",
+    re.IGNORECASE,
+)
+STEP_KEY = re.compile(
+    r"(?<![a-z])(sampl\w*[ _-]*(interval|period|time)|abtast(intervall|zeit|periode)|time[ _-]*(step|increment)|"
+    r"dt|delta[ _-]?t|hresolution)(?![a-z])",
+    re.IGNORECASE,
+)
+PER_SECOND = re.compile(r"(?P<number>[\d.,]+(e[+-]?\d+)?)\s*(?P<unit>[kM]?(S/s|Sa/s|sps))\b", re.IGNORECASE)
+VALUE = re.compile(
+    r"^(?P<before>[^\d+-]{0,30}?)(?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ]*(?:/s)?)", re.IGNORECASE
+)
+RATES = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sa/s": 1.0, "sps": 1.0, "ks/s": 1e3,
+         "ksa/s": 1e3, "ksps": 1e3, "ms/s": 1e6, "msa/s": 1e6, "msps": 1e6}  # fmt: skip
+"""Spelling of a unit of rates, in small letters -> factor to Hz."""
+STEPS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+NEXT_FIELD = re.compile(r"(?<=\d{4}),|,(?!\d{3}(?!\d))")
+AMBIGUOUS = re.compile(r"^\d{1,3}[.,]\d{3}$")
+"""Twenty thousand or twenty: 20,000 and 20.000 mean either, by country."""
+
+
+def is_number(field: str) -> bool:
+    """Tell a field that is a number, with decimal point or comma."""
+    try:
+        float(field.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def name_and_unit(field: str) -> tuple[str, str]:
+    """Return name and unit of a header field; the unit stands in brackets, or behind a slash if it is a known one."""
+    for pattern in (INNER_BRACKETS, BRACKETS):
+        if match := pattern.match(field):
+            return match["name"], match["unit"]
+    if unit := time_unit(field):
+        return field, unit
+    for pattern in (SLASH, TIGHT_SLASH):
+        match = pattern.match(field)
+        if match and is_known_unit(match["unit"]) and (pattern is SLASH or _divides(match["name"], match["unit"])):
+            return match["name"].strip(), match["unit"]
+    return field, ""
+
+
+def _divides(name: str, unit: str) -> bool:
+    """Tell ``p/bar`` (a quantity over its unit) from ``km/h`` (a unit)."""
+    is_time = BORDER_UNITS[tidy_unit(unit)][0] == "time"
+    return not is_known_unit(name) and (not is_time or bool(TIME_NAME.match(name) or MAYBE_TIME.match(name)))
+
+
+def time_unit(name: str, stated: str = "") -> str:
+    """Return the unit of a time column: the stated one, else the one that ends its name (time_ms), else ""."""
+    match = TIME_NAME.match(name)
+    return stated or ((match["unit"] or "").lower() if match else "")
+
+
+def is_time_unit(unit: str) -> bool:
+    """Tell a unit of seconds or their parts, as a time column has it."""
+    return tidy_unit(unit) in ("s", "ms", "us", "ns")
+
+
+def names_of(
+    path: Path, rows: list[list[str]], first: list[str], wanted: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return names, units, and names beyond the columns from the rows above the data.
+
+    The row of names is the one that holds the wanted names; where none are wanted, the one above a row of units, else
+    the one with the most text.
+
+    Parameters
+    ----------
+    first : fields of the first row of numbers; a header row may be shorter by what is empty at its end
+
+    Raises
+    ------
+    Refusal : no row has a name for each column, or none holds a wanted name
+    """
+    n_columns = len(first)
+    least = max((n + 1 for n, field in enumerate(first) if field), default=n_columns)
+    candidates = []
+    for number, row in enumerate(rows):
+        beyond = tuple(field for field in row[n_columns:] if field)
+        if len(row) < least or set(beyond) & set(wanted) or not any(row):
+            continue
+        row = (row + [""] * n_columns)[:n_columns]
+        plain = [name_and_unit(field) for field in row]
+        hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
+        if not wanted:
+            hits = sum(bool(field) and not is_known_unit(field) and not is_number(field) for field in row)
+        candidates.append((hits - len(beyond), number, row, plain, beyond))
+    if not candidates:
+        raise Refusal(
+            f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
+            "by name, add a line with the names"
+        )
+    below = [number for _, number, row, _, _ in candidates if _is_unit_row(row)]
+    named = [item for item in candidates if below and item[1] < below[0] and item[0] + len(item[4]) > 0]
+    chosen = named if named and not wanted else candidates
+    hits, number, row, plain, beyond = max(chosen, key=lambda item: (item[0], -item[1] if wanted else item[1]))
+    if hits + len(beyond) <= 0:
+        shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
+        raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
+    names = tuple(field if field in wanted else name for field, (name, _) in zip(row, plain, strict=True))
+    units = tuple(unit for _, unit in plain)
+    for _, later, other, _, _ in candidates:
+        # a line of units stands below the names
+        if later > number and not any(is_known_unit(unit) for unit in units) and any(map(is_known_unit, other)):
+            units = tuple(field.strip("[]() ") for field in other)
+    return names, units, beyond
+
+
+def _is_unit_row(row: list[str]) -> bool:
+    filled = [field for field in row if field.strip("[]()- ")]
+    return len(filled) > 1 and sum(map(is_known_unit, filled)) * 2 > len(filled)
+
+
+def header_rate(header: list[str], separator: str = ";") -> float | None:
+    """Return the sampling rate that a header states [Hz]: as a rate, or as a step; None where none, or two readings."""
+    for line in header:
+        text = line.replace('"', " ")
+        if separator == ",":  # parts fields, unless it stands between thousands
+            text = NEXT_FIELD.sub(" ", text)
+        for key, units, inverse in ((RATE_KEY, RATES, False), (STEP_KEY, STEPS, True)):
+            found = key.search(text)
+            match = VALUE.match(text[found.end() :]) if found else None
+            value = _value(match["number"], _unit(match, units), units) if match else None
+            if value:
+                return 1.0 / value if inverse else value
+        if match := PER_SECOND.search(text):
+            return _value(match["number"], match["unit"].lower(), RATES)
+    return None
+
+
+def _unit(match: re.Match[str], units: dict[str, float]) -> str:
+    """Return the unit behind a number, else the one between key and number."""
+    before = re.findall(r"[a-zµμ1]+(?:/s)?", match["before"].lower())
+    known = [unit for unit in (match["unit"].lower(), *before) if unit and unit in units]
+    return known[0] if known else ""
+
+
+def _value(number: str, unit: str, units: dict[str, float]) -> float | None:
+    text = number.rstrip(".,")
+    if AMBIGUOUS.match(text) or text.count(",") + text.count(".") > 1 or unit not in units:
+        return None
+    return float(text.replace(",", ".")) * units[unit] or None

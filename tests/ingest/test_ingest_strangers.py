@@ -1,0 +1,213 @@
+"""Texts as loggers of other labs write them: headers, numbers, stamps. Each is small; what is read is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.config import ChannelSpec
+from camtorque.ingest.csv_log import channels, read
+from camtorque.ingest.header import header_rate, name_and_unit
+from camtorque.ingest.raw import RawFile
+from camtorque.records import Refusal
+
+ROWS = 400
+TORQUE = np.round(60.0 * np.sin(0.05 * np.arange(ROWS)), 2)
+PRESSURE = np.round(800.0 + 700.0 * np.cos(0.05 * np.arange(ROWS)), 1)
+STEP = 5e-5
+
+
+def rows(separator: str = ",", time: str = "{:.5f}", scale: float = 1.0, comma: bool = False) -> list[str]:
+    times = (time.format(scale * STEP * n) for n in range(ROWS))
+    lines = [separator.join((t, f"{a:.2f}", f"{b:.1f}")) for t, a, b in zip(times, TORQUE, PRESSURE, strict=True)]
+    return [line.replace(".", ",") for line in lines] if comma else lines
+
+
+def write(folder: Path, *lines: str, encoding: str = "utf-8") -> Path:
+    file = folder / "log.csv"
+    file.write_text("\n".join(lines) + "\n", encoding=encoding)
+    return file
+
+
+def spec(file: Path, quantity: str, channel: str, unit: str, rate: float = 1.0 / STEP) -> ChannelSpec:
+    return ChannelSpec(quantity, file, "", channel, unit, "L", rate, "")
+
+
+def both(file: Path, torque: str = "Torque", pressure: str = "Pressure", rate: float = 1.0 / STEP) -> RawFile:
+    return read(file, (spec(file, "torque", torque, "N m", rate), spec(file, "pressure", pressure, "bar", rate)), "")
+
+
+def assert_read(raw: RawFile, *codes: str, torque: np.ndarray = TORQUE, pressure: np.ndarray = PRESSURE) -> None:
+    for channel, truth in zip(raw.channels, (torque, pressure), strict=True):
+        np.testing.assert_allclose(channel.source.read(0, 10**6), truth)
+        assert channel.sample_rate == pytest.approx(1.0 / STEP, rel=1e-5)
+    assert {finding.code for finding in raw.findings} == set(codes)
+
+
+GERMAN_ROWS = [line.replace(".", ",") for line in rows(";")]
+HEADERS: dict[str, list[str]] = {
+    "time without a name": ["Sample rate:\t20000", "\tTorque\tPressure", "[s]\t[Nm]\t[bar]", *rows("\t")],
+    "axis": ["x-Achse\tTorque\tPressure", "s\tN*m\tbar", *rows("\t", comma=True)],
+    "description below units": ["Zeit;Torque;Pressure", "s;Nm;bar", "Kanal;Messwelle T22;Pumpenseite", *GERMAN_ROWS],
+    "channel rows below units": [
+        "HBM", "Zeit - Standardrate\tTorque\tPressure", "s\tNm\tbar", "CH=1\tCH=2\tCH=3",
+        "SR=20000\tSR=20000\tSR=20000",
+        *rows("\t"),
+    ],
+    "words as units": ["x-axis,Torque,Pressure", "second,Newton-meter,Bar", *rows()],
+    "unit that ends the name": ["time_s,Torque [Nm],Pressure [bar]", *rows()],
+    "unit of milliseconds in the name": ["t_ms,Torque [Nm],Pressure [bar]", *rows(scale=1e3)],
+    "nanoseconds": ["timestamp_ns,Torque [Nm],Pressure [bar]", *rows(time="{:.0f}", scale=1e9)],
+    "slashes without blanks": ["t/ms;Torque/Nm;Pressure/bar", *rows(";", scale=1e3)],
+    "index and time last": [
+        ",Torque [Nm],Pressure [bar],time_s",
+        *[f"{n},{a},{b},{STEP * n:.5f}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))],
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_headers_of_strangers(tmp_path: Path, name: str):
+    file = write(tmp_path, *HEADERS[name])
+    listed = {channel.name: channel for channel in channels(file)}
+    assert {listed["Torque"].unit, listed["Pressure"].unit} <= {"Nm", "N*m", "Newton-meter", "bar", "Bar"}
+    assert listed["Torque"].sample_rate == pytest.approx(1.0 / STEP, rel=1e-5)
+    assert_read(both(file))
+
+
+def test_a_row_of_names_may_lack_what_is_empty_at_the_end(tmp_path: Path):
+    body = [f",{a},{b}," for a, b in zip(TORQUE, PRESSURE, strict=True)]
+    head = [
+        '"Model Name","DL850E"',
+        '"TraceName","Torque","Pressure"',
+        '"VUnit","Nm","bar"',
+        '"SampleRate",20000,20000',
+    ]
+    file = write(tmp_path, *head, *body)
+    assert [(c.name, c.unit, c.sample_rate) for c in channels(file) if c.unit == "bar"] == [("Pressure", "bar", 2e4)]
+    assert_read(both(file))
+
+
+def test_pairs_of_columns_have_each_their_own_time(tmp_path: Path):
+    body = [
+        f"{STEP * n:.5f};{a};{0.5 + 2 * STEP * n:.5f};{b}"
+        for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))
+    ]
+    body[200:] = [line.rsplit(";", 2)[0] + ";;" for line in body[200:]]
+    file = write(tmp_path, "Time_Md;Torque;Time_p;Pressure", "s;Nm;s;bar", *body)
+    torque = spec(file, "torque", "Torque", "N m")
+    raw = read(file, (torque, spec(file, "pressure", "Pressure", "bar", 0.5 / STEP)), "")
+    assert [(c.start_time, c.sample_rate, c.source.n_samples) for c in raw.channels] == [
+        (0.0, pytest.approx(1.0 / STEP), 400), (pytest.approx(0.5), pytest.approx(0.5 / STEP), 200)]  # fmt: skip
+    assert [channel.sample_rate for channel in channels(file)] == [pytest.approx(1.0 / STEP), pytest.approx(0.5 / STEP)]
+
+
+@pytest.mark.parametrize(
+    ("line", "rate"),
+    [
+        ("Sampling rate: 20 kHz", 2e4),
+        ("Abtastrate [Hz];20000", 2e4),
+        ("Sample interval: 0.05 ms", 2e4),
+        ("Sample Interval,5e-05,,", 2e4),
+        ("# dt = 5e-05 s", 2e4),
+        ("# fs=20000", 2e4),
+        ("Sampling: speed 1000 1/min, 20 kS/s", 2e4),
+        ("Filter frequency: 1000 Hz", None),
+        ("Mains frequency 50 Hz", None),
+        ("Sample rate: 20,000 Hz", None),
+        ("Abtastrate 20.000 Hz", None),
+        ("Sample rate: 20.5 kHz", 20500.0),
+    ],
+)
+def test_the_rate_that_a_header_states_and_what_is_none(line: str, rate: float | None):
+    for separator in ",;":
+        assert header_rate(["Sheet 1", line], separator) == (rate if rate is None else pytest.approx(rate))
+
+
+def grouped(value: float, digits: int, german: bool) -> str:
+    text = f"{value:,.{digits}f}"
+    return text.translate(str.maketrans(".,", ",.")) if german else f'"{text}"'
+
+
+@pytest.mark.parametrize(("german", "digits"), [(True, 1), (True, 0), (False, 1)])
+def test_points_or_commas_between_thousands(tmp_path: Path, german: bool, digits: int):
+    separator = ";" if german else ","
+    body = [
+        separator.join(grouped(v, digits, german) for v in (1e6 * STEP * n, 1e3 * a, 1e2 * b))
+        for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))
+    ]
+    file = write(tmp_path, separator.join(("Time [us]", "Torque [Nmm]", "Pressure [hPa]")), *body)
+    assert_read(both(file), "csv_thousands", torque=1e3 * TORQUE, pressure=np.round(1e2 * PRESSURE))
+
+
+def test_three_decimals_are_no_thousands(tmp_path: Path):
+    body = [f"{n};{a + 70.0:.3f};{b:.3f}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))]
+    file = write(tmp_path, "Sample rate: 20000 Hz", "no;Torque [Nm];Pressure [bar]", *body)
+    assert_read(both(file), torque=TORQUE + 70.0)
+
+
+def test_quotes_hold_decimal_commas_together(tmp_path: Path):
+    body = [",".join(f'"{field}"' for field in line.replace(".", ",").split(";")) for line in rows(";")]
+    assert_read(both(write(tmp_path, '"Zeit [s]","Torque [Nm]","Pressure [bar]"', *body)))
+
+
+def test_values_beyond_the_range_are_missing_whatever_the_word(tmp_path: Path):
+    body, torque = rows(), TORQUE.copy()
+    for place, word in enumerate(("∞", "-∞", "OVER", "OVL", "+OVFLW", "1.#INF", "9.9E+37", "9.91E+37"), start=10):
+        body[place] = body[place].replace(f",{TORQUE[place]:.2f},", f",{word},")
+        torque[place] = np.nan
+    raw = both(write(tmp_path, "Time [s],Torque [Nm],Pressure [bar]", *body))
+    assert_read(raw, "csv_overrange", torque=torque)
+
+
+def test_statistics_below_the_table_are_no_samples(tmp_path: Path):
+    file = write(tmp_path, "Time [s],Torque [Nm],Pressure [bar]", *rows(), "", "Statistics", "Max,62.1,867.2")
+    raw = both(file)
+    assert_read(raw, "csv_rows_damaged", "csv_cells_damaged", "rows_without_time")
+
+
+def test_a_header_before_each_block_is_left_out(tmp_path: Path):
+    head, body = "Time [s],Torque [Nm],Pressure [bar]", rows()
+    assert_read(both(write(tmp_path, head, *body[:100], "", head, *body[100:])), "csv_header_repeated")
+
+
+def stamped(folder: Path, head: str, stamps: list[str]) -> Path:
+    return write(folder, f"{head};Torque [Nm];Pressure [bar]",
+                 *[s + line[line.index(";") :] for s, line in zip(stamps, rows(";"), strict=True)])  # fmt: skip
+
+
+def test_american_stamps_of_the_afternoon(tmp_path: Path):
+    stamps = [f"03/12/2024 1:59:59.{990000 + 50 * n - 0:06d} PM" for n in range(200)]
+    stamps += [f"03/12/2024 2:00:00.{50 * n:06d} PM" for n in range(200)]
+    raw = both(stamped(tmp_path, "Timestamp", stamps))
+    assert_read(raw)
+    assert raw.channels[0].stamp == pytest.approx(np.datetime64("2024-03-12T13:59:59.99").astype("int64") / 1e3)
+
+
+def test_a_time_of_day_may_pass_midnight(tmp_path: Path):
+    stamps = [f"12.03.2024;23:59:59.{990000 + 50 * n:06d}" for n in range(200)]
+    stamps += [f"13.03.2024;00:00:00.{50 * n:06d}" for n in range(200)]
+    assert_read(both(stamped(tmp_path, "Datum;Uhrzeit", stamps)))
+
+
+def test_stamps_with_too_few_digits_follow_the_declared_rate(tmp_path: Path):
+    stamps = [f"2024-03-12T10:00:00.{int(1e3 * STEP * n + 1e-9):03d}" for n in range(ROWS)]
+    file = stamped(tmp_path, "Timestamp", stamps)
+    assert channels(file)[0].sample_rate == pytest.approx(2e4)
+    assert_read(both(file), "time_stamps_coarse")
+    with pytest.raises(Refusal, match=r"several samples share each time stamp .* sample_rate_hz = 10000 leaves"):
+        both(file, rate=1e4)
+
+
+def test_a_header_rate_does_not_overrule_the_time_column(tmp_path: Path):
+    file = write(tmp_path, "Sample rate: 40000 Hz", "Time [s],Torque [Nm],Pressure [bar]", *rows())
+    assert_read(both(file), "header_rate_differs")
+
+
+def test_a_tight_slash_is_over_a_unit_not_a_rate():
+    assert name_and_unit("p/bar") == ("p", "bar")
+    assert name_and_unit("t/ms") == ("t", "ms")
+    assert name_and_unit("m/s") == ("m/s", "")
+    assert name_and_unit("km/h") == ("km/h", "")
+    assert name_and_unit("in/out") == ("in/out", "")
