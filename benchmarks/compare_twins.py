@@ -15,7 +15,7 @@ import numpy as np
 from benches import plain_parser, write_rows
 from camtorque.compare import compare_prepared
 from camtorque.fit import Prepared, prepare
-from camtorque.fit.prepare import halves
+from camtorque.fit.prepare import mean_cycles
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from rig_bridge import cycles_of, recording_of
 from rigs.families import FAMILIES
@@ -70,7 +70,7 @@ def compared_side(run: RigRun, sheet: RigRun, kind: str) -> Prepared:
         config.pump, lift_law(recording.cam_table), cycles.theta, np.mean(cycles.pressure, axis=0), cycles.mean_speed,
         mounting=Mounting(rotation=config.rotation),
     )  # fmt: skip
-    return Prepared(recording, cycles, rigid, halves(cycles), (), np.zeros(0))
+    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (), np.zeros(0))
 
 
 def judged(kind: str, told: set[str]) -> str:

@@ -130,7 +130,7 @@ def grid_lines(problem: Problem) -> Iterator[str]:
         lifts = lifts_at(moved, moved.start)
         cost = seconds(lambda m=moved, z=lifts: try_at(m, m.start, z))
         cycles = bridged(CASE, n_theta)[1]
-        means = seconds(lambda c=cycles: single.halves(c))
+        means = seconds(lambda c=cycles: single.mean_cycles(c))
         yield f"| {grid} | {1e3 * cost:.1f} ms | {n_theta} | {1e3 * means:.2f} ms |"
 
 

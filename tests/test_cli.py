@@ -15,7 +15,7 @@ from camtorque.align import align
 from camtorque.commands import COMMANDS, check, options, run, texts
 from camtorque.commands.arguments import SHELLS
 from camtorque.commands.outcome import Outcome
-from camtorque.fit.prepare import halves
+from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
 from camtorque.records import Refusal
 from damaged.build import PLANS
@@ -227,7 +227,7 @@ def test_check_says_what_a_recording_of_three_cycles_lacks_for_run(tmp_path: Pat
     cycles = align(recording)
     assert check.missing_for_run(recording, cycles) == ["4 used cycles are needed, odd and even ones"]
     with pytest.raises(Refusal, match=f"at least {check.LEAST_CYCLES} are needed"):
-        halves(cycles)
+        mean_cycles(cycles)
 
 
 def test_check_lists_every_error(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:

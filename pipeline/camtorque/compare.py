@@ -15,7 +15,7 @@ from camtorque.config_toml import load_recording_config
 from camtorque.fit import Prepared, prepare
 from camtorque.fit.changes import Attribution, attribution, together
 from camtorque.fit.pair import SAME_SPEED, Pair, pair_of
-from camtorque.fit.prepare import halves
+from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
 from camtorque.records import Array, Refusal
@@ -162,7 +162,7 @@ def aligned(path: Path, options: RunOptions, progress: Progress) -> Prepared:
     progress(f"reading {path}")
     recording = read_recording(path)
     cycles = align(recording, options.align)
-    return Prepared(recording, cycles, rigid_torque(recording, cycles), halves(cycles), (), np.zeros(0))
+    return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), np.zeros(0))
 
 
 def compare_document(compared: Sequence[Compared], names: tuple[str, str]) -> dict[str, Any]:

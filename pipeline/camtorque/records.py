@@ -452,7 +452,6 @@ class ParameterEstimate:
     meaning: str
     source: str
     role: str = "shared"
-    effect: str = ""
     symbol: str = ""
     knowledge: str = "from the sheet"
 

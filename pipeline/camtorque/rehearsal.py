@@ -1,8 +1,8 @@
-"""What a run does between alignment and search: the rigid model, the halves, the priors; `check` does it alone."""
+"""What a run does between alignment and search: the rigid model, the mean cycles, the priors; `check` does it alone."""
 
 from __future__ import annotations
 
-from camtorque.fit.prepare import fit_data, halves
+from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.mechanism import Mounting, lift_law, solve_rigid, spectral_law
 from camtorque.mechanism.load_check import load_findings
 from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
@@ -29,7 +29,7 @@ def rehearse(recording: Recording, cycles: CamCycles) -> tuple[Finding, ...]:
     ------
     Refusal : what the run would refuse after minutes
     """
-    rigid, means = rigid_torque(recording, cycles), halves(cycles)
+    rigid, means = rigid_torque(recording, cycles), mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     return load_findings(cycles, rigid, recording.config.pump)

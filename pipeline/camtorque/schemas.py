@@ -26,7 +26,6 @@ SENSE = "amplifiers put out at most 15 V"
 IDLE = "no recording is longer"
 ANGLE = Band(-720.0, 720.0, "two revolutions at most")
 
-ID = Key("schema", "text", "which schema the file follows")
 IDLE_KEYS = (
     Key("idle_from_s", "number", "begin of a stretch at standstill, after a channel's first sample; gives the zero",
         "s", None, Band(0.0, 1e6, IDLE), own=True),

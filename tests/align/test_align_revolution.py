@@ -80,15 +80,7 @@ def test_torque_lands_at_its_true_angle_after_the_correction() -> None:
     assert after < 0.03 < before
 
 
-def test_twist_is_torque_over_stiffness_and_zero_at_the_trigger() -> None:
-    theta = np.arange(720) * TWO_PI / 720
-    torque = torque_of(theta)
-    trigger = theta[40]
-    correction = angle_correction(torque, 50.0, trigger, stiffness=4000.0)
-    np.testing.assert_allclose(correction, -(torque - torque[40]) / 4000.0, atol=1e-14)
-
-
 def test_correction_is_zero_at_the_trigger_between_grid_points() -> None:
     theta = np.arange(3600) * TWO_PI / 3600
-    fine = angle_correction(torque_of(theta), 50.0, 0.35 + 0.3 * TWO_PI / 3600, 0.1, 4000.0)
+    fine = angle_correction(torque_of(theta), 50.0, 0.35 + 0.3 * TWO_PI / 3600, 0.1)
     assert CubicSpline(theta, fine)(0.35 + 0.3 * TWO_PI / 3600) == pytest.approx(0.0, abs=1e-11)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from camtorque import cli
 from camtorque.commands import fit as command
-from camtorque.fit.prepare import fit_data, halves
+from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.search import refined
 from camtorque.fit.solver import lifts_at, try_at
@@ -29,7 +29,7 @@ def own() -> OwnFit:
     """The example's problem at its start, the measured torque replaced by that of the start with noise."""
     recording = camtorque.read(EXAMPLE)
     cycles = camtorque.align(recording, n_theta=1800)
-    means = halves(cycles)
+    means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     first = build_problem([data])

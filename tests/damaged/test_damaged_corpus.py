@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from camtorque.ingest import summarise_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.records import Refusal
 from damaged.build import BUILDERS
 from damaged.cases import OF_THE_SHEETS, VERDICTS
@@ -21,8 +21,8 @@ def test_verdict(name: str, corpus: Callable[[str], Path]):
     folder = corpus(name)
     if verdict.refused:
         with pytest.raises(Refusal, match=verdict.refused) as caught:
-            summarise_recording(folder)
+            summarise(read_recording(folder))
         assert "\n" not in str(caught.value)
         return
-    codes = {finding.code for finding in summarise_recording(folder).findings} - OF_THE_SHEETS
+    codes = {finding.code for finding in summarise(read_recording(folder)).findings} - OF_THE_SHEETS
     assert codes == verdict.findings

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from camtorque.fit.prepare import fit_data, halves
+from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.search import Start
 from camtorque.fit.single import Candidate, Prepared, followed
@@ -64,7 +64,7 @@ def true_starts(truth: RigTruth, load: float = LOAD) -> dict[str, float]:
 def quick_data(run_key: tuple, n_theta: int = 1800) -> FitData:
     """Return a rig as the fit sees it, started at the truth."""
     recording, cycles, _ = bridged(run_key, n_theta)
-    means = halves(cycles)
+    means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     truth = rig(*run_key).truth
@@ -84,4 +84,4 @@ def quick_prepared(*run_key) -> Prepared:
     """Return a rig prepared from the minimum next to the truth."""
     recording, cycles, rigid = bridged(run_key)
     found = quick(run_key)
-    return Prepared(recording, cycles, rigid, halves(cycles), (found,), found.data.chain.shaft_torque)
+    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (found,), found.data.chain.shaft_torque)

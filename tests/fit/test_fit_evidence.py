@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.evidence import LOSSES, NEEDED, Gaussian, log_box, loss_evidence, savage_dickey
-from camtorque.fit.prepare import halves
+from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.single import chamber_evidence, structure_probabilities
 from camtorque.fit.uncertainty import Covariance, covariance
@@ -65,7 +65,7 @@ def scenes():
     for family in ("closed_volume", "chamber_only"):
         key = (family, 0, 1000.0)
         found = quick(key)
-        means = halves(bridged(key)[1])
+        means = mean_cycles(bridged(key)[1])
         odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
         cov = covariance(found.problem, found.solution)
         result[family] = {row.name: row for row in loss_evidence(found.problem, found.solution, cov, odd_even)}

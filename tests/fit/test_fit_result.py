@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit.next_run import proposals
-from camtorque.fit.prepare import bin_weights, halves, on_grid
+from camtorque.fit.prepare import bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps
 from camtorque.fit.result import fitted_torque, prior_findings
 from camtorque.fit.single import FitOptions, fit_prepared
@@ -115,8 +115,8 @@ def test_signals_keep_their_harmonics_on_another_grid():
 def test_recordings_that_cannot_be_fitted_are_refused():
     _, cycles, _ = bridged(LAND)
     with pytest.raises(Refusal, match="no torque channel; use `camtorque align`"):
-        halves(replace(cycles, torque=None))
+        mean_cycles(replace(cycles, torque=None))
     with pytest.raises(Refusal, match="expected at least 600"):
-        halves(bridged(LAND, 300)[1])
+        mean_cycles(bridged(LAND, 300)[1])
     with pytest.raises(Refusal, match="at least 4 are needed"):
-        halves(replace(cycles, held_out=np.zeros_like(cycles.held_out)))
+        mean_cycles(replace(cycles, held_out=np.zeros_like(cycles.held_out)))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.derived import delivered_volume
-from camtorque.fit.prepare import fit_data, halves
+from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.search import SMOOTHINGS_DEG, candidates, coarse, continued, descend, least, rising_angles
@@ -137,7 +137,7 @@ def test_fitted_cycles_enter_the_fit_and_held_out_ones_the_score():
     law = spectral_law(recording.cam_table)
 
     def seen(torque):
-        means = halves(replace(cycles, torque=torque))
+        means = mean_cycles(replace(cycles, torque=torque))
         return means, fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
 
     means, data = seen(cycles.torque)
@@ -159,7 +159,7 @@ def test_a_recording_that_stays_unexplained_says_where():
     cycles, item = prepared.cycles, prepared.candidates[0].data
     bump = 1.5 * np.exp(-(((cycles.theta - 4.0) / 0.05) ** 2))  # on the base circle, where no law acts
     disturbed = replace(cycles, torque=cycles.torque + bump)
-    means = halves(disturbed)
+    means = mean_cycles(disturbed)
     torque = np.asarray(means.torque.reshape(600, -1).mean(axis=1))
     data = replace(item, torque=torque)
     start = continued(data, 0.0, core=False, iterations=6)
@@ -205,7 +205,7 @@ def test_search_finds_the_structure_and_the_truth_from_nothing():
 def unknown_rows(case):
     """Return the rows of a rig with the starts that sheets and certificates give."""
     recording, cycles, _ = bridged(case)
-    means = halves(cycles)
+    means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     return fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean).rows
 

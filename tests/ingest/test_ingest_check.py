@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.ingest import read_recording, summarise_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.signal import scan
 from camtorque.signal.scan import isolated_samples, scan_channel
 from damaged.logs import Plan, clean_log, write_folder
@@ -62,7 +62,7 @@ def test_blocks_do_not_change_what_is_found(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_the_summary_counts_pulses_and_speed(tmp_path: Path):
-    summary = summarise_recording(write_folder(tmp_path / "r", [LOG], Plan("hdf5")))
+    summary = summarise(read_recording(write_folder(tmp_path / "r", [LOG], Plan("hdf5"))))
     trigger = summary.channels[2]
     assert trigger.pulses == 22
     # edges to the sample, 21 revolutions in 2.1 s
@@ -72,5 +72,5 @@ def test_the_summary_counts_pulses_and_speed(tmp_path: Path):
 
 def test_a_speed_far_from_nominal_is_told(tmp_path: Path):
     folder = write_folder(tmp_path / "r", [LOG], Plan("hdf5"), rpm=300.0)
-    codes = {finding.code for finding in summarise_recording(folder).findings}
+    codes = {finding.code for finding in summarise(read_recording(folder)).findings}
     assert "speed_off_nominal" in codes

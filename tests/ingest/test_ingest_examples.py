@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.ingest import read_recording, summarise_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.records import Recording, Refusal
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
 
@@ -55,19 +55,17 @@ def test_channels_are_as_the_files_say(name: str):
 
 @pytest.mark.parametrize("name", sorted(FACTS))
 def test_nothing_is_wrong_but_what_the_sheets_leave_open(name: str):
-    example(name)
     expected = {"lift_negative", "delay_tolerance_assumed"}
     # this run took a pressure zero further off the certificate than the 0.15 % of range on the sheet
     expected |= {"certificate_age_unknown"} if name in ("A_0500rpm", "A_1250rpm") else set()  # no date in a CSV
     expected |= {"zero_off_certificate"} if name == "A_1000rpm" else set()
-    assert {f.code for f in summarise_recording(EXAMPLES / name).findings} == expected
+    assert {f.code for f in summarise(example(name)).findings} == expected
 
 
 @pytest.mark.parametrize("name", sorted(FACTS))
 def test_the_pulses_tell_the_nominal_speed(name: str):
-    example(name)
     # a speed-controlled drive: well within one percent
-    assert summarise_recording(EXAMPLES / name).speed_rpm == pytest.approx(float(name[2:6]), rel=0.01)
+    assert summarise(example(name)).speed_rpm == pytest.approx(float(name[2:6]), rel=0.01)
 
 
 def test_the_zero_comes_from_the_papers_that_are_there():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from camtorque.mechanism import LIFT_METHODS, closed_form_tables, lift_law, smoothing_law
@@ -181,7 +183,7 @@ def test_refusals_say_what_to_do():
     with pytest.raises(Refusal, match="5 points in one revolution, expected at least 12"):
         lift_law(CamTable(np.arange(5.0), np.zeros(5), MICRON))
     with pytest.raises(Refusal, match="expected a positive step"):
-        smoothing_law(table, resolution=0.0)
+        smoothing_law(replace(table, resolution=0.0))
     with pytest.raises(ValueError, match="over exactly one revolution"):
         CamLaw(np.array([0.0, 1.0]), np.zeros((4, 1)), "short")
     with pytest.raises(ValueError, match="do not belong"):

@@ -1,6 +1,6 @@
 """Cam angle inside a revolution, rebuilt from the measured torque: what one pulse per revolution cannot see.
 
-A pure law for whoever knows the drive's inertia and the shaft's stiffness; the nominal alignment does not use it.
+A pure law for whoever knows the drive's inertia; the nominal alignment does not use it.
 """
 
 from __future__ import annotations
@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from camtorque.records import Array
 
 
-def angle_correction(
-    torque: Array, speed: float, trigger_angle: float, inertia: float = np.inf, stiffness: float = np.inf
-) -> Array:
+def angle_correction(torque: Array, speed: float, trigger_angle: float, inertia: float) -> Array:
     """Return what has to be added to the nominal cam angle, which supposes constant speed between two pulses.
 
-    The torque slows the drive and winds up the shaft, and the trigger on the camshaft sees the sum of both:
+    The torque slows the drive:
 
-        correction(theta) = c(theta) - c(trigger angle),
-        c = - T / k_t - 1 / J  integral integral (T - mean T) dt dt
+        correction(theta) = c(theta) - c(trigger angle),  c = -1 / J  integral integral (T - mean T) dt dt
 
     with the double integral over a periodic torque taken harmonic by harmonic, T_k / (i k omega)^2.
 
@@ -29,7 +26,6 @@ def angle_correction(
     speed : mean cam speed [rad/s]
     trigger_angle : nominal cam angle of the pulse, where the correction is zero [rad]
     inertia : of the drive's side, J [kg m^2]
-    stiffness : of the shaft, k_t [N m/rad]
 
     Returns
     -------
@@ -39,8 +35,7 @@ def angle_correction(
     order = np.arange(harmonics.size)
     inverse_square = np.zeros(harmonics.size)
     inverse_square[1:] = 1.0 / (order[1:] * speed) ** 2
-    correction = harmonics * (inverse_square / inertia - 1.0 / stiffness)
-    correction[0] = 0.0
+    correction = harmonics * inverse_square / inertia
     at_trigger = _value_at(correction, trigger_angle, torque.size)
     return np.fft.irfft(correction, torque.size) - at_trigger
 

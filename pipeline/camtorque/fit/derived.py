@@ -45,7 +45,7 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
             ci95=(value * float(np.exp(-COVERAGE * total)), value * float(np.exp(COVERAGE * total))), at_bound=False,
             identifiable=total < NARROWED, confounded_with=(), prior=None, meaning=meaning,
             source="follows from compliance, resonance and damping ratio of the shaft", role="shared",
-            effect="driveline", symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
+            symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
         ))  # fmt: skip
     return tuple(rows)
 

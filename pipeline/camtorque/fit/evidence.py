@@ -54,7 +54,7 @@ class Gaussian:
     upper: Array
 
 
-def log_box(gaussian: Gaussian, seed: int = 0) -> float:
+def log_box(gaussian: Gaussian) -> float:
     """Return ln Pr(all within the box), by sequential conditioning (Genz's method)."""
     std = np.sqrt(np.diag(gaussian.matrix))
     low, high = (gaussian.lower - gaussian.mean) / std, (gaussian.upper - gaussian.mean) / std
@@ -66,7 +66,7 @@ def log_box(gaussian: Gaussian, seed: int = 0) -> float:
     order = np.argsort(log_ndtr(high) - log_ndtr(-low))
     low, high, correlation = low[order], high[order], correlation[np.ix_(order, order)]
     root = np.linalg.cholesky(correlation + 1e-10 * np.eye(tight.size))
-    uniform = np.random.default_rng(seed).random((DRAWS, tight.size))
+    uniform = np.random.default_rng(0).random((DRAWS, tight.size))
     drawn = np.zeros((DRAWS, tight.size))
     weight = np.zeros(DRAWS)
     for k in range(tight.size):

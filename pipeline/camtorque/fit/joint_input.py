@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.fit.prepare import Halves
+from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData
 from camtorque.fit.single import Prepared, pressure_gain_std
 from camtorque.fit.uncertainty import covariance
@@ -44,7 +44,7 @@ class JointInput:
 
     pump_id: str
     data: FitData
-    means: Halves
+    means: MeanCycles
     rigid_torque: Array
     lift: Array
     lift_velocity: Array

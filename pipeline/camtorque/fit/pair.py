@@ -132,8 +132,8 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
             f"expected one speed within {100 * SAME_SPEED:.0f} %; the laws' error cancels at one speed only; compare "
             "recordings of one speed, or campaigns that hold the same speeds"
         )
-    hidden = start.data.chain.shaft_torque - before.measured
-    items = tuple(_item(side, start.data, hidden) for side in (before, after))
+    lost = start.data.chain.shaft_torque - before.measured
+    items = tuple(_item(side, start.data, lost) for side in (before, after))
     problem = start.problem
     names = tuple(slot.row.name for slot in problem.slots)
     values, coefficients = problem.values(start.solution.z, 0)
@@ -176,7 +176,7 @@ def root_of(covariance: Array) -> Array:
     return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
 
-def _item(side: Prepared, data: FitData, hidden: Array) -> FitData:
+def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
     cycles = side.cycles
     assert cycles.torque is not None
     n = data.chain.theta.size
@@ -185,7 +185,7 @@ def _item(side: Prepared, data: FitData, hidden: Array) -> FitData:
     deviation = on_grid(np.asarray(turned), n) if data.chain.deviation.size and turned is not None else np.zeros(0)
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
-        shaft_torque=on_grid(torque, n) + hidden, deviation=deviation,
+        shaft_torque=on_grid(torque, n) + lost, deviation=deviation,
     )  # fmt: skip
     return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque))
 

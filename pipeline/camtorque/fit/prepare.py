@@ -38,7 +38,7 @@ INDEPENDENT = 360.0 / CORRELATION
 
 
 @dataclass(frozen=True)
-class Halves:
+class MeanCycles:
     """Mean cycles of the fitted and of the held-out half, on the fine grid.
 
     torque, pressure : (n_theta,) of the fitted cycles [N m, Pa]; held_torque, held_pressure : of the held-out ones;
@@ -58,7 +58,7 @@ class Halves:
         freeze_arrays(self)
 
 
-def halves(cycles: CamCycles) -> Halves:
+def mean_cycles(cycles: CamCycles) -> MeanCycles:
     """Return the mean cycles of both halves.
 
     Raises
@@ -77,7 +77,7 @@ def halves(cycles: CamCycles) -> Halves:
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
     fit, held = ~cycles.held_out, cycles.held_out
     torque, pressure = ([mean_of(values, half) for half in (fit, held)] for values in (cycles.torque, cycles.pressure))
-    return Halves(
+    return MeanCycles(
         torque[0], pressure[0], torque[1], pressure[1], cycles.mean_torque, cycles.mean_pressure, cycles.torque_std,
         float(np.sqrt(np.mean(cycles.torque_std**2) / fit.sum())),
     )  # fmt: skip
@@ -198,15 +198,15 @@ def on_grid(values: Array, n: int) -> Array:
     return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
 
 
-def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array, pressure: Array, scatter: float,
-             grid: int = FIT_GRID) -> FitData:  # fmt: skip
+def fit_data(
+    recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array, pressure: Array, scatter: float
+) -> FitData:
     """Return one recording ready to be fitted; its structure is still ``land``.
 
     Parameters
     ----------
     torque, pressure : (n_theta,) mean cycles [N m, Pa]
     scatter : standard error of the mean [N m]
-    grid : points of the model
     """
     config: RecordingConfig = recording.config
     table: CamTable = recording.cam_table
@@ -218,12 +218,12 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array
     _set(rows, "port_closing_lift", start=float(np.clip(closing, rows["port_closing_lift"].lower, None)))
     step = float(np.median(np.diff(table.theta)))
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
-    fine = on_grid(torque, grid)
+    fine = on_grid(torque, FIT_GRID)
     turned = cycles.details.get("angle_deviation")
     measured = turned is not None and config.trigger.side != "motor"
     chain = ChainInput(
-        deviation=on_grid(np.asarray(turned), grid) if measured else np.zeros(0),
-        theta=angle_grid(grid), speed=cycles.mean_speed, line_pressure=on_grid(pressure, grid),
+        deviation=on_grid(np.asarray(turned), FIT_GRID) if measured else np.zeros(0),
+        theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(pressure, FIT_GRID),
         shaft_torque=fine, trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
         offset=config.pump.follower_offset * config.rotation, roller_inertia=assumed_roller(config.pump).inertia,
     )  # fmt: skip

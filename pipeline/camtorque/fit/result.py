@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from camtorque.fit.derived import delivered_volume, derived_estimates
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
-from camtorque.fit.prepare import Halves, on_grid
+from camtorque.fit.prepare import MeanCycles, on_grid
 from camtorque.fit.problem import SEPARATOR, STRUCTURES, Problem
 from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
 from camtorque.fit.single import Candidate, Fit
@@ -21,7 +21,7 @@ from camtorque.fit.uncertainty import (
     knowledge,
     uncertainty_budget,
 )
-from camtorque.laws import LAW_OF, ROWS
+from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, angle_grid, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
@@ -92,11 +92,11 @@ def modelled(
     values, coefficients = problem.values(z, index)
     n = torque.size
     grid = item.chain.theta.size
-    hidden = item.chain.shaft_torque - measured
+    lost = item.chain.shaft_torque - measured
     substeps = item.chain.substeps
     chain = replace(
         item.chain, theta=angle_grid(n), line_pressure=pressure,
-        shaft_torque=torque + on_grid(hidden, n), substeps=_finer(substeps, n, grid),
+        shaft_torque=torque + on_grid(lost, n), substeps=_finer(substeps, n, grid),
         deviation=on_grid(item.chain.deviation, n) if item.chain.deviation.size else item.chain.deviation,
     )  # fmt: skip
     output = evaluate(chain, values, coefficients, tangents=True)
@@ -113,7 +113,7 @@ def _finer(substeps: NDArray[np.int64], n: int, grid: int) -> NDArray[np.int64]:
 
 
 def fitted_torque(
-    fit: Fit, index: int, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: Halves
+    fit: Fit, index: int, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
 ) -> FittedTorque:
     """Return the record of one recording of a fit.
 
@@ -183,7 +183,7 @@ def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
             at_bound=value <= row.lower or value >= row.upper, identifiable=known != "from the sheet",
             confounded_with=confounded_with(problem, fit.covariance, k) if known != "from the sheet" else (),
             prior=None if row.prior is None else (row.prior[0] / per, row.prior[1] / per), meaning=row.meaning,
-            source=row.source, role=row.role, effect=LAW_OF[row.name], symbol=row.symbol, knowledge=known,
+            source=row.source, role=row.role, symbol=row.symbol, knowledge=known,
         ))  # fmt: skip
     return (*rows, *derived_estimates(fit))
 
@@ -227,7 +227,7 @@ def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak:
     }  # fmt: skip
 
 
-def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:
+def _metrics(means: MeanCycles, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:
     lift, velocity = rigid.lift, rigid.lift_velocity
     return {
         "rigid": metrics(means.torque_all, rigid.torque, rigid.torque, lift, velocity),
@@ -236,7 +236,7 @@ def _metrics(means: Halves, fitted: Array, held: Array, rigid: RigidTorque) -> d
     }
 
 
-def _losses(fit: Fit, index: int, fitted: Modelled, means: Halves) -> dict[str, float]:
+def _losses(fit: Fit, index: int, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
     """Return work per revolution by cause [J], the input and how well they close."""
     work = work_per_revolution(fitted.chain, fitted.output, fitted.cam)
     _, coefficients = fit.problem.values(fit.solution.z, index)

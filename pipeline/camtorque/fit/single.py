@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
-from camtorque.fit.prepare import INDEPENDENT, Halves, fit_data, halves
+from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
 from camtorque.fit.search import Start, refined, search
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.uncertainty import Covariance, covariance
-from camtorque.laws.causes import cam_torques, hidden_torque
+from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
 
 POLISHED = 3
 """Starts that are followed to their minimum on the fine grid."""
-HIDDEN_ROUNDS = 2
+FILTER_ROUNDS = 2
 RELAXED_TIME = 2.5e-3
 """Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
 RELAXED_SHARE = 0.5
@@ -61,7 +61,7 @@ class Prepared:
     recording: Recording
     cycles: CamCycles
     rigid: RigidTorque
-    means: Halves
+    means: MeanCycles
     candidates: tuple[Candidate, ...]
     measured: Array
 
@@ -99,7 +99,7 @@ class Fit:
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
     """Return a recording with the minimum of every structure found."""
-    means = halves(cycles)
+    means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     found = search(data, tuple(STRUCTURES))
@@ -119,7 +119,7 @@ def polished(data: FitData, found: Mapping[str, list[Start]]) -> tuple[Candidate
             f"{data.name}: found no start from which the model of this pump can be fitted, expected one; the recording "
             "may belong to another pump or trigger: `camtorque check` compares them"
         )
-    ends = [attempted(with_hidden_torque, ends[0]) or ends[0], *ends[1:]]
+    ends = [attempted(with_filtered_out_torque, ends[0]) or ends[0], *ends[1:]]
     quick = [attempted(followed, data, start, 5) for start in others]
     return tuple(sorted([*ends, *(item for item in quick if item is not None)], key=lambda item: item.value))
 
@@ -151,18 +151,18 @@ def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS) -> Candidate:
     return Candidate(item, build_problem([item]), solution)
 
 
-def with_hidden_torque(found: Candidate) -> Candidate:
-    """Return the minimum with the shaft's torque corrected for what the transducer's low-pass hides.
+def with_filtered_out_torque(found: Candidate) -> Candidate:
+    """Return the minimum with the shaft's torque corrected for what the transducer's low-pass takes away.
 
     One fixed-point step a round; with stiff shafts it changes nothing that counts.
     """
     measured = found.data.chain.shaft_torque
-    for _ in range(HIDDEN_ROUNDS):
+    for _ in range(FILTER_ROUNDS):
         values, coefficients = found.problem.values(found.solution.z, 0)
         output = found.solution.outputs[0]
         torques = cam_torques(found.data.chain, values, output, coefficients, np.zeros(measured.size))
-        hidden = hidden_torque(found.data.chain, values, torques)
-        item = replace(found.data, chain=replace(found.data.chain, shaft_torque=measured + hidden))
+        lost = filtered_out_torque(found.data.chain, values, torques)
+        item = replace(found.data, chain=replace(found.data.chain, shaft_torque=measured + lost))
         item = refined(item, values)
         found = at_minimum(item)
     return found

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from camtorque.config import RecordingConfig
-from camtorque.ingest.recording import read_recording
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.pickup import find_pulses
@@ -51,17 +49,6 @@ class RecordingSummary:
     channels: tuple[ChannelSummary, ...]
     speed_rpm: float
     findings: tuple[Finding, ...]
-
-
-def summarise_recording(path: Path) -> RecordingSummary:
-    """Read a recording and sum it up; see `summarise`.
-
-    Raises
-    ------
-    Refusal
-        where the recording cannot be read at all
-    """
-    return summarise(read_recording(path))
 
 
 def summarise(recording: Recording) -> RecordingSummary:

@@ -64,7 +64,7 @@ def measured_torques(
     return result
 
 
-def hidden_torque(data: ChainInput, values: Mapping[str, float], torques: Mapping[str, Array]) -> Array:
+def filtered_out_torque(data: ChainInput, values: Mapping[str, float], torques: Mapping[str, Array]) -> Array:
     """Return the torque of the shaft less what the transducer's low-pass shows of it, (n,) [N m].
 
     The twist is rebuilt from the measured torque; where the load changes faster than the low-pass follows, this much

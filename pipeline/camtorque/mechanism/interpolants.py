@@ -37,23 +37,18 @@ def quintic_law(table: CamTable) -> CamLaw:
     return _trimmed(pieces, theta, "quintic", _table_std(table))
 
 
-def smoothing_law(table: CamTable, resolution: float | None = None) -> CamLaw:
+def smoothing_law(table: CamTable) -> CamLaw:
     """Return the smoothest periodic quintic spline of which the table could be a rounding.
-
-    Parameters
-    ----------
-    table : lift table
-    resolution : step to which the lift was rounded [m]; the table's own when None
 
     Raises
     ------
-    Refusal : the resolution is not positive, so that nothing says how far to smooth
+    Refusal : the table's resolution is not positive, so that nothing says how far to smooth
 
     Notes
     -----
     See `camtorque.mechanism.smoothing`; an exact table (resolution 0) calls for `quintic_law`.
     """
-    step = table.resolution if resolution is None else resolution
+    step = table.resolution
     if not step > 0.0:
         raise Refusal(
             f"lift table: resolution is {step} m, expected a positive step; state the resolution of the table, "

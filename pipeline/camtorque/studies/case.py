@@ -16,6 +16,7 @@ from camtorque.units import BAR, DEGREE
 SPEED = 500.0 * 2.0 * np.pi / 60.0
 PEAK_PRESSURE = 600.0 * BAR
 LIFT = 8.0e-3
+KIND = "polynomial_4567"
 RISE_START, RISE_WIDTH = 20.0 * DEGREE, 2.0 * DEGREE
 FALL_START, FALL_WIDTH = 55.0 * DEGREE, 2.0 * DEGREE
 """Pressure rises and falls by logistic flanks of this scale: analytic, and as steep as a delivery valve makes it."""
@@ -46,10 +47,10 @@ def study_pump() -> PumpData:
 
 
 @cache
-def study_law(kind: str = "polynomial_4567", lift: float = LIFT, rise_deg: float = 60.0) -> CamLaw:
+def study_law(lift: float = LIFT, rise_deg: float = 60.0) -> CamLaw:
     """Return rise, 20 degree dwell, fall of 55 degrees and base circle."""
     rest = 2.0 * np.pi - (rise_deg + 20.0 + 55.0) * DEGREE
-    rise, fall = flank(kind, rise_deg * DEGREE, lift), flank(kind, 55.0 * DEGREE, -lift)
+    rise, fall = flank(KIND, rise_deg * DEGREE, lift), flank(KIND, 55.0 * DEGREE, -lift)
     return section_law([rise, dwell(20.0 * DEGREE), fall, dwell(rest)])
 
 
