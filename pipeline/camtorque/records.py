@@ -493,7 +493,8 @@ class ResidualBump:
     """A stretch of the revolution where the residual stands out of what the cycles repeat.
 
     start, stop : cam angle [rad]; peak : largest residual [N m]; times_repeatability : its rms over that of odd
-    against even cycles; phase : what the pump does there, in words
+    against even cycles; phase : what the pump does there, in words; frequency : at which most of it swings [Hz], 0
+    where it does not swing
     """
 
     start: float
@@ -501,6 +502,7 @@ class ResidualBump:
     peak: float
     times_repeatability: float
     phase: str
+    frequency: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -228,6 +228,14 @@ def unit_factor(unit: str, dimension: str, where: str, also: str = "") -> float:
     return factor
 
 
+def short(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits, written out between 1e-4 and a million."""
+    text = f"{value:.{digits}g}"
+    if "e" in text and 1e-4 <= abs(value) < 1e6:
+        return f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
+    return text
+
+
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
     """Return ", did you mean 'x'?" for the nearest known word, or an empty string."""
     lowered = {name.lower(): name for name in known}

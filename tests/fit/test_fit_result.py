@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import bin_weights, mean_cycles, on_grid
-from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps
+from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
 from camtorque.fit.result import fitted_torque, prior_findings
 from camtorque.fit.single import FitOptions, fit_prepared
 from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
@@ -89,13 +89,29 @@ def test_bumps_are_where_the_residual_stands_out():
     flows = np.zeros((n, 4))
     flows[:, 2] = np.where(np.abs(theta - 1.0) < 0.2, 1.0, 0.0)
     motion = SimpleNamespace(lift=np.stack([lift, np.gradient(lift, theta)]))
-    fitted = SimpleNamespace(chain=SimpleNamespace(theta=theta), output=SimpleNamespace(motion=motion, flows=flows))
+    fitted = SimpleNamespace(
+        chain=SimpleNamespace(theta=theta, speed=100.0), output=SimpleNamespace(motion=motion, flows=flows)
+    )
     (bump,) = residual_bumps(residual, repeat, fitted)
     assert bump.start < 1.0 < bump.stop
     assert np.degrees(bump.stop - bump.start) < 4.0 * BUMP_WINDOW_DEG
     assert bump.peak == pytest.approx(-0.8, abs=0.1)
     assert bump.phase == "delivery"
+    assert bump.frequency == 0.0
     assert residual_bumps(repeat[::-1].copy(), repeat, fitted) == ()
+    twice = residual - 0.5 * np.exp(-(((theta - 1.0 - np.radians(0.9 * BUMP_WINDOW_DEG)) / 0.005) ** 2))
+    assert len(residual_bumps(twice, repeat, fitted)) == 1  # nearer than the window: one bump
+
+
+@pytest.mark.parametrize(("signal", "told"), [
+    (lambda t: np.sin(2.0 * np.pi * 800.0 * t) * np.exp(-60.0 * t), 800.0),
+    (lambda t: np.exp(-((t - 0.01) / 0.002) ** 2), 0.0),
+    (lambda t: np.sin(2.0 * np.pi * 150.0 * t), 0.0),  # three swings may be anything
+    (lambda t: np.random.default_rng(1).standard_normal(t.size), 0.0),
+])  # fmt: skip
+def test_ringing_is_told_where_most_swings_at_one_frequency(signal, told):
+    step = 2e-5
+    assert ringing(signal(np.arange(1000) * step), step) == pytest.approx(told, rel=0.01)
 
 
 def test_weights_know_scatter_and_the_admitted_model_error():

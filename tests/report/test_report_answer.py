@@ -12,9 +12,19 @@ import pytest
 from camtorque.limits import Limit
 from camtorque.records import Refusal
 from camtorque.report import write_pdf, write_run
-from camtorque.report.answer import answer, cards, missed_limits, shape_text, verdict
+from camtorque.report.answer import (
+    CHECKS,
+    alternatives_text,
+    answer,
+    cards,
+    missed_limits,
+    shape_text,
+    unexplained_advice,
+    unexplained_text,
+    verdict,
+)
 from camtorque.report.document import result_document
-from camtorque.report.texts import budget_rows, parameter_groups
+from camtorque.report.texts import budget_rows, by_size, parameter_groups
 from report_cases import NASTY, parameter, run_result
 
 
@@ -143,3 +153,38 @@ def test_bumps_of_an_explained_run_are_named() -> None:
     bumps = run_result(explained=False).fitted.bumps
     doc = result_document(replace(result, fitted=replace(result.fitted, bumps=bumps)))
     assert "It stands out at 40 to 52 deg (end of delivery" in answer(doc)[2]["text"]
+
+
+def test_what_swings_is_told_with_its_frequency_and_what_to_do() -> None:
+    doc = result_document(run_result(explained=False))
+    doc["bumps"][0]["frequency_hz"] = 812.0
+    doc["parameters"]["shaft_resonance"] = {"value": 1400.0}
+    assert "swinging at 812 Hz" in unexplained_text(doc)
+    assert "Something swings at 812 Hz, and the fitted shaft rings at 1400 Hz" in unexplained_advice(doc)
+    doc["parameters"]["shaft_resonance"] = {"value": 820.0}
+    assert "where the fitted shaft rings, with another damping" in unexplained_advice(doc)
+
+
+@pytest.mark.parametrize("phase", sorted(CHECKS))
+def test_every_phase_says_what_to_check(phase: str) -> None:
+    doc = result_document(run_result(explained=False))
+    doc["bumps"][0].update(phase=phase, frequency_hz=None)
+    assert unexplained_advice(doc) == CHECKS[phase]
+
+
+def test_a_second_minimum_that_says_the_same_is_not_news() -> None:
+    doc = result_document(run_result())
+    first = {"name": "land", "probability": 0.6, "trigger_angle_deg": 20.8, "chamber_peak_bar": 900.0}
+    doc["alignment"]["trigger_angle_deg"]["stderr"], doc["chamber"]["peak_bar"]["stderr"] = 0.2, 10.0
+    doc["alternatives"] = [first, {**first, "probability": 0.4, "chamber_peak_bar": 904.0}]
+    assert alternatives_text(doc) == ""
+    doc["alternatives"][1]["chamber_peak_bar"] = 906.0
+    assert "a second minimum of the same structure (40 %)" in alternatives_text(doc)
+
+
+def test_small_angle_errors_stand_in_a_line_and_large_ones_first() -> None:
+    rows = [{"source": name, "before": before, "after": after, "text": ""} for name, before, after in
+            (("edge", 0.001, 0.001), ("drive", None, 0.1), ("trigger", 0.8, 0.2), ("ripple", None, None))]  # fmt: skip
+    large, small = by_size(rows)
+    assert [row["source"] for row in large] == ["trigger", "drive"]
+    assert [row["source"] for row in small] == ["edge"]

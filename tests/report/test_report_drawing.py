@@ -10,7 +10,7 @@ from camtorque.plain import clean
 from camtorque.records import ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
 from camtorque.report.curves_svg import curves_svg
-from camtorque.report.numbers import exponents, fixed, near, plus_minus, typeset, unit_text
+from camtorque.report.numbers import exponents, fixed, named, near, num, plus, plus_minus, typeset, unit_text
 from camtorque.report.payload import book, packed, unpacked
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
@@ -146,7 +146,7 @@ def test_one_typography(text: str, expected: str) -> None:
 def test_signs_of_documents_are_those_of_any_terminal_and_pages_have_powers_of_ten() -> None:
     assert typeset("4e-06 s, 12 kg m^2, 3 um, 5 +- 1") == "4e-06 s, 12 kg m², 3 µm, 5 ± 1"
     typeset("4e-06 s, 12 kg m^2, 3 um, 5 +- 1, 2 x b").encode("cp1252")
-    assert exponents("1.88e+03 and -8.2e-05") == "1.88·10³ and -8.2·10⁻⁵"
+    assert exponents("1.88e+03 and -8.2e-05") == "1.88·10³ and −8.2·10⁻⁵"
 
 
 def test_units_and_errors_as_texts() -> None:
@@ -155,3 +155,18 @@ def test_units_and_errors_as_texts() -> None:
     assert near(50.0, 0.0) == "50"
     assert [fixed(value, 1) for value in (-0.04, -0.06, 0.0)] == ["0.0", "−0.1", "0.0"]
     assert clean("a\x1b[2J\u202eb\tc") == "a\ufffd[2J\ufffdb\tc"
+
+
+@pytest.mark.parametrize(("text", "expected"), [
+    ("lift goes down to -7 um", "lift goes down to −7 µm"), ("(-0.3 to 2)", "(−0.3 to 2)"),
+    ("0.05-0.8, 3-10 g", "0.05–0.8, 3–10 g"), ("valve mass is 20.3 10^6 kg/m^4", "valve mass is 20.3 × 10⁶ kg/m⁴"),
+    ("T22-40117, 2026-11-22, run-3", "T22-40117, 2026-11-22, run-3"),
+])  # fmt: skip
+def test_signs_and_ranges_in_a_sentence(text: str, expected: str) -> None:
+    assert exponents(typeset(text)) == expected
+
+
+def test_numbers_are_written_out_and_names_of_parameters_are_words() -> None:
+    assert (num(120.4, 2), num(1.5e7, 2)) == ("120", "1.5·10⁷")
+    assert (plus(0.0351), plus(-0.0064), plus(0.001), plus(None)) == ("+0.04", "−0.01", "0.00", "–")
+    assert named("coupling_resonance drifts; set zero_before_V") == "coupling resonance drifts; set zero_before_V"

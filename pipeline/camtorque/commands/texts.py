@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.numbers import typeset
+from camtorque.report.numbers import named, near, plus_minus, typeset, words
 
 
 def run_table(doc: Mapping[str, Any]) -> str:
@@ -46,7 +46,8 @@ def unexplained_lines(doc: Mapping[str, Any]) -> list[str]:
 
 def _value(estimate: Mapping[str, Any], unit: str) -> str:
     error = estimate["stderr"]
-    return f"{estimate['value']:.2f} {unit}" if error is None else f"{estimate['value']:.2f} ± {error:.2f} {unit}"
+    text = near(estimate["value"], error)
+    return f"{text} ± {plus_minus(error)} {unit}" if error else f"{text} {unit}"
 
 
 def campaign_table(doc: Mapping[str, Any]) -> str:
@@ -67,14 +68,15 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per finding."""
     return [
-        f"{row['severity']:8}  {typeset(row['text'])}" + (f" [{row['where']}]" if row["where"] else "")
+        f"{row['severity']:8}  {typeset(named(row['text']))}"
+        + (f" [{row['where']}]" if row["where"] and words(row["where"]) not in row["text"] else "")
         for row in findings
     ]
 
 
 def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per warning and error; notes are counted, they stand on the page."""
-    loud = [row for row in findings if row["severity"] != "info"]
+    loud = sorted((row for row in findings if row["severity"] != "info"), key=lambda row: row["severity"])
     notes = len(findings) - len(loud)
     tail = [f"info      {notes} {'note' if notes == 1 else 'notes'} on the page"] if notes else []
     return [*finding_lines(loud), *tail]

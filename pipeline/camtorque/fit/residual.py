@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import Solution
@@ -19,6 +20,8 @@ BLOCK_DEG = 20.0
 BUMP_TIMES = 4.0
 BUMP_WINDOW_DEG = 3.0
 MOST_BUMPS = 4
+LEAST_SWINGS, RINGING_SHARE, RINGING_WIDTH = 5, 0.5, 12
+"""A bump rings where so many swings at least, within so many quarters of a line of the spectrum, hold this share."""
 
 
 def is_explained(residual: Array, odd_even: float, peak: float) -> bool:
@@ -65,18 +68,46 @@ def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[Residua
         np.convolve(np.r_[residual[-width:], residual, residual[:width]] ** 2, np.ones(width) / width, "same")
     )
     smooth = smooth[width:-width]
-    above = smooth > BUMP_TIMES * level
-    edges = np.flatnonzero(np.diff(np.r_[0, above.astype(int), 0]))
     bumps = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in _stretches(smooth > BUMP_TIMES * level, width):
         part = residual[start:stop]
         top = start + int(np.argmax(np.abs(part)))
         times = float(np.sqrt(np.mean(part**2))) / level
         angles = fitted.chain.theta
         bumps.append(ResidualBump(
-            float(angles[start]), float(angles[min(stop, n - 1)]), float(residual[top]), times, phase_at(fitted, top)
+            float(angles[start]), float(angles[min(stop, n - 1)]), float(residual[top]), times, phase_at(fitted, top),
+            ringing(part, 2.0 * np.pi / n / fitted.chain.speed),
         ))  # fmt: skip
     return tuple(sorted(bumps, key=lambda bump: -abs(bump.peak))[:MOST_BUMPS])
+
+
+def _stretches(above: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+    """Return start and end of every stretch; those nearer to each other than ``least`` points are one."""
+    edges = np.flatnonzero(np.diff(np.r_[0, above.astype(int), 0]))
+    found: list[tuple[int, int]] = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if found and start - found[-1][1] < least:
+            start = found.pop()[0]
+        found.append((start, stop))
+    return found
+
+
+def ringing(part: Array, step: float) -> float:
+    """Return the frequency at which most of a stretch swings [Hz], 0 where it does not.
+
+    Parameters
+    ----------
+    part : (n,) residual; step : time between its points [s]
+    """
+    n = part.size
+    if n < LEAST_SWINGS**2:
+        return 0.0
+    power = np.abs(np.fft.rfft((part - np.mean(part)) * np.hanning(n), 4 * n)) ** 2
+    top = int(np.argmax(power))
+    near = slice(max(0, top - RINGING_WIDTH), top + RINGING_WIDTH + 1)
+    swings = top / 4.0
+    clear = np.sum(power[near]) > RINGING_SHARE * np.sum(power)
+    return swings / (n * step) if clear and LEAST_SWINGS <= swings < n / 4.0 else 0.0
 
 
 def phase_at(fitted: Any, place: int) -> str:

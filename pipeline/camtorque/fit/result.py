@@ -44,7 +44,7 @@ from camtorque.records import (
     Recording,
     RigidTorque,
 )
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, short
 
 PULLED = 2.5
 """A nuisance pulled this many standard deviations off its prior is told."""
@@ -329,8 +329,10 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
         pull = (row.value - row.prior[0]) / row.prior[1]
         if abs(pull) > PULLED:
             text = (
-                f"{row.name.replace('_', ' ')} is {row.value:.3g} {row.unit}, {abs(pull):.1f} standard deviations off "
-                f"what was known ({row.prior[0]:.3g} +- {row.prior[1]:.2g}; {row.source}): check it, or a law misses"
+                f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}, "
+                f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
+                f"{short(row.prior[1], 2)}; {row.source}): check that number; if it is right, a loss is missing that "
+                "this one stands in for"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)
@@ -367,7 +369,10 @@ def _fit_findings(fit: Fit, fitted: Modelled, explained: bool, residual: Array, 
         )
         result.append(Finding("unexplained", "error", text))
     if not fit.solution.converged:
-        text = "the fit has not ended in a minimum: chi-square still falls slowly along a flat direction"
+        text = (
+            "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
+            "up may still move within their uncertainty"
+        )
         result.append(Finding("not_converged", "warning", text))
     if fit.covariance.inflation > 1.0:
         text = (

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from camtorque.report.numbers import MINUS, fixed, near, num, plus_minus, signed, words
+from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 """What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
@@ -14,6 +14,19 @@ ABOVE_NOISE = 2.0
 """A residual above so many times the repeatability is a shape, not noise."""
 LIKELY = 0.05
 """An alternative this probable is named in the answer."""
+CHECKS = {
+    "base circle": "On the base circle only drag, zero and drive act: check the torque zero and the speed control.",
+    "compression": "During compression port closing and trapped volume act: check trigger angle and lift table.",
+    "delivery": "During delivery the valve and the line act: check where the pressure sensor sits, and its delay.",
+    "spill": "At the spill the end of delivery acts: check that the load was steady.",
+    "top dwell": "At the top leakage and the trapped volume act: check the lift table there.",
+    "expansion on the return": "On the return leakage and the end of delivery act: check lift table and load.",
+    "inlet port open": "With the inlet open feed pressure, spring and friction act: check feed pressure and spring.",
+}
+"""Phase of the pump -> what to look at where the model fails in it."""
+SAME_RESONANCE = 0.05
+NOTICED = 0.5
+"""A second minimum is named where it moves trigger or chamber peak by more than so many standard uncertainties."""
 Document = Mapping[str, Any]
 
 
@@ -53,6 +66,7 @@ def bump_places(doc: Document) -> str:
     return "; ".join(
         f"{fixed(bump['start_deg'], 0)} to {fixed(bump['stop_deg'], 0)} deg ({bump['phase']}): up to "
         f"{signed(bump['peak_nm'])} N m, {num(bump['times_repeatability'], 2)} times what the cycles repeat"
+        + (f", swinging at {num(bump['frequency_hz'], 2)} Hz" if bump["frequency_hz"] else "")
         for bump in doc["bumps"]
     )
 
@@ -98,9 +112,9 @@ def closing_text(doc: Document) -> str:
     gap, parts = doc["gap_by_cause"], []
     for key, what in (("forward_nm", "Forward stroke"), ("return_minimum_nm", "Return minimum")):
         rows = sorted((row for row in gap["causes"] if row["cause"] != "residual"), key=lambda row: -abs(row[key]))
-        named = ", ".join(f"{words(row['cause'])} {signed(row[key], 3)}" for row in rows[:3])
+        named = ", ".join(f"{words(row['cause'])} {plus(row[key])}" for row in rows[:3])
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
-        parts.append(f"{what}, {signed(gap['total'][key], 3)} N m: {named}; {signed(left)} left over.")
+        parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
     for told, text in (("needed", "The data need"), ("cannot tell", "They cannot tell whether they need")):
         names = [words(name) for name, row in doc["evidence"].items() if row["verdict"] == told]
         if names:
@@ -140,13 +154,24 @@ def shape_text(accuracy: Document) -> str:
 
 def alternatives_text(doc: Document) -> str:
     """Return the other structures that the data leave possible."""
-    rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY]
+    rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY and _differs(row, doc)]
     named = "; ".join(
         f"{_structure(row, doc)} ({num(100.0 * row['probability'], 2)} %), trigger then at "
         f"{num(row['trigger_angle_deg'], 4)} deg, chamber peak {num(row['chamber_peak_bar'], 4)} bar"
         for row in rows
     )
     return f" Not ruled out: {named}." if named else ""
+
+
+def _differs(row: Document, doc: Document) -> bool:
+    """Return whether an alternative says anything else of trigger or chamber than the chosen one."""
+    first = doc["alternatives"][0]
+    told = ((doc["alignment"]["trigger_angle_deg"], "trigger_angle_deg"),
+            ((doc["chamber"] or {}).get("peak_bar"), "chamber_peak_bar"))  # fmt: skip
+    return row["name"] != first["name"] or any(
+        abs((row[key] or 0.0) - (first[key] or 0.0)) > NOTICED * (estimate["stderr"] or 0.0) for estimate, key in told
+        if estimate
+    )  # fmt: skip
 
 
 def _structure(row: Document, doc: Document) -> str:
@@ -159,11 +184,31 @@ def next_text(doc: Document) -> str:
     serious = sum(row["severity"] != "info" for row in doc["findings"])
     text = f"Read the {serious} warning{'s' if serious > 1 else ''} below. " if serious else ""
     if not doc["explained"]:
-        return text + "Look at the marked stretches of the residual; check the sheet and the alignment there first."
+        return text + unexplained_advice(doc)
     if not doc["next_measurement"]:
         return text + "Nothing: this recording determines everything that was fitted."
     first = doc["next_measurement"][0].split(" (now:")[0]
     return text + f"To learn more: {first}."
+
+
+def unexplained_advice(doc: Document) -> str:
+    """Return what to look at first where the model fails."""
+    swings = [bump["frequency_hz"] for bump in doc["bumps"] if bump["frequency_hz"]]
+    known = doc["parameters"].get("shaft_resonance")
+    if swings:
+        at = known["value"] if known else 0.0
+        what = f"Something swings at {num(swings[0], 2)} Hz"
+        if at and abs(at / swings[0] - 1.0) < SAME_RESONANCE:
+            what += ", where the fitted shaft rings, with another damping or driven by something else"
+        elif at:
+            what += f", and the fitted shaft rings at {num(at, 2)} Hz"
+        return (
+            f"{what}: look for what is elastic between drive and cam or in the mounting of the transducer; tapping the "
+            "shaft at standstill while recording shows how it rings."
+        )
+    phases = dict.fromkeys(bump["phase"] for bump in doc["bumps"])
+    first = " ".join(CHECKS[phase] for phase in phases if phase in CHECKS)
+    return first or "Check pump sheet, lift table, trigger angle and the units of the sensors, in this order."
 
 
 def cards(doc: Document) -> list[dict[str, str]]:
@@ -173,7 +218,7 @@ def cards(doc: Document) -> list[dict[str, str]]:
     rows = [
         (f"{fixed(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
         (f"{num(held['rms_percent_of_peak'], 2)} %", "shape residual, RMS of the peak torque"),
-        (f"{signed(held['forward_gap_percent'])} %", "forward gap after the fit"),
+        (f"{plus(held['forward_gap_percent'])} %", "forward gap after the fit"),
         (f"{_value(doc, trigger)} deg", "trigger angle"),
     ]
     if chamber and chamber["peak_bar"]:
@@ -182,7 +227,7 @@ def cards(doc: Document) -> list[dict[str, str]]:
         (f"{num(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
         (
             f"{fixed(doc['losses']['input'], 2)} J",
-            f"work per revolution, {signed(doc['losses']['closure_percent'])} % open",
+            f"work per revolution, {plus(doc['losses']['closure_percent'])} % open",
         ),
         (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
     ]

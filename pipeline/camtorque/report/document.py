@@ -105,6 +105,7 @@ def _bump(bump: ResidualBump) -> dict[str, Any]:
     return {
         "start_deg": bump.start / DEGREE, "stop_deg": bump.stop / DEGREE, "peak_nm": bump.peak,
         "times_repeatability": bump.times_repeatability, "phase": bump.phase,
+        "frequency_hz": bump.frequency or None,
     }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from camtorque.records import KNOWLEDGE, LossEvidence, ParameterEstimate
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
 from camtorque.report.gaps import RESIDUAL, GapShare, gap_shares
-from camtorque.report.numbers import UNKNOWN, num, signed, unit_text, words
+from camtorque.report.numbers import UNKNOWN, fixed, num, plus, unit_text, words
 from camtorque.report.sources import shares, source_chart
 
 NOT_LOSSES = ("input", "closure_percent")
@@ -20,7 +20,8 @@ SMALLEST_SHARE = 2.0e-3
 """A cause below this share of the largest one, in both panels, stands in the table only."""
 VERDICT_TONES = {"needed": "c0", "cannot tell": "c5", "not needed": "c7"}
 EVIDENCE_SHOWN = 30.0
-"""Evidence beyond this is past doubt; bars end there and the number stands beside."""
+PAST_DOUBT = 100.0
+"""Where the bars of evidence end, and from where on its number says no more."""
 
 
 def evidence(result: RunResult) -> Rows | None:
@@ -30,10 +31,14 @@ def evidence(result: RunResult) -> Rows | None:
         return None
     tones = tuple(VERDICT_TONES[row.verdict] for row in rows)
     values = tuple(float(np.clip(row.two_ln_bayes_factor, -EVIDENCE_SHOWN, EVIDENCE_SHOWN)) for row in rows)
-    notes = tuple(f"{num(row.two_ln_bayes_factor)}, {row.verdict}" for row in rows)
+    notes = tuple(f"{_evidence_text(row.two_ln_bayes_factor)}, {row.verdict}" for row in rows)
     factor = RowPanel("2 ln K for the loss", (Marks("", values, tones),), notes=notes,
                       limits=(1.25 * min(min(values), -4.0), 1.9 * EVIDENCE_SHOWN))  # fmt: skip
     return Rows(tuple(words(row.name) for row in rows), (factor, _sizes(rows, tones)), WIDE)
+
+
+def _evidence_text(value: float) -> str:
+    return f"> {PAST_DOUBT:g}" if value > PAST_DOUBT else num(value, 2)
 
 
 def _sizes(rows: tuple[LossEvidence, ...], tones: tuple[str, ...]) -> RowPanel:
@@ -83,7 +88,7 @@ def losses(result: RunResult) -> Rows:
     rows = {k: v for k, v in result.fitted.losses.items() if k not in NOT_LOSSES and abs(v) > smallest}
     values = tuple(rows.values())
     tones = tuple("fitted" if value >= 0 else "c1" for value in values)
-    panel = RowPanel("work [J per revolution]", (Marks("", values, tones),), notes=tuple(num(v) for v in values))
+    panel = RowPanel("work [J per revolution]", (Marks("", values, tones),), notes=tuple(fixed(v) for v in values))
     return Rows(tuple(words(name) for name in rows), (panel,))
 
 
@@ -92,7 +97,7 @@ def gap(result: RunResult) -> Rows:
     rows = shown(gap_shares(result))
     panels = tuple(
         RowPanel(name, (Marks("", values, tuple("fitted" if v >= 0 else "c1" for v in values)),),
-                 notes=tuple(signed(v) for v in values))
+                 notes=tuple(plus(v, 2) for v in values))
         for name, values in (
             ("forward stroke, mean [N m]", tuple(row.forward for row in rows)),
             ("at the return minimum [N m]", tuple(row.return_minimum for row in rows)),

@@ -99,4 +99,4 @@ def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
         for name, curve in gap_curves(result).items()
         if name == RESIDUAL or np.any(curve != 0.0)
     ]  # fmt: skip
-    return tuple(sorted(rows, key=lambda row: (row.cause == RESIDUAL, -abs(row.forward) - abs(row.return_stroke))))
+    return tuple(sorted(rows, key=lambda row: (row.cause == RESIDUAL, -abs(row.forward) - abs(row.return_minimum))))

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import posixpath
 import re
+
+from camtorque.laws import ROWS
+from camtorque.units import short
 
 UNKNOWN = "\u2013"
 MINUS = "\u2212"
@@ -12,10 +16,12 @@ MINUS = "\u2212"
 POWERS = str.maketrans("0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 SIGNS = (
     (re.compile(r"\+/?-(?=[\s\d.]|$)"), "\u00b1"),
-    (re.compile(r"(?<=[A-Za-z\u00b5)])\^(-?\d+)"), lambda found: found[1].translate(POWERS)),
+    (re.compile(r"(?<=\d) (?=10\^\d)"), " \u00d7 "),
+    (re.compile(r"(?<=[\w\u00b5)])\^(-?\d+)"), lambda found: found[1].translate(POWERS)),
     (re.compile(r"(?<![A-Za-z])u(?=rad\b)|(?<=[\d)] )u(?=[ms]\b)"), "\u00b5"),
     (re.compile(r"(?<=\d )Nm\b"), "N m"),
     (re.compile(r"(?<=\d) x (?=[a-z])"), " \u00d7 "),
+    (re.compile(r"(?<![\w.-])(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)(?![\w-]|\.\d)"), "\\1\u2013\\2"),
 )
 
 
@@ -27,7 +33,8 @@ def typeset(text: str) -> str:
 
 
 def exponents(text: str) -> str:
-    """Return a sentence with powers of ten in place of ``e-06``; for pages, as not every terminal has the signs."""
+    """Return a sentence with minus signs and with powers of ten in place of ``e-06``; not every terminal has them."""
+    text = re.sub(r"(?<=[\s(])-(?=\d)", MINUS, text)
     return re.sub(r"(?<=\d)e([+-]?\d+)\b", lambda found: "\u00b710" + str(int(found[1])).translate(POWERS), text)
 
 
@@ -36,6 +43,11 @@ def unit_text(unit: str) -> str:
     if unit in ("-", "1"):
         return ""
     return typeset(re.sub(r"^u(?=[ms]\b)", "\u00b5", unit))
+
+
+def named(text: str) -> str:
+    """Return a sentence with the names of parameters as words; keys of a file stay as they have to be typed."""
+    return re.sub(r"[a-z]+(?:_[a-z]+)+", lambda found: words(found[0]) if found[0] in ROWS else found[0], text)
 
 
 def words(name: str) -> str:
@@ -51,10 +63,7 @@ def num(value: float | None, digits: int = 3) -> str:
     """Return a number with so many significant digits."""
     if value is None or not _known(value):
         return UNKNOWN
-    text = f"{value:.{digits}g}"
-    if "e" in text and 1e-4 <= abs(value) < 1e6:
-        text = f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
-    return exponents(text).replace("-", MINUS)
+    return exponents(short(value, digits)).replace("-", MINUS)
 
 
 def signed(value: float | None, digits: int = 2) -> str:
@@ -62,6 +71,12 @@ def signed(value: float | None, digits: int = 2) -> str:
     if value is None or not _known(value):
         return UNKNOWN
     return ("+" if value >= 0.0 else "") + num(value, digits)
+
+
+def plus(value: float | None, decimals: int = 2) -> str:
+    """Return a number with its sign and so many decimals."""
+    text = fixed(value, decimals)
+    return f"+{text}" if _known(value) and value > 0.0 and float(text) else text  # type: ignore[operator]
 
 
 def fixed(value: float | None, decimals: int = 2) -> str:
@@ -92,6 +107,7 @@ def plus_minus(stderr: float | None) -> str:
 
 FILTERS = {
     "num": num, "signed": signed, "fixed": fixed, "scaled": scaled, "near": near, "plus_minus": plus_minus,
-    "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(text)),
+    "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(named(text))), "plus": plus,
+    "path": posixpath.normpath, "sentence": lambda text: text[:1].upper() + text[1:],
 }  # fmt: skip
 """Name in a template -> function."""

@@ -24,6 +24,7 @@ from camtorque.report.texts import (
     METRIC_NAMES,
     alignment_text,
     budget_rows,
+    by_size,
     gap_rows,
     inside_text,
     loss_rows,
@@ -38,6 +39,10 @@ ESCAPED = "backslashreplace"
 """A path may hold bytes that are no text; pages show them escaped."""
 SCRIPTS = ("vendor/uPlot.iife.min.js", "live.js")
 EXPLORER = "explore.js"
+ZOOM_HINT = (
+    "Drag across a curve to zoom (on a touch screen with two fingers), double-click or double-tap for the whole "
+    "revolution, click a name to switch it off."
+)
 STAND_IN = "strokes"
 """Section of a page whose curves one sees by zooming where the script runs."""
 STYLES = ("vendor/uPlot.min.css", "page.css")
@@ -123,7 +128,7 @@ def render(
     scripts = [_text(name) for name in names]
     return _environment().get_template(template).render(
         css=Markup(css), versions=versions(), scripts=[Markup(text) for text in scripts], policy=policy(css, scripts),
-        data=book(charts, phases) if scripts else "", explorer=explorer, **values,
+        data=book(charts, phases) if scripts else "", explorer=explorer, zoom_hint=ZOOM_HINT, **values,
     )  # fmt: skip
 
 
@@ -146,13 +151,14 @@ def run_page(
     correlation : names of the fitted parameters and (k, k) matrix
     """
     alignment = doc["alignment"]
+    budget = budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"])
+    large, small = by_size(budget)
     return render(
         "run.html", live_charts(drawings), phases, title=f"{doc['recording']['name']}: measured against model",
         doc=doc, drawings=drawings, verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
         losses=loss_rows(doc["losses"]), gaps=gap_rows(doc["gap_by_cause"]), groups=parameter_groups(doc),
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
-        config_text=config_text, metric_names=METRIC_NAMES,
-        budget=budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"]),
+        config_text=config_text, metric_names=METRIC_NAMES, budget=budget, large_errors=large, small_errors=small,
     )  # fmt: skip
 
 

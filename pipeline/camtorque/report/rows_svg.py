@@ -136,11 +136,12 @@ def _notes(panel: RowPanel, scale: Scale, top: float) -> list[str]:
         highs = [part[k] for item in panel.marks for part in (item.values, item.high) if part is not None]
         lows = [part[k] for item in panel.marks for part in (item.values, item.low) if part is not None]
         highs, lows = [v for v in highs if math.isfinite(v)], [v for v in lows if math.isfinite(v)]
-        place, anchor = scale.start + 4.0, "start"
-        if highs and max(highs) <= 0.0 and min(lows) < 0.0:
-            place = max(scale(max(min(lows), scale.low)) - 5.0, scale.start + text_width(note, SMALL))
-            anchor = "end"
-        elif highs:
+        zero = scale(min(max(0.0, scale.low), scale.high))
+        place, anchor = max(scale.start, zero) + 5.0, "start"
+        left = scale(max(min(lows, default=0.0), scale.low)) - 5.0
+        if highs and max(highs) <= 0.0 and min(lows) < 0.0 and left - text_width(note, SMALL) > scale.start:
+            place, anchor = left, "end"
+        elif highs and max(highs) > 0.0:
             place = min(scale(min(max(highs), scale.high)) + 5.0, scale.stop - text_width(note, SMALL))
         parts.append(text(place, top + ROW * (k + 0.5) + 4.0, note, anchor, "muted", f'font-size="{SMALL:g}"'))
     return parts

@@ -13,6 +13,8 @@ METRIC_NAMES = {
     "fitted": "fitted model, fitted cycles",
     "fitted_held_out_cycles": "fitted model, held-out cycles",
 }
+SMALL_ERROR = 0.05
+"""A source of angle error below this share of the largest one stands in a line below the table."""
 STRONG = 0.9
 """Correlation from which on two parameters are shown as a pair."""
 Document = Mapping[str, Any]
@@ -85,6 +87,19 @@ def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[d
             if item["text"] and item["text"] not in row["text"]:
                 row["text"] += ("; " if row["text"] else "") + item["text"]
     return list(rows.values())
+
+
+def by_size(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the sources of angle error that matter before or after the fit, the largest first, and the small ones."""
+    told = [row for row in rows if row["before"] is not None or row["after"] is not None]
+    told.sort(key=lambda row: -(row["after"] or 0.0))
+    largest = max((max(row["before"] or 0.0, row["after"] or 0.0) for row in told), default=0.0)
+    small = [
+        row
+        for row in told
+        if row["after"] is not None and max(row["before"] or 0.0, row["after"]) < SMALL_ERROR * largest
+    ]
+    return [row for row in told if row not in small], small
 
 
 def parameter_groups(doc: Document) -> list[dict[str, Any]]:
