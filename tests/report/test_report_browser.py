@@ -252,3 +252,53 @@ def test_the_nearest_curve_of_a_campaign_is_named(browser: Any, pages: dict[str,
     assert place[2] in browser.find_element(By.CSS_SELECTOR, ".tools .readout").text
     ActionChains(browser).click().perform()
     assert browser.title == "opened"
+
+
+def fingers(browser: Any, kind: str, *places: tuple[float, float]) -> None:
+    """Send one event of a touch screen with the fingers at some places of the window."""
+    points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(places)]
+    browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+
+def test_two_fingers_zoom_one_moves_a_double_tap_shows_all(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"], 375)
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+    try:
+        browser.execute_script("document.querySelector('#fig-torque_full .u-over').scrollIntoView({block: 'center'})")
+        left, top, width = browser.execute_script("""const box = document.querySelector('#fig-torque_full .u-over')
+          .getBoundingClientRect(); return [box.left, box.top + 40, box.width]""")
+
+        def at(share: float) -> tuple[float, float]:
+            return left + share * width, top
+
+        fingers(browser, "touchStart", at(0.4), at(0.6))
+        fingers(browser, "touchMove", at(0.3), at(0.7))
+        fingers(browser, "touchMove", at(0.2), at(0.8))
+        fingers(browser, "touchEnd")
+        closer = drawn_window(browser)
+        assert closer == pytest.approx([120.0, 240.0], abs=8.0)  # what was under the fingers stays there
+        fingers(browser, "touchStart", at(0.7))
+        fingers(browser, "touchMove", at(0.5))
+        fingers(browser, "touchMove", at(0.2))
+        fingers(browser, "touchEnd")
+        moved = drawn_window(browser)
+        assert moved[1] - moved[0] == pytest.approx(closer[1] - closer[0], abs=1.0)
+        assert moved[0] == pytest.approx(closer[0] + 0.5 * (closer[1] - closer[0]), abs=8.0)
+        for _ in range(2):
+            fingers(browser, "touchStart", at(0.5))
+            fingers(browser, "touchEnd")
+        assert drawn_window(browser) == [0, 360]
+        assert re.match(r"[\d.]+ deg", browser.find_element(By.CSS_SELECTOR, ".readout").text)
+    finally:
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+
+
+def test_on_a_narrow_screen_rows_of_wide_tables_name_their_columns(browser: Any, pages: dict[str, Path]) -> None:
+    opened(browser, pages["run"], 375)
+    shown = """const cell = document.querySelector('table.parameters tbody td:nth-child(5)');
+      return [getComputedStyle(cell, '::before').content, cell.closest('.scroll').scrollWidth, innerWidth]"""
+    label, wide, window = browser.execute_script(shown)
+    assert label == '"95 % interval"'
+    assert wide <= window
+    opened(browser, pages["run"], 1280)
+    assert browser.execute_script(shown)[0] == "none"

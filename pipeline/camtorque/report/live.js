@@ -84,11 +84,14 @@
       u.ctx.save();
       u.ctx.font = 11 * devicePixelRatio + "px sans-serif";
       u.ctx.textAlign = "center";
+      let taken = -Infinity;
       for (const span of chart.spans) {
         const a = Math.max(u.valToPos(span.a, "x", true), left), b = Math.min(u.valToPos(span.b, "x", true), left + width);
-        if (b <= a || (!span.loud && b - a < u.ctx.measureText(span.l).width)) continue;
+        const half = 0.5 * u.ctx.measureText(span.l).width, middle = 0.5 * (a + b);
+        if (b <= a || (span.loud ? middle - half < taken : b - a < 2 * half)) continue;
+        if (span.loud) taken = middle + half + 4 * devicePixelRatio;
         u.ctx.fillStyle = color(span.loud ? "warn" : "muted");
-        u.ctx.fillText(span.l, 0.5 * (a + b), span.loud ? top + height - 5 * devicePixelRatio : top - 5 * devicePixelRatio);
+        u.ctx.fillText(span.l, middle, span.loud ? top + height - 5 * devicePixelRatio : top - 5 * devicePixelRatio);
       }
       u.ctx.restore();
     };
@@ -199,6 +202,7 @@
     panel.bands.forEach((item, k) => { key(item.l, item.t, [2 * k + 1, 2 * k + 2], false); });
     const plot = { u, chart, panel, host, full, say: (index) => !panel.keys && panel.lines.length > 1 ? panel.y + ": " + panel.lines.length + " curves, " + digits(lines.reduce((m, all) => Math.min(m, all[index]), Infinity), range) + " to " + digits(lines.reduce((m, all) => Math.max(m, all[index]), -Infinity), range) : panel.lines.map((item, k) => (u.series[k + 1 + shift].show ? item.l + " " + digits(lines[k][index], range) + unit(panel.y) : "")).filter(Boolean).join(", ") };
     u.over.addEventListener("dblclick", () => group.zoom(...full));
+    touch(u, group);
     if (chart.links.length) {
       u.over.classList.add("opens");
       let x0 = 0;
@@ -206,6 +210,47 @@
       u.over.addEventListener("click", (event) => { if (u.near && Math.abs(event.clientX - x0) < 4) location.assign(chart.links[u.near - 1 - shift]); });
     }
     return plot;
+  }
+
+  /* Two fingers zoom and move, one moves a zoomed curve sideways (up and down it scrolls the page), a tap sets the cursor,
+     a double tap shows all. */
+  function touch(u, group) {
+    const fingers = new Map(), over = u.over;
+    let from = null, tapped = 0, moved = false;
+    const grab = () => {
+      const at = [...fingers.values()].map((x) => u.posToVal(x, "x"));
+      from = at.length ? { at, window: group.window() } : null;
+    };
+    const place = (event) => event.clientX - over.getBoundingClientRect().left;
+    over.addEventListener("pointerdown", (event) => {
+      if (event.pointerType !== "touch") return;
+      if (!fingers.size) moved = false;
+      fingers.set(event.pointerId, place(event));
+      grab();
+    });
+    over.addEventListener("pointermove", (event) => {
+      if (!fingers.has(event.pointerId) || fingers.size > 2) return;
+      const [lo, hi] = group.limits(), whole = from.window[1] - from.window[0] >= hi - lo;
+      if (Math.abs(place(event) - fingers.get(event.pointerId)) > 3) moved = true;
+      fingers.set(event.pointerId, place(event));
+      const now = [...fingers.values()], width = over.clientWidth;
+      if (now.length === 1 && whole) return;
+      const spread = now.length === 2 ? (from.at[1] - from.at[0]) / (now[1] - now[0] || 1) : (from.window[1] - from.window[0]) / width;
+      if (!(spread > 0)) return;
+      const size = Math.min(Math.max(spread * width, 0.002 * (hi - lo)), hi - lo);
+      const start = Math.max(lo, Math.min(hi - size, from.at[0] - (now[0] * size) / width));
+      group.zoom(start, start + size);
+    });
+    const leave = (event) => {
+      if (!fingers.delete(event.pointerId)) return;
+      if (event.type === "pointerup" && !fingers.size && !moved) {
+        if (event.timeStamp - tapped < 350) group.zoom(...group.limits());
+        tapped = event.timeStamp;
+        group.move(u.posToIdx(place(event)));
+      }
+      grab();
+    };
+    ["pointerup", "pointercancel"].forEach((type) => over.addEventListener(type, leave));
   }
 
   function keyboard(host, group, speak) {
@@ -267,7 +312,23 @@
     new ResizeObserver(() => plots.forEach(({ u }) => { if (host.clientWidth > 60 && Math.abs(u.width - host.clientWidth) > 1) u.setSize({ width: host.clientWidth, height: u.height }); })).observe(host);
   }
 
+  /* On a narrow screen a row of a wide table stands as a block of lines, each with the name of its column. */
+  function stacked(table) {
+    const heads = [...table.querySelectorAll("thead th")];
+    if (heads.length < 4) return;
+    table.classList.add("stacked");
+    table.setAttribute("role", "table");
+    table.querySelectorAll("tr").forEach((row) => {
+      row.setAttribute("role", "row");
+      [...row.cells].forEach((cell, k) => {
+        cell.setAttribute("role", cell.tagName === "TH" ? "columnheader" : "cell");
+        if (heads[k]) cell.dataset.label = heads[k].textContent;
+      });
+    });
+  }
+
   root.classList.add("scripted");
+  document.querySelectorAll(".scroll > table").forEach(stacked);
   book.charts.forEach(build);
   groups.forEach(tools);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => groups.forEach((group) => group.plots.forEach(({ u }) => u.redraw(false, true))));
