@@ -14,7 +14,7 @@ import numpy as np
 from camtorque.design import Task, read_task
 from camtorque.design.answer import Answer, solve_task
 from camtorque.design.evaluate import Evaluated
-from camtorque.design.page import front_svg, label_of
+from camtorque.design.page import first_guess, front_svg, label_of
 from camtorque.design.problem import Problem
 from camtorque.design.profile import Family
 from camtorque.design.responses import RESPONSES
@@ -146,7 +146,9 @@ def main() -> None:
         work=own.over_a_turn(own.solved[0].outputs["torque"]),
     )  # fmt: skip
     (out / "cam_profiles.md").write_text(page, encoding="utf-8")
-    (out / "cam_profiles_front.svg").write_text(front_svg(answer.front, task.aims, 0, 1), encoding="utf-8")
+    (out / "cam_profiles_front.svg").write_text(
+        front_svg(answer.front, task.aims, (0, 1), first_guess(answer)), encoding="utf-8"
+    )
     print(page)
 
 

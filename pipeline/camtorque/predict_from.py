@@ -275,12 +275,12 @@ def _assumptions(
         load = f"the line pressure of {Path(load_of).name}"
     if pressure is not None:
         load = f"the line pressure of {pressure.name}, at every speed"
-    laws = "what predictions of left-out recordings were off" if source.left_out else (
-        "what the fit leaves of its own held-out cycles, and 2 % of the peak per unit of ln speed away from it: one "
-        "recording teaches no more, a campaign would"
+    laws = "as large as predictions of left-out recordings were off" if source.left_out else (
+        "what the fit left over on its own held-out cycles, and 2 % of the peak torque more for each factor of 2.7 in "
+        "speed away from it; a campaign over several speeds would tell it better"
     )  # fmt: skip
-    texts = [f"Load: {load}.", "The torque's zero is not in the torque.",
-             f"The error of the laws is {laws}; it is spread as the torque is."]  # fmt: skip
+    texts = [f"Load: {load}.", "The zero error of a torque transducer is not added.",
+             f"Error of the model: {laws}. It follows the torque over the revolution."]  # fmt: skip
     if clearance:
         base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
         texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")

@@ -88,8 +88,8 @@ def test_price_of_a_limit_is_what_loosening_it_brings(tmp_path):
                for radius in (7.0, 6.99)]  # fmt: skip
     values = [RESPONSES["hertz_gpa"].value(a.chosen.problem.evaluated(a.chosen.variables)) for a in answers]
     price = {p.what: p.per_aim["hertz_gpa"] for p in answers[0].prices}
-    assert price["convex radius mm least 7"] == pytest.approx((values[1] - values[0]) / 0.01, rel=0.02)
-    assert price["convex radius mm least 7"] < 0.0
+    assert price["convex radius at least 7 mm"] == pytest.approx((values[1] - values[0]) / 0.01, rel=0.02)
+    assert price["convex radius at least 7 mm"] < 0.0
 
 
 def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):

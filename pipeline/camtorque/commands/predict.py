@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import finding_lines
-from camtorque.fit.uncertainty import COVERAGE
 from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
@@ -15,7 +14,7 @@ from camtorque.plain import plain
 from camtorque.predict_from import predict_from
 from camtorque.records import Refusal
 from camtorque.report import check_output, output_folder, write_prediction
-from camtorque.report.forecast_page import write_forecast
+from camtorque.report.forecast_page import with_band, write_forecast
 from camtorque.units import RPM
 
 WIDTHS = (20, 18, 20, 20, 18)
@@ -58,7 +57,7 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
     lines = [f"{'rpm':>8}{''.join(f'{head:>{width}}' for head, width in heads)}  (± 95 %)"]
     for row in found.document["sweep"]:
         keys = ("torque_max_nm", "torque_mean_nm", "chamber_peak_bar", "contact_max_n", "hertz_max_gpa")
-        cells = [f"{row[key]['value']:.4g} ± {COVERAGE * row[key]['stderr']:.2g}" for key in keys]
+        cells = [with_band(row[key]) for key in keys]
         beyond = "  beyond the fitted speeds" if row["beyond_fitted_speeds"] else ""
         columns = "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))
         lines.append(f"{row['speed_rpm']:8.1f}{columns}{beyond}")
@@ -87,6 +86,7 @@ def _table(prediction: Prediction) -> list[str]:
     for row in sweep_rows(prediction):
         lines.append(
             f"{row['speed_rpm']:8.1f}{row['shaft_torque_max_nm']:12.2f}{row['shaft_torque_min_nm']:9.2f}"
-            f"{row['shaft_torque_mean_nm']:9.3f}    {row['contact_normal_max_n']:10.0f}  {row['hertz_max_gpa']:8.3f}"
+            f"{round(row['shaft_torque_mean_nm'], 3) + 0.0:9.3f}    {row['contact_normal_max_n']:10.0f}"
+            f"  {row['hertz_max_gpa']:8.3f}"
         )
     return lines

@@ -29,7 +29,7 @@ class Price:
 
     Attributes
     ----------
-    what : limit or bound as the user wrote it
+    what : limit or bound in words
     unit : of the limit
     per_aim : aim -> change of that aim, in its unit, per unit of the limit
     """
@@ -39,16 +39,33 @@ class Price:
     per_aim: Mapping[str, float]
 
 
+UNITS = {
+    "mm3_per_deg": "mm³/deg", "mm_per_rad3": "mm/rad³", "mm_per_rad2": "mm/rad²", "mm_per_rad": "mm/rad",
+    "N_per_mm": "N/mm", "mm3": "mm³", "mm": "mm", "deg": "deg", "rpm": "rpm", "gpa": "GPa", "nm": "N m", "N": "N",
+    "n": "N", "j": "J",
+}  # fmt: skip
+"""End of a name -> unit; the longer ends first."""
+KINDS = {"most": "at most", "least": "at least", "equal": "equal to"}
+
+
+def _ending(name: str) -> str:
+    return next((ending for ending in UNITS if name.endswith("_" + ending)), "")
+
+
 def unit_of(name: str) -> str:
     """Return the unit that a name carries."""
-    known = ("mm3_per_deg", "mm_per_rad3", "mm_per_rad2", "mm_per_rad", "N_per_mm", "mm3", "mm", "deg", "rpm", "gpa",
-             "nm", "N", "n", "j")  # fmt: skip
-    shown = {"gpa": "GPa", "nm": "N m", "n": "N", "j": "J", "N_per_mm": "N/mm", "mm3": "mm³", "mm3_per_deg": "mm³/deg",
-             "mm_per_rad": "mm/rad", "mm_per_rad2": "mm/rad²", "mm_per_rad3": "mm/rad³"}  # fmt: skip
-    for unit in known:
-        if name.endswith("_" + unit):
-            return shown.get(unit, unit)
-    return ""
+    return UNITS.get(_ending(name), "")
+
+
+def plain_name(name: str) -> str:
+    """Return a response or quantity as words, without its unit."""
+    stem = name.removesuffix(f"_{_ending(name)}") if _ending(name) else name
+    return stem.replace("_", " ").replace("hertz", "Hertz pressure")
+
+
+def limit_words(limit: Limit) -> str:
+    """Return a limit as a sentence would say it."""
+    return f"{plain_name(limit.response)} {KINDS[limit.kind]} {limit.value:g} {unit_of(limit.response)}".strip()
 
 
 def prices(problem: Problem, scale: Scale, variables: np.ndarray, reference: np.ndarray | None) -> tuple[Price, ...]:
@@ -74,8 +91,9 @@ def prices(problem: Problem, scale: Scale, variables: np.ndarray, reference: np.
             if weights[name] > CORNER * max(weights.values())
         }
         name = limits[label].response if label in limits else label.split(" ")[1]
-        what = limits[label].text if label in limits else f"{label.split(' ')[0]} bound of {name}"
-        rows.append((weight, Price(what.replace("_", " "), unit_of(name), per_aim)))
+        bound = f"{label.split(' ')[0]} bound of {plain_name(name)}"
+        what = limit_words(limits[label]) if label in limits else bound
+        rows.append((weight, Price(what, unit_of(name), per_aim)))
     return tuple(price for _, price in sorted(rows, key=lambda row: -abs(row[0])))
 
 

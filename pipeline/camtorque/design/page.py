@@ -2,50 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from camtorque.design.answer import Answer, curves_of, responses_of
-from camtorque.design.explain import unit_of
+from camtorque.design.explain import limit_words, plain_name, unit_of
 from camtorque.design.front import Front, FrontPoint
 from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
 from camtorque.report.chart import HALF, Curves, Line, Panel
 from camtorque.report.curves_svg import curves_svg
+from camtorque.report.numbers import num, plus
 from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
-from camtorque.report.tones import CYCLE, fill
+from camtorque.report.tones import CYCLE, fill, stroke
 
 SIZE = (640.0, 420.0)
 EDGES = (70.0, 14.0, 14.0, 46.0)
 """Left, right, top and bottom of the chart [px]."""
+FAR = 2.0
+"""A first guess that is further from the front than so many times its width is not drawn."""
+RARELY = 0.05
+"""Share of made cams that may miss a limit before the headline says so."""
 
 
 def label_of(name: str) -> str:
     """Return a response or quantity as words with its unit."""
     unit = unit_of(name)
-    words = name
-    for ending in ("mm3_per_deg", "mm_per_rad3", "mm_per_rad2", "mm_per_rad", "N_per_mm", "mm3", "mm", "deg", "rpm",
-                   "gpa", "nm", "N", "n", "j"):  # fmt: skip
-        if name.endswith("_" + ending):
-            words = name.removesuffix("_" + ending)
-            break
-    shown = words.replace("_", " ").replace("hertz", "Hertz pressure")
-    return f"{shown} [{unit}]" if unit else shown
+    return f"{plain_name(name)} [{unit}]" if unit else plain_name(name)
 
 
-def front_svg(front: Front, aims: tuple[str, ...], across: int, up: int) -> str:
-    """Return the front over two aims; every point is a link to its design."""
+def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before: Mapping[str, float]) -> str:
+    """Return the front over two aims; every point is a link to its design, a ring shows the first guess."""
+    across, up = axes
     values = np.array(
         [[RESPONSES[name].value(p.problem.evaluated(p.variables)) for name in aims] for p in front.points]
     )
     x, y = values[:, across], values[:, up]
     (width, height), (left, right, top, bottom) = SIZE, EDGES
-    horizontal = Scale(*padded([x]), left, width - right)
-    vertical = Scale(*padded([y]), height - bottom, top)
+    first = (before[aims[across]], before[aims[up]])
+    near = all(abs(guess - np.mean(part)) < FAR * np.ptp(part) for guess, part in zip(first, (x, y), strict=True))
+    horizontal = Scale(*padded([np.append(x, first[0] if near else x[0])]), left, width - right)
+    vertical = Scale(*padded([np.append(y, first[1] if near else y[0])]), height - bottom, top)
     parts = _axes(horizontal, vertical, label_of(aims[across]), label_of(aims[up]))
+    place = f'cx="{horizontal(first[0]):.1f}" cy="{vertical(first[1]):.1f}" r="5" fill="none" stroke-width="1.6"'
+    parts += [f"<circle {place} {stroke('muted')}><title>first guess</title></circle>"] if near else []
     for k, point in enumerate(front.points):
         tone, radius = ("bad", 6.5) if k == front.chosen else (CYCLE[_family_number(front, point)], 4.5)
         hint = f"design {k + 1}: {label_of(aims[across])} {x[k]:.5g}, {label_of(aims[up])} {y[k]:.5g}"
@@ -99,18 +103,49 @@ def design_page(answer: Answer, read_back: list[dict[str, float]]) -> str:
     loads = tuple(load.name for load in task.loads)
     designs = [_design(k, point, loads) for k, point in enumerate(front.points)]
     responses = responses_of(answer.chosen.problem.evaluated(answer.chosen.variables))
+    before = first_guess(answer)
     return render(
         "design.html", {}, title=f"{task.path.stem}: design", aims=[label_of(name) for name in task.aims],
-        fronts=[Markup(front_svg(front, task.aims, a, b)) for a, b in pairs], designs=designs, chosen=front.chosen + 1,
+        fronts=[Markup(front_svg(front, task.aims, (a, b), before)) for a, b in pairs],
+        designs=designs, chosen=front.chosen + 1,
         families=[f.name.replace("_", " ") for f in task.families],
-        gains=[(label_of(n), responses[n], before) for n, before in _before(answer).items()],
-        prices=[(p.what, p.unit, [(label_of(n), v) for n, v in p.per_aim.items()]) for p in answer.prices],
+        gains="; ".join(_gain(n, responses[n], before[n]) for n in task.aims), targets=_targets(answer, before),
+        missed=_most_missed(answer),
+        prices=[(p.what, p.unit, [p.per_aim.get(name) for name in task.aims]) for p in answer.prices],
         spreads=[(label_of(name), spread) for name, spread in answer.spreads.items()],
         samples=task.tolerances.samples, read_back=read_back, config_text=task.text,
     )  # fmt: skip
 
 
-def _before(answer: Answer) -> dict[str, float]:
+def _gain(name: str, after: float, before: float) -> str:
+    change = f", {plus(100.0 * (after / before - 1.0), 1)} %" if before else ""
+    return f"{plain_name(name)} {num(after, 4)} {unit_of(name)} (first guess {num(before, 4)}{change})"
+
+
+def _targets(answer: Answer, before: Mapping[str, float]) -> list[tuple[str, float, float, str]]:
+    """Return every aim and limited response: name, first guess, design, and what was asked."""
+    problem = answer.chosen.problem
+    after = responses_of(problem.evaluated(answer.chosen.variables))
+    asked = dict.fromkeys(problem.task.aims, "aim")
+    for limit in problem.limits:
+        text = limit_words(limit).removeprefix(f"{plain_name(limit.response)} ")
+        asked[limit.response] = f"{asked[limit.response]}, {text}" if limit.response in asked else text
+    return [(label_of(name), before[name], after[name], text) for name, text in asked.items()]
+
+
+def _most_missed(answer: Answer) -> str:
+    """Return which limit the tolerances of the shop miss most often, in words, empty where they keep all."""
+    name, share = max(((n, row.missed or 0.0) for n, row in answer.spreads.items()), key=lambda row: row[1],
+                      default=("", 0.0))  # fmt: skip
+    if share < RARELY:
+        return ""
+    return (
+        f"Made within the tolerances, {100.0 * share:.0f} % of the cams miss the limit of the {plain_name(name)} by "
+        "more than 0.1 % of it: set that limit tighter than needed, or ask for closer tolerances."
+    )
+
+
+def first_guess(answer: Answer) -> dict[str, float]:
     """Return every aim and limit of the first guess: the pump file within the bounds."""
     problem = answer.chosen.problem
     design = problem.evaluated(problem.start())

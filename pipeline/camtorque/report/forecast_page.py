@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import svg_of
 from camtorque.report.files import write_json
-from camtorque.report.numbers import num, plus_minus, words
+from camtorque.report.numbers import near, num, plus_minus, words
 from camtorque.report.page import ESCAPED, Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
 from camtorque.units import BAR, DEGREE, RPM
@@ -24,13 +25,15 @@ from camtorque.version import __version__
 
 SCHEMA = "camtorque.predict_from/1"
 KEPT = 600
+PRESSURE = "pressure"
+"""Cause that dwarfs the others; it is drawn with the torque."""
 SAME_SPEED = 0.02
 """Distance in ln speed that is still a fitted speed."""
 TITLES = {
     "speed_rpm": "speed [rpm]", "torque_max_nm": "torque, largest [N m]", "torque_min_nm": "torque, smallest [N m]",
     "torque_mean_nm": "torque, mean [N m]", "chamber_peak_bar": "chamber pressure, largest [bar]",
     "contact_max_n": "contact force, largest [N]", "hertz_max_gpa": "Hertz pressure, largest [GPa]",
-    "law_error_percent": "error of the laws, percent of the peak",
+    "law_error_percent": "of it, error of the model [% of the peak torque, one standard deviation]",
 }  # fmt: skip
 """Key of a row of the sweep -> what the page calls it."""
 
@@ -97,9 +100,13 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
     drawings = [_drawing(f"speed_{k + 1}", item) for k, item in enumerate(items)]
     rows = document["sweep"]
     beyond = [f"{row['speed_rpm']:.0f}" for row in rows if row["beyond_fitted_speeds"]]
-    answer = " ".join(f"{num(row['speed_rpm'], 4)} rpm: {_cell(row['torque_max_nm'])} N m at most." for row in rows)
+    peaks = "; ".join(f"{with_band(row['torque_max_nm'])} N m at {num(row['speed_rpm'], 4)} rpm" for row in rows)
+    answer = f"{peaks}."
     if beyond:
-        answer += f" {', '.join(beyond)} rpm lie beyond the fitted speeds; the bands are widened."
+        answer += (
+            f" {' and '.join(beyond)} rpm {'lie' if len(beyond) > 1 else 'lies'} beyond the fitted speeds: the bands "
+            "are wider there, and a recording near that speed would narrow them."
+        )
     html = render(
         "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer, beyond=bool(beyond),
         assumed=document["assumed"], sweep=[(TITLES[key], [_cell(row[key]) for row in rows]) for key in TITLES],
@@ -108,10 +115,14 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
     write_json(folder / "predict.json", document)
 
 
+def with_band(estimate: Mapping[str, Any]) -> str:
+    """Return a value with half the width of its 95 % interval, as many decimals as that has."""
+    half = COVERAGE * estimate["stderr"]
+    return f"{near(estimate['value'], half)} ± {plus_minus(half)}"
+
+
 def _cell(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return f"{num(value['value'], 4)} ± {plus_minus(COVERAGE * value['stderr'])}"
-    return num(value, 4)
+    return with_band(value) if isinstance(value, Mapping) else num(value)
 
 
 def _drawing(name: str, item: Forecast) -> Drawing:
@@ -121,11 +132,14 @@ def _drawing(name: str, item: Forecast) -> Drawing:
 
     causes = tuple(
         Line(words(cause), values, CYCLE[k % len(CYCLE)], 1.2)
-        for k, (cause, values) in enumerate(item.by_cause.items()) if np.any(np.abs(values) > 1e-9)
+        for k, (cause, values) in enumerate(item.by_cause.items())
+        if cause != PRESSURE and np.any(np.abs(values) > 1e-9)
     )  # fmt: skip
+    torque = panel("torque [N m]", "torque", item.torque, item.torque_std, 200.0)
+    pressure = Line("of it by pressure", item.by_cause[PRESSURE], "c1", 1.2, "6 4")
     panels = (
-        panel("torque [N m]", "torque", item.torque, item.torque_std, 200.0),
-        Panel("by cause [N m]", causes, height=140.0),
+        replace(torque, lines=(*torque.lines, pressure)),
+        Panel("other causes [N m]", causes, height=140.0),
         panel("chamber [bar]", "pressure on the plunger", item.pressure / BAR, item.pressure_std / BAR, 120.0),
     )
     chart = Curves(item.theta / DEGREE, CAM_ANGLE, panels)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,10 @@ SWEEP = {
     "contact_lost": "contact lost",
 }
 """Key of a row of the sweep -> what the page calls it."""
+
+
+MOST_NAMED = 3
+"""Speeds beyond which the headline names the worst one only."""
 
 
 def _line(label: str, values: np.ndarray, place: int) -> Line:
@@ -121,6 +125,15 @@ def contact_text(prediction: Prediction) -> str:
     )
 
 
+def peak_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the largest torque and Hertz pressure of every speed, at most three of them."""
+    shown = rows if len(rows) <= MOST_NAMED else [max(rows, key=lambda row: row["shaft_torque_max_nm"])]
+    return "; ".join(
+        f"{num(row['shaft_torque_max_nm'])} N m at {num(row['speed_rpm'], 4)} rpm (Hertz pressure "
+        f"{num(row['hertz_max_gpa'])} GPa)" for row in shown
+    ) + "."  # fmt: skip
+
+
 def prediction_page(prediction: Prediction, title: str) -> str:
     """Return the page as HTML.
 
@@ -138,7 +151,7 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     return render(
         "predict.html", live_charts(drawings), phases(prediction.theta, prediction.kinematics.lift), title=title,
         drawings=drawings, findings=prediction.findings, contact=contact_text(prediction), steep=steep, back=-back,
-        rough=not prediction.friction.none,
+        rough=not prediction.friction.none, peaks=peak_text(rows),
         sweep=[(SWEEP[key], [_cell(row[key]) for row in rows]) for key in rows[0]],
         lost=any(row["contact_lost"] for row in rows),
     )  # fmt: skip
