@@ -22,6 +22,9 @@ ADDED = {
         "studies/samples.py", "studies/study.py", "tuple[Chart, ...]]] = {\n",
         "from camtorque.studies.samples import samples_chart\n",
     ),
+    "A section of the report": (
+        "report/sections/steadiness.html", "report/page.py", '    "inside": Section("Inside the pump"),\n', ""
+    ),
 }  # fmt: skip
 """Heading of the page -> the one file, the file that gets the one line, behind what, and its import."""
 USE = {
@@ -69,6 +72,18 @@ study.run_study("speed-accuracy", Path("o"), quick=True)
 assert part["name"] == "samples" and len(part["points"]) == 2
 assert part["points"][1]["error"] < part["points"][0]["error"] + 1e-12
 assert Path("o/samples.svg").exists()
+""",
+    "A section of the report": """
+from pathlib import Path
+from camtorque.report.write import write_run
+from report.report_cases import run_result
+
+write_run(run_result(), Path("."))
+page = Path("report.html").read_text()
+places = [page.index(f'<h2 id="{name}">') for name in ("inside", "steadiness", "alignment")]
+assert places == sorted(places)
+assert '<a href="#inside">Inside the pump</a><a href="#steadiness">Steadiness</a>' in page
+assert "<p>9 of 11 cycles were used, at 1002.7 rpm.</p>" in page
 """,
 }
 """Heading of the page -> what is done with what was added."""

@@ -188,3 +188,11 @@ def test_small_angle_errors_stand_in_a_line_and_large_ones_first() -> None:
     large, small = by_size(rows)
     assert [row["source"] for row in large] == ["trigger", "drive"]
     assert [row["source"] for row in small] == ["edge"]
+
+
+def test_a_section_without_content_is_on_neither_page_nor_list(tmp_path: Path) -> None:
+    result = run_result()
+    write_run(replace(result, fitted=replace(result.fitted, evidence={})), tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.findall(r'<h2 id="(\w+)">', page) == re.findall(r'<a href="#(\w+)">', page.split("</nav>", 1)[0])
+    assert "evidence" not in re.findall(r'<h2 id="(\w+)">', page)

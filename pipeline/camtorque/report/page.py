@@ -49,6 +49,36 @@ STYLES = ("vendor/uPlot.min.css", "page.css")
 
 
 @dataclass(frozen=True)
+class Section:
+    """One section of report.html.
+
+    Attributes
+    ----------
+    link : what the list at the top of the page calls it, "" for a part of the section before it
+    needs : key of result.json without whose content it is left out, "" for always
+    """
+
+    link: str = ""
+    needs: str = ""
+
+
+SECTIONS: dict[str, Section] = {
+    "torque": Section("Curves"),
+    "causes": Section("What closes the gap"),
+    "evidence": Section("Which losses", "evidence"),
+    "structures": Section(),
+    "parameters": Section("Parameters"),
+    "uncertainty": Section("How sure"),
+    "inside": Section("Inside the pump"),
+    "alignment": Section("Alignment and cycles"),
+    "findings": Section("Findings"),
+    "next": Section("Next measurement"),
+    "provenance": Section("Provenance"),
+}
+"""Sections of report.html in their order: name of the file in `sections` and of the anchor."""
+
+
+@dataclass(frozen=True)
 class Drawing:
     """One figure of a page: the chart and its SVG, with the words around it."""
 
@@ -158,7 +188,9 @@ def run_page(
         doc=doc, drawings=drawings, verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
         losses=loss_rows(doc["losses"]), gaps=gap_rows(doc["gap_by_cause"]), groups=parameter_groups(doc),
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
-        config_text=config_text, metric_names=METRIC_NAMES, budget=budget, large_errors=large, small_errors=small,
+        config_text=config_text, metric_names=METRIC_NAMES,
+        sections={name: section for name, section in SECTIONS.items() if not section.needs or doc[section.needs]},
+        budget=budget, large_errors=large, small_errors=small,
     )  # fmt: skip
 
 
