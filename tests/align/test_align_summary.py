@@ -43,6 +43,12 @@ def test_budget_of_the_delay_is_its_tolerance_in_degrees() -> None:
     assert budget(RIG)["torque delay"] == pytest.approx(0.02 * 0.45 * 3.0, rel=1e-3)
 
 
+def test_budget_of_an_edge_is_the_noise_over_its_slope_in_degrees() -> None:
+    # 0.03 V of noise on a flank of 5 V in 200 us: 1.2 us, at 500 rpm 3 degrees per millisecond
+    slow_flank = replace(RIG, flank=2e-4, trigger_noise=0.03, trigger_rate=100e3)
+    assert budget(slow_flank)["trigger edge time"] == pytest.approx(0.0036, rel=0.1)
+
+
 def test_one_pulse_cannot_tell_the_ripple_and_a_wheel_can() -> None:
     assert math.isnan(budget(RIG)["speed ripple within a revolution"])
     wheel = budget(replace(RIG, pulses_per_rev=60, missing_teeth=2, trigger_rate=50e3))

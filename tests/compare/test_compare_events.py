@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from camtorque.fit.changes import (
     together,
     two_ln_odds,
 )
-from camtorque.fit.difference import evaluated, minimised
+from camtorque.fit.difference import evaluated, minimised, within
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, angle_grid
@@ -121,3 +122,18 @@ def test_pairs_of_a_campaign_share_their_events() -> None:
     assert joined[0].best == ("leakage",)
     assert joined[0].hypotheses[0].groups == joined[1].hypotheses[0].groups
     assert joined[0].probability("leakage") == pytest.approx(1.0 / (1.0 + np.exp(-0.5 * (7.0 + odds))), rel=1e-3)
+
+
+@pytest.mark.parametrize(("common", "moved", "wanted"), [
+    (0.5, 0.5, (0.0, 0.3)), (0.5, -0.5, (0.0, -0.3)), (1.0, 0.0, (0.3, 0.0)), (0.0, 0.0, (-0.3, 0.0)),
+])  # fmt: skip
+def test_a_step_never_leaves_the_bounds_of_either_recording(
+    common: float, moved: float, wanted: tuple[float, float]
+) -> None:
+    pair = SimpleNamespace(names=("one",), priors=(None, np.ones(1)),
+                           row_values=lambda end: np.array([0.0 if end == "lower" else 1.0]))  # fmt: skip
+    state = SimpleNamespace(before=np.array([common]), after=np.array([common + moved]), moved=np.array([moved]),
+                            basis=SimpleNamespace(columns=np.ones((1, 1))))  # fmt: skip
+    assert within(np.eye(2), np.array(wanted), pair, state).tolist() == [0.0, 0.0]  # type: ignore[arg-type]
+    back = within(np.eye(2), -np.array(wanted), pair, state)  # type: ignore[arg-type]
+    np.testing.assert_allclose(back, -np.array(wanted))
