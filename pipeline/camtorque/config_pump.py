@@ -15,7 +15,7 @@ from typing import Any
 from camtorque.config import PumpData
 from camtorque.records import Array, CamTable, Refusal, freeze_arrays
 from camtorque.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
-from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import did_you_mean
 
 PUMP_FIELDS = frozenset(item.name for item in fields(PumpData))
@@ -85,8 +85,7 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     text, values = read_toml(file, f"expected a pump file (schema {PUMP_SCHEMA})")
     root = Table(values, file, "")
     _known_keys(values, "top", ("schema", *ONCE), file)
-    if values.get("schema") != PUMP_SCHEMA:
-        raise Refusal(f"{file}: schema is {values.get('schema')!r:.80}, expected {PUMP_SCHEMA!r}")
+    check_schema(values, file, PUMP_SCHEMA)
     problems = Problems()
     tables = {name: _values(root, name, problems) for name in ONCE}
     sections = _sections(root.table("cam", optional=True), problems)

@@ -24,7 +24,7 @@ from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QU
 from camtorque.records import Finding, Refusal
 from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
 from camtorque.toml_schema import TableSchema
-from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import did_you_mean
 
 FILE_NAME = "recording.toml"
@@ -48,7 +48,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
     file = path / FILE_NAME if path.is_dir() else path
     text, values = read_toml(file, "a recording is a folder that holds recording.toml, or that file")
     root = Table(values, file, "")
-    _check_schema(root)
+    check_schema(values, file, RECORDING_SCHEMA)
     problems = Problems()
     with problems.collecting():
         _refuse_other_tables(root)
@@ -73,15 +73,6 @@ def load_recording_config(path: Path) -> RecordingConfig:
     )
     _check_roles(config)
     return config
-
-
-def _check_schema(root: Table) -> None:
-    schema = root.values.get("schema")
-    if schema != RECORDING_SCHEMA:
-        raise Refusal(
-            f"{root.file}: schema is {schema!r:.80}, expected {RECORDING_SCHEMA!r}"
-            f'{did_you_mean(str(schema)[:80], (RECORDING_SCHEMA,))}; write schema = "{RECORDING_SCHEMA}" at the top'
-        )
 
 
 def _refuse_other_tables(root: Table) -> None:

@@ -128,19 +128,18 @@ def safe_text(text: str) -> str:
 
 
 def _write_csv(tables: Tables, stem: Path) -> list[Path]:
-    def write(table: pd.DataFrame, path: Path) -> None:
-        table.to_csv(path, index=False, lineterminator="\n", float_format="%.9g")
-
-    paths = {name: stem.with_name(f"{stem.name}_{name}.csv") for name in tables}
-    return [_written(paths[name], partial(write, table)) for name, table in tables.items()]
+    return [
+        _written(stem.with_name(f"{stem.name}_{name}.csv"),
+                 partial(table.to_csv, index=False, lineterminator="\n", float_format="%.9g"))
+        for name, table in tables.items()
+    ]  # fmt: skip
 
 
 def _write_parquet(tables: Tables, stem: Path) -> list[Path]:
-    def write(table: pd.DataFrame, path: Path) -> None:
-        table.to_parquet(path, index=False)
-
-    paths = {name: stem.with_name(f"{stem.name}_{name}.parquet") for name in tables}
-    return [_written(paths[name], partial(write, table)) for name, table in tables.items()]
+    return [
+        _written(stem.with_name(f"{stem.name}_{name}.parquet"), partial(table.to_parquet, index=False))
+        for name, table in tables.items()
+    ]
 
 
 def _write_xlsx(tables: Tables, stem: Path) -> list[Path]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from camtorque.records import Refusal
 from camtorque.toml_schema import Band, Key, TableSchema
-from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import did_you_mean
 
 LIMITS_SCHEMA = "camtorque-limits/1"
@@ -73,8 +73,7 @@ def read_limits(path: Path | str) -> tuple[Limit, ...]:
     """
     file = Path(path)
     _, values = read_toml(file, f"expected a limits file (schema {LIMITS_SCHEMA})")
-    if values.get("schema") != LIMITS_SCHEMA:
-        raise Refusal(f"{file}: schema is {values.get('schema')!r:.80}, expected {LIMITS_SCHEMA!r}")
+    check_schema(values, file, LIMITS_SCHEMA)
     unknown = sorted(set(values) - {"schema", "limit"})
     if unknown:
         raise Refusal(f"{file}: unknown key {unknown[0]!r}, expected schema and [[limit]] tables")

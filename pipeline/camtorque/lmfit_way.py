@@ -30,7 +30,7 @@ from camtorque.laws.chain import ChainOutput, evaluate
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.threads import on_one_thread
-from camtorque.toml_table import read_toml
+from camtorque.toml_table import check_schema, read_toml
 from camtorque.units import did_you_mean
 
 SCHEMA = "camtorque-parameters/1"
@@ -182,8 +182,7 @@ def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:
     """
     file = Path(path)
     _, values = read_toml(file, f"expected a parameters file (schema {SCHEMA})")
-    if values.get("schema") != SCHEMA:
-        raise Refusal(f"{file}: schema is {values.get('schema')!r:.80}, expected {SCHEMA!r}")
+    check_schema(values, file, SCHEMA)
     changes = values.get("parameters")
     if not isinstance(changes, dict) or not all(isinstance(row, dict) for row in changes.values()):
         raise Refusal(f"{file}: expected tables [parameters.NAME]")

@@ -35,10 +35,12 @@ def read_result(path: Path) -> dict[str, Any]:
 
     Raises
     ------
-    Refusal : it is no JSON, or not of this product
+    Refusal : it cannot be read, is no JSON, or not of this product
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise Refusal(f"{path}: cannot be read ({error.strerror}), expected a result of `camtorque run`") from error
     except ValueError as error:
         raise Refusal(f"{path}: is not valid JSON ({error}), expected a result of `camtorque run`") from error
     schema = document.get("schema") if isinstance(document, dict) else None

@@ -75,6 +75,16 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
         raise Refusal(f"{file}: is not valid TOML: {said}") from error
 
 
+def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
+    """Refuse a file of another schema than expected, or of none."""
+    found = values.get("schema")
+    if found != schema:
+        raise Refusal(
+            f"{file}: schema is {found!r:.80}, expected {schema!r}{did_you_mean(str(found)[:80], (schema,))}; write "
+            f'schema = "{schema}" at the top'
+        )
+
+
 def _text(file: Path, expected: str) -> str:
     try:
         if not file.is_file():

@@ -85,7 +85,7 @@ def test_friction_of_a_fit_is_taken_and_that_of_another_pump_refused(tmp_path):
     assert task.config.friction == pytest.approx((0.06, 1.5e-4, 1.2e-5))
     with pytest.raises(Refusal, match=r"is a fit of the pump 'FIP-B', expected that of .*, whose id is 'FIP"):
         task_of(tmp_path, lift=result(tmp_path, "FIP-B") + LIFT, **parts)
-    with pytest.raises(Refusal, match=r"has no schema camtorque.result/1; expected the result.json of a run"):
+    with pytest.raises(Refusal, match=r"expected camtorque.result/1; name a result of `camtorque run`"):
         task_of(tmp_path, lift=result(tmp_path, "x", "other/1") + LIFT, **parts)
     with pytest.raises(Refusal, match=r"cannot be read \(No such file"):
         task_of(tmp_path, lift='fit = "nothing.json"\n' + LIFT, **parts)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.collocation import gauss
-from camtorque.studies.case import uniform
 from camtorque.studies.driveline import at_angles, balanced, elastic
 from camtorque.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
 
-CHECK = uniform(1009)
+CHECK = angle_grid(1009)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def test_gauss_integrates_polynomials_exactly():
 
 @pytest.mark.parametrize(("scheme", "order"), [("RK4", 4), ("Heun", 2), ("generalized-alpha 0.8", 2)])
 def test_fixed_steps_converge_at_their_order(reference, scheme, order):
-    table = load_rows(uniform(TABLE))
+    table = load_rows(angle_grid(TABLE))
     errors = []
     for steps in (1440, 2880):
         theta, torque, bounded = march_periodic(table, Shaft(), scheme, steps)
@@ -41,7 +41,7 @@ def test_package_solutions_are_the_same_orbit(reference, solve):
 
 
 def test_explicit_steps_run_away_beyond_their_limit():
-    table = load_rows(uniform(TABLE))
+    table = load_rows(angle_grid(TABLE))
     assert not march_periodic(table, Shaft(stiffness=1e6), "RK4", 1800)[2]
     assert march_periodic(table, Shaft(stiffness=1e6), "generalized-alpha 0.8", 1800)[2]
 
@@ -49,7 +49,7 @@ def test_explicit_steps_run_away_beyond_their_limit():
 def test_multiplier_of_the_cut_joint_converges_only_with_damping():
     # a smooth lift: second order for the acceleration, and rho = 1 keeps what the start put in
     def error(steps, rho, turns):
-        theta = uniform(steps)
+        theta = angle_grid(steps)
         found = alpha_accelerations(1.0 - np.cos(theta), 2.0 * np.pi / steps, turns, rho, (0.0, 1.0))
         return np.max(np.abs(found - np.cos(theta)))
 

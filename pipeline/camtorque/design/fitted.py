@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 from camtorque.config_pump import PumpConfig
 from camtorque.records import Refusal
+from camtorque.results import read_result
 
 FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
 NAMES = ("guide_friction", "bearing_arm", "pin_arm")
-SCHEMA = "camtorque.result/"
 
 
 def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float]:
@@ -22,7 +20,7 @@ def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float
     ------
     Refusal : not the result of a run, of another pump, or a pump file without an id to compare
     """
-    document = _read(path)
+    document = read_result(path)
     here = str(tomllib.loads(config.text).get("pump", {}).get("id", ""))
     there = str(document["recording"].get("pump", ""))
     if not here or here != there:
@@ -33,16 +31,3 @@ def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float
     rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in NAMES]
     guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
     return guide, bearing, pin
-
-
-def _read(path: Path) -> Any:
-    """Return the document of a run."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise Refusal(f"{path}: cannot be read ({error.strerror}); expected the result.json of a run") from error
-    except ValueError as error:
-        raise Refusal(f"{path}: is no JSON; expected the result.json of a run") from error
-    if not isinstance(document, dict) or not str(document.get("schema", "")).startswith(SCHEMA):
-        raise Refusal(f"{path}: has no schema {SCHEMA}1; expected the result.json of a run")
-    return document

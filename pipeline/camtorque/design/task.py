@@ -20,7 +20,7 @@ from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, Refusal
 from camtorque.toml_schema import Key, TableSchema
-from camtorque.toml_table import Problems, Table, read_keys, read_toml
+from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import DEGREE, RPM, did_you_mean
 
 SLIP = 50.0
@@ -96,8 +96,7 @@ def read_task(path: Path | str) -> Task:
     root = Table(values, file, "")
     _known(root, (*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
     top = _read(root, TOP)
-    if top["schema"] != DESIGN_SCHEMA:
-        raise Refusal(f"{root.where('schema')}: found {values['schema']!r:.80}, expected {DESIGN_SCHEMA!r}")
+    check_schema(values, file, DESIGN_SCHEMA)
     config, _ = read_pump(top["pump"])
     if top["fit"] is not None:
         config = replace(config, friction=fitted_friction(top["fit"], config))

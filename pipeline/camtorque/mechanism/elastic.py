@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from scipy.interpolate import CubicSpline
 from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
-from camtorque.mechanism.periodic import Shaft, solve_periodic
+from camtorque.mechanism.periodic import Shaft, lobe_rows, solve_periodic
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Refusal, freeze_arrays
 
@@ -103,14 +104,7 @@ def solve_by_harmonics(
 def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft | None:
     """Return the motion of a single lobe by collocation in its cam angle, None where the cam does not turn forward."""
     theta = np.asarray(np.arange(load.size) * (TURN / load.size), dtype=np.float64)
-    curve = _periodic(theta, load)
-
-    def rows(angle: Array) -> Array:
-        table = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting, unit.friction).outputs[
-            "torque"
-        ]
-        return np.stack([table[0] + table[1] * curve(np.mod(angle, TURN)), table[2], table[3]])
-
+    rows = partial(lobe_rows, unit, _periodic(theta, load))
     orbit = solve_orbit(rows, _elements(unit), STAGES, (float(stiffness[0]), float(damping[0]), speed))
     if not orbit.closed:
         return None

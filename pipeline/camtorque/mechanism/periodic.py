@@ -82,8 +82,8 @@ def _motion(shaft: Shaft, angle: Array, state: Array) -> tuple[Array, Array]:
     slope[:, :count, count:] = np.eye(count) / speed
     for i, (unit, curve) in enumerate(zip(shaft.units, shaft.curves, strict=True)):
         omega = speed + swing[:, i]
-        rest, square, inertia = _rows(unit, curve, angle + lead[:, i])
-        above, below = (_rows(unit, curve, angle + lead[:, i] + step) for step in (STEP, -STEP))
+        rest, square, inertia = lobe_rows(unit, curve, angle + lead[:, i])
+        above, below = (lobe_rows(unit, curve, angle + lead[:, i] + step) for step in (STEP, -STEP))
         by_angle = (above - below) / (2.0 * STEP)
         alpha = (net[:, i] - rest - square * omega**2) / inertia
         rate[:, count + i] = alpha / speed
@@ -102,7 +102,7 @@ def _chain(values: Array) -> Array:
     return matrix
 
 
-def _rows(unit: PumpUnit, curve: CubicSpline, theta: Array) -> Array:
+def lobe_rows(unit: PumpUnit, curve: CubicSpline, theta: Array) -> Array:
     """Return torque at rest, factor of the square of the speed and inertia of a lobe, (3, m)."""
     table = closed_form_tables(unit.pump, unit.law, theta - unit.phase, unit.mounting, unit.friction).outputs["torque"]
     return np.stack([table[0] + table[1] * curve(np.mod(theta, TURN)), table[2], table[3]])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config import PumpData
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import CamLaw, cubic_law
 from camtorque.mechanism.sections import dwell, flank, section_law
 from camtorque.records import Array, CamTable
@@ -68,13 +69,8 @@ def study_pressure(theta: Array) -> Array:
     return np.asarray(PEAK_PRESSURE * rise * fall)
 
 
-def uniform(n_theta: int) -> Array:
-    """Return a uniform grid from 0, end point excluded [rad]."""
-    return np.asarray(np.arange(n_theta) * (2.0 * np.pi / n_theta), dtype=np.float64)
-
-
 def rounded_table(law: CamLaw, step_deg: float, resolution: float) -> CamTable:
     """Return the lift table of a law, rounded to a resolution [m]; 0 keeps it exact."""
-    theta = uniform(round(360.0 / step_deg))
+    theta = angle_grid(round(360.0 / step_deg))
     lift = law.evaluate(theta)
     return CamTable(theta, np.round(lift / resolution) * resolution if resolution > 0.0 else lift, resolution)

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from camtorque.laws.chain import filtered
+from camtorque.laws.chain import angle_grid, filtered
 from camtorque.laws.driveline import compliance, shaft_transfer
 from camtorque.mechanism import PumpUnit
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
 from camtorque.records import Array
-from camtorque.studies.case import knotted_law, study_pressure, study_pump, uniform
+from camtorque.studies.case import knotted_law, study_pressure, study_pump
 from camtorque.studies.integrators import TABLE, TURN, Shaft, collocation, load_rows, march_periodic, rhs
 from camtorque.studies.table import Chart, Point, shortest_times
 
@@ -54,12 +54,12 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
     }  # fmt: skip
     total, _ = compliance(omega, values, False)
     transfer, _ = shaft_transfer(omega, values, total[:, None])
-    return uniform(size), filtered(rows[0] + rows[1] * shaft.speed**2, transfer)
+    return angle_grid(size), filtered(rows[0] + rows[1] * shaft.speed**2, transfer)
 
 
 def elastic(shaft: Shaft, size: int) -> Curve:
     """Return what a prediction uses, over cam angle: collocation, read on a uniform grid of the drive's angle."""
-    theta = uniform(size)
+    theta = angle_grid(size)
     unit = PumpUnit(study_pump(), knotted_law())
     found = solve_elastic(
         [unit], study_pressure(theta), shaft.speed, np.array([shaft.stiffness]), np.array([shaft.damping])
@@ -69,7 +69,7 @@ def elastic(shaft: Shaft, size: int) -> Curve:
 
 def balanced(shaft: Shaft, size: int) -> Curve:
     """Return the non-linear harmonic balance, which also solves several lobes, over cam angle."""
-    theta = uniform(size)
+    theta = angle_grid(size)
     unit = PumpUnit(study_pump(), knotted_law())
     values = np.array([shaft.stiffness]), np.array([shaft.damping])
     found = solve_by_harmonics([unit], study_pressure(theta)[None], shaft.speed, *values)
@@ -87,19 +87,19 @@ def adaptive(
         atol=[tolerance * 1e-2, tolerance * shaft.speed], max_step=period / 72 if capped else np.inf,
     )  # fmt: skip
     lead, rate = found.y
-    return uniform(steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bool(found.success)
+    return angle_grid(steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bool(found.success)
 
 
 def _from_pump(solve: Callable[..., Any], *arguments: Any) -> Any:
     """Return a solution by an integrator from pump and lift law on, its load table included."""
-    return solve(load_rows(uniform(TABLE)), *arguments)
+    return solve(load_rows(angle_grid(TABLE)), *arguments)
 
 
 def candidates(shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], Any]]:
     """Return (method, setting) -> function that returns cam angle and torque first."""
     found: dict[tuple[str, str], Callable[[], Any]] = {}
     for size in (180, 360, 720, 1800, 3600):
-        found["linear harmonic", f"{size}/rev"] = partial(harmonic, load_rows(uniform(size)), shaft)
+        found["linear harmonic", f"{size}/rev"] = partial(harmonic, load_rows(angle_grid(size)), shaft)
     for size in (360, 720, 1800, 3600):
         found["non-linear harmonic", f"{size}/rev"] = partial(balanced, shaft, size)
     found["predict (elastic shaft)", "3600/rev"] = partial(elastic, shaft, 3600)
@@ -118,7 +118,7 @@ def candidates(shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], 
 
 def driveline_chart(quick: bool) -> Chart:
     """Return torque error against time per periodic solution."""
-    shaft, check = Shaft(), uniform(5003)
+    shaft, check = Shaft(), angle_grid(5003)
     reference = at_angles(*collocation(shaft, REFERENCE_ELEMENTS, REFERENCE_STAGES), check=check)
     peak = float(np.max(np.abs(reference)))
     runs = candidates(shaft, quick)

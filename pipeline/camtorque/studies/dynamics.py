@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import METHODS, ClosedForm, PumpUnit, closed_form_tables, solve_shaft
 from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from camtorque.records import Array
-from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump, uniform
+from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump
 from camtorque.studies.table import Chart, Point, shortest_times
 
 ANGLES = 3600
@@ -135,7 +136,7 @@ def _by_method(method: str, unit: PumpUnit, theta: Array) -> Array:
 
 def own_candidates(cycles: int) -> dict[str, tuple[Callable[[], Array], int, bool]]:
     """Return name -> (function that ends in the torque, cycles it solves, whether all forces come with it)."""
-    theta = uniform(ANGLES)
+    theta = angle_grid(ANGLES)
     pressure, unit = study_pressure(theta), PumpUnit(study_pump(), study_law())
     tables = closed_form_tables(unit.pump, unit.law, theta)
     compiled = cycle_tables(tables)
@@ -161,7 +162,7 @@ def own_candidates(cycles: int) -> dict[str, tuple[Callable[[], Array], int, boo
 def dynamics_chart(quick: bool) -> Chart:
     """Return torque error against time per angle."""
     cycles = 10 if quick else CYCLES
-    theta = uniform(ANGLES)
+    theta = angle_grid(ANGLES)
     exact = extended_torque(theta)
     peak = float(np.max(np.abs(exact)))
     own = own_candidates(cycles)

@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import CamLaw, closed_form_tables, cubic_law, kinematics, quintic_law, smoothing_law
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable
-from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump, uniform
+from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.table import Chart, Point, shortest_times
 
 DEFAULT_GRID = 3600
@@ -46,7 +47,7 @@ def torque_on(theta: Array, law: CamLaw) -> Array:
 def grid_chart(quick: bool) -> Chart:
     """Return torque error between grid points against the cost of tables, torque and curve."""
     law = study_law()
-    check = uniform(CHECKS)
+    check = angle_grid(CHECKS)
     exact = torque_on(check, law)
     peak = float(np.max(np.abs(exact)))
     runs, errors, labels = [], [], []
@@ -54,7 +55,7 @@ def grid_chart(quick: bool) -> Chart:
         for n_theta in GRIDS[:5] if quick else GRIDS:
 
             def run(n_theta: int = n_theta, builder: Callable[..., Callable[[Array], Array]] = builder) -> Array:
-                theta = uniform(n_theta)
+                theta = angle_grid(n_theta)
                 return builder(theta, torque_on(theta, law))(check)
 
             runs.append(run)
@@ -93,7 +94,7 @@ def law_errors(law: CamLaw, exact: CamLaw, theta: Array) -> tuple[float, float, 
 
 def table_charts(quick: bool) -> tuple[Chart, ...]:
     """Return one chart per quantity: error against the points of the lift table, by method and rounding."""
-    exact, theta = study_law(), uniform(3607)
+    exact, theta = study_law(), angle_grid(3607)
     steps = TABLE_STEPS[1:4] if quick else TABLE_STEPS
     points: dict[str, list[Point]] = {name: [] for name in QUANTITIES}
     for resolution in RESOLUTIONS:

@@ -11,8 +11,9 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.align.resample import choose_rule, hermite_slopes, interval_polynomials
 from camtorque.align.resample_compiled import resample_block
+from camtorque.laws.chain import angle_grid
 from camtorque.records import Array
-from camtorque.studies.case import SPEED, study_law, uniform
+from camtorque.studies.case import SPEED, study_law
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import Chart, Point, shortest_times
 
@@ -44,8 +45,8 @@ def make_signal(cycles: int, rate: float, noise: float, ripple: float) -> Signal
     time = np.arange(int(duration * rate)) / rate
     phase = SPEED * (time + 0.5 * DRIFT * time**2 / duration)
     theta = phase + 0.5 * ripple * np.sin(2.0 * phase)
-    torque = torque_on(uniform(7200), study_law())
-    curve = CubicSpline(np.append(uniform(7200), TURN), np.append(torque, torque[0]), bc_type="periodic")
+    torque = torque_on(angle_grid(7200), study_law())
+    curve = CubicSpline(np.append(angle_grid(7200), TURN), np.append(torque, torque[0]), bc_type="periodic")
     values = curve(np.mod(theta, TURN)) + noise * np.random.default_rng(4).standard_normal(time.size)
     turns = np.arange(1, int(phase[-1] / TURN))
     # phase at the pulse is 2 pi k, since the ripple vanishes there
@@ -131,7 +132,7 @@ def resampling_charts(quick: bool) -> tuple[Chart, ...]:
 
 def _scene_chart(place: int, scene: str, quick: bool) -> Chart:
     rate, noise, ripple = SCENES[scene]
-    exact, cycles = torque_on(uniform(N_THETA), study_law()), 30 if quick else 100
+    exact, cycles = torque_on(angle_grid(N_THETA), study_law()), 30 if quick else 100
     signal = make_signal(cycles, rate, noise, ripple)
     costs = shortest_times([partial(method, signal) for method in RESAMPLERS.values()], 2 if quick else 5)
     points = []

@@ -12,9 +12,10 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.align import align
 from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import closed_form_tables, cubic_law
 from camtorque.records import Array, CamTable, Channel, Recording, SensorCalibration
-from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump, uniform
+from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import StabilityMap
 from camtorque.studies.verdicts import Outcome, cell
@@ -137,14 +138,14 @@ def damaged_recording(damage: Damage) -> Recording:
     if damage.own_clock and damage.second_trigger:
         channels.append(Channel("trigger", "B", trigger(true["B"]), 0.0, RATE, None, NOWHERE, "trigger B"))
     loggers = (LoggerSpec("A", "independent"), LoggerSpec("B", "independent")) if damage.own_clock else ()
-    table = CamTable(uniform(360), study_law().evaluate(uniform(360)), 1e-6)
+    table = CamTable(angle_grid(360), study_law().evaluate(angle_grid(360)), 1e-6)
     return Recording(replace(_config(), loggers=loggers), tuple(channels), table, (), ())
 
 
 @cache
 def _curves(mirrored: bool) -> tuple[CubicSpline, CubicSpline]:
     """Return torque and pressure over the angle of running; mirrored, the cam rises over its falling flank."""
-    grid = uniform(7200)
+    grid = angle_grid(7200)
     torque, pressure = torque_on(grid, study_law()), study_pressure(grid)
     if mirrored:
         lift = study_law().evaluate(np.mod(-grid, TURN))
@@ -211,7 +212,7 @@ def _one_pulse_script(damage: Damage) -> Outcome:
     edges = np.flatnonzero((volts[1:] >= 2.5) & (volts[:-1] < 2.5)) + 1
     if edges.size < 2:
         raise ValueError("script: fewer than two pulses (zero-size array)")
-    grid = uniform(3600)
+    grid = angle_grid(3600)
     position = edges[:-1, None] + np.diff(edges)[:, None] * (grid / TURN)
     mean = np.interp(position, np.arange(torque.size), torque).mean(axis=0)
     exact = torque_on(grid, study_law())

@@ -6,9 +6,10 @@ from functools import partial
 
 import numpy as np
 
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import closed_form_tables, kinematics
 from camtorque.records import Array
-from camtorque.studies.case import knotted_law, study_pump, uniform
+from camtorque.studies.case import knotted_law, study_pump
 from camtorque.studies.driveline import adaptive, at_angles, elastic, harmonic
 from camtorque.studies.integrators import (
     SCHEMES,
@@ -23,7 +24,7 @@ from camtorque.studies.integrators import (
 from camtorque.studies.table import Cell, StabilityMap
 from camtorque.studies.verdicts import Outcome, cell
 
-CHECK = uniform(2003)
+CHECK = angle_grid(2003)
 GAPS = (1.0e-5, 1.0e-2)
 LIMITS = (1.0e-3, 5.0e-2)
 """Error of the torque over its peak up to which a solution works, and up to which it still serves a sketch."""
@@ -48,7 +49,7 @@ def least_steps(scheme: str, shaft: Shaft) -> int:
 
     The largest h at which both roots of the amplification of ``J x'' + c x' + k x = 0`` stay within the unit circle.
     """
-    inertia = float(np.min(load_rows(uniform(720))[2]))
+    inertia = float(np.min(load_rows(angle_grid(720))[2]))
     matrix = np.array([[0.0, 1.0], [-shaft.stiffness / inertia, -shaft.damping / inertia]])
     low, high = 10.0, 1.0e7
     for _ in range(60):
@@ -83,7 +84,7 @@ def _march(table: Array, scheme: str, shaft: Shaft, reference: Array) -> Outcome
 
 def stiffness_map(quick: bool) -> StabilityMap:
     """Return schemes with 3600 steps per revolution and the package's solver over the stiffness of the shaft."""
-    table, cells = load_rows(uniform(TABLE)), []
+    table, cells = load_rows(angle_grid(TABLE)), []
     for stiffness in (1e2, 1e4, 1e6) if quick else (3e1, 1e2, 1e3, 1e4, 1e5, 1e6):
         shaft, name = Shaft(stiffness=stiffness), f"k = {stiffness:g} N m/rad"
         reference = _reference(shaft)
@@ -131,7 +132,7 @@ def _collocated(name: str, shaft: Shaft, reference: Array | None) -> Cell:
 
 def event_map(quick: bool) -> StabilityMap:
     """Return whether adaptive solvers, from rest, with and without a largest step, see every pump event."""
-    table, shaft = load_rows(uniform(TABLE)), Shaft()
+    table, shaft = load_rows(angle_grid(TABLE)), Shaft()
     reference = _reference(shaft)
     assert reference is not None
     cells = []
@@ -161,7 +162,7 @@ def event_map(quick: bool) -> StabilityMap:
             cell(
                 name,
                 "linear harmonic",
-                lambda: (_error(harmonic(load_rows(uniform(3600)), shaft), reference), ""),
+                lambda: (_error(harmonic(load_rows(angle_grid(3600)), shaft), reference), ""),
                 LIMITS,
             )
         )
@@ -177,7 +178,7 @@ def drift(gain: float, turns: int, steps: int) -> float:
     """
     law, omega = knotted_law(), Shaft().speed
     h = TURN / omega / steps
-    grid = uniform(2 * steps)
+    grid = angle_grid(2 * steps)
     lift, slope, curve = law.derivatives(grid, 2)
     y, v, widest = 0.0, 0.0, 0.0
 
@@ -208,7 +209,7 @@ def _drift(gain: float, turns: int, steps: int) -> Outcome:
 
 def _loop_gap(steps: int) -> Outcome:
     """Return by how much the package's contact point misses the roller's surface, over the lift."""
-    path = kinematics(study_pump(), knotted_law(), uniform(steps))
+    path = kinematics(study_pump(), knotted_law(), angle_grid(steps))
     contact_x, contact_y = path.contact_point
     reach = np.hypot(contact_x - path.offset, contact_y - path.centre_height)
     return float(np.max(np.abs(reach - path.roller_radius)) / np.max(path.lift)), ""
@@ -239,7 +240,7 @@ def _force(acceleration: Array, lift: Array) -> Array:
 def _multiplier(rho: float, steps: int, turns: int) -> Outcome:
     """Return the error of the contact force over its peak, from the multiplier of the cut joint."""
     speed = FAST * Shaft().speed
-    lift, slope, curve = knotted_law().derivatives(uniform(steps), 2)
+    lift, slope, curve = knotted_law().derivatives(angle_grid(steps), 2)
     start = float(slope[0] * speed), float(curve[0] * speed**2)
     found = _force(alpha_accelerations(lift, TURN / speed / steps, turns, rho, start), lift)
     exact = _force(curve * speed**2, lift)
@@ -248,7 +249,7 @@ def _multiplier(rho: float, steps: int, turns: int) -> Outcome:
 
 def _minimal(steps: int) -> Outcome:
     """Return the same for the package's force, in minimal coordinates."""
-    speed, theta = FAST * Shaft().speed, uniform(steps)
+    speed, theta = FAST * Shaft().speed, angle_grid(steps)
     lift, _, curve = knotted_law().derivatives(theta, 2)
     found = closed_form_tables(study_pump(), knotted_law(), theta).evaluate("contact_y", np.zeros(steps), speed)
     exact = _force(curve * speed**2, lift)

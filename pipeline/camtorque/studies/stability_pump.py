@@ -12,19 +12,20 @@ import numpy as np
 
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, kinematics, lift_law
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import Prediction, predict
 from camtorque.records import CamTable, Refusal
-from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump, uniform
+from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
 from camtorque.studies.table import StabilityMap
 from camtorque.studies.verdicts import Outcome, cell
 
 LIMITS = (5.0e-3, 5.0e-2)
 EXACT = study_law
-THETA = uniform(3600)
+THETA = angle_grid(3600)
 
 
 def _noisy(step: float, std: float) -> CamTable:
@@ -49,7 +50,7 @@ TABLES: dict[str, Callable[[], CamTable]] = {
     "noise of 3 um, stated as 1 um": lambda: _noisy(1.0, 3e-6),
     "noise of 20 um, stated as 1 um": lambda: _noisy(1.0, 2e-5),
     "one point off by 50 um": lambda: _with_spike(5e-5),
-    "11 points": lambda: CamTable(uniform(11), EXACT().evaluate(uniform(11)), 1e-6),
+    "11 points": lambda: CamTable(angle_grid(11), EXACT().evaluate(angle_grid(11)), 1e-6),
     "resolution missing": lambda: rounded_table(EXACT(), 1.0, 0.0),
 }
 """Condition of a lift table -> the table."""
