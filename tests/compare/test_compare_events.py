@@ -20,7 +20,7 @@ from camtorque.fit.changes import (
     two_ln_odds,
 )
 from camtorque.fit.difference import evaluated, minimised, within
-from camtorque.fit.pair import COMMON_TIME_BASE, Pair
+from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, angle_grid
 from camtorque.units import DEGREE
@@ -137,3 +137,8 @@ def test_a_step_never_leaves_the_bounds_of_either_recording(
     assert within(np.eye(2), np.array(wanted), pair, state).tolist() == [0.0, 0.0]  # type: ignore[arg-type]
     back = within(np.eye(2), -np.array(wanted), pair, state)  # type: ignore[arg-type]
     np.testing.assert_allclose(back, -np.array(wanted))
+
+
+def test_slope_in_time_of_a_signal_over_the_cam_angle() -> None:
+    angle, speed = angle_grid(3600), 50.0
+    np.testing.assert_allclose(_slope(np.sin(3.0 * angle), speed), 3.0 * speed * np.cos(3.0 * angle), atol=1e-3)
