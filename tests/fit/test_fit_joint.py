@@ -13,6 +13,7 @@ from camtorque.fit.joint import (
     fit_joint,
     joint_fit_of,
     refuse_two_states,
+    shared_drifts,
     solve_joint,
     started_at,
     with_common_rows,
@@ -70,6 +71,26 @@ def test_shared_parameters_are_told_better_together(prepared, campaign):
         assert record.metrics["fitted_held_out_cycles"].rms_percent_of_peak < 0.2
         own = {row.name for row in record.parameters if row.role == "own"}
         assert len({name.split(SEPARATOR)[1] for name in own}) == 1
+
+
+def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(campaign):
+    assert {row.name for row in campaign.drifts} <= {row.name for row in campaign.shared_parameters}
+    assert "dead_volume" in {row.name for row in campaign.drifts}
+    told = [finding.where for finding in campaign.findings if finding.code == "shared_parameter_drifts"]
+    assert told == [row.name for row in campaign.drifts if row.told]
+
+
+def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
+    std, moved = 2e-9, []
+    for item, rpm in zip(prepared, (500.0, 1000.0, 2000.0), strict=True):
+        chain = replace(item.data.chain, speed=rpm * np.pi / 30.0)
+        alone = replace(item.alone["dead_volume"], value=1e-6 + 4e-11 * rpm, std=std)
+        moved.append(replace(item, data=replace(item.data, chain=chain), alone={"dead_volume": alone}))
+    (row,) = shared_drifts(moved)
+    assert row.slope_per_1000_rpm == pytest.approx(40.0, rel=1e-9)  # mm^3
+    # equal errors: sigma over the root of the summed squares of speed about its mean, 1.1667 (1000 rpm)^2
+    assert row.slope_stderr == pytest.approx(2.0 / np.sqrt(7.0 / 6.0), rel=1e-9)
+    assert row.told
 
 
 def test_every_recording_is_predicted_by_the_others_in_both_ways(prepared, campaign):

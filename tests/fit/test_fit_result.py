@@ -7,10 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque.fit.findings import prior_findings
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
-from camtorque.fit.result import fitted_torque, prior_findings
+from camtorque.fit.result import fitted_torque
 from camtorque.fit.single import FitOptions, fit_prepared
 from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
 from camtorque.records import Refusal

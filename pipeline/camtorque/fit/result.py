@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.fit.derived import delivered_volume, derived_estimates
+from camtorque.fit.findings import fit_findings, prior_findings, table_findings
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles, on_grid
 from camtorque.fit.problem import SEPARATOR, STRUCTURES, Problem
 from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
-from camtorque.fit.single import Candidate, Fit
+from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import (
     confidence,
     confounded_with,
@@ -28,26 +29,20 @@ from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.friction import Friction
-from camtorque.mechanism.outliers import outlying_points
-from camtorque.mechanism.smoothing import table_error
 from camtorque.records import (
     Alternative,
     AngleError,
     Array,
     CamCycles,
-    CamTable,
     Estimate,
-    Finding,
     FittedTorque,
     Metrics,
     ParameterEstimate,
     Recording,
     RigidTorque,
 )
-from camtorque.units import DEGREE, short
+from camtorque.units import DEGREE
 
-PULLED = 2.5
-"""A nuisance pulled this many standard deviations off its prior is told."""
 WORTH_TELLING = 0.01
 """Least probability of another structure that is reported."""
 
@@ -141,6 +136,7 @@ def fitted_torque(
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, odd_even, peak)
+    left = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
     chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
     delivered = delivered_volume(fit, index) if "delivered_volume" in cycles.channels else None
     return FittedTorque(
@@ -157,7 +153,7 @@ def fitted_torque(
         next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
         findings=(
             *prior_findings(parameters), *table_findings(recording.cam_table),
-            *_fit_findings(fit, fitted, explained, residual, peak),
+            *fit_findings(fit, fitted.chain, fitted.output, None if explained else left),
         ),
         details={**_details(fit, index, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
@@ -318,83 +314,3 @@ def _angle_budget(
     before = {row.source: row for row in cycles.angle_errors}
     kept = [row for source, row in before.items() if "install" not in source and "torque delay" not in source]
     return (*rows, *kept)
-
-
-def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
-    """Return the nuisances that the data pull far off what was known."""
-    result = []
-    for row in parameters:
-        if row.prior is None or row.at_bound:
-            continue
-        pull = (row.value - row.prior[0]) / row.prior[1]
-        if abs(pull) > PULLED:
-            text = (
-                f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}, "
-                f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
-                f"{short(row.prior[1], 2)}; {row.source}): check that number; if it is right, a loss is missing that "
-                "this one stands in for"
-            )
-            result.append(Finding("prior_pulled", "warning", text, row.name))
-    return tuple(result)
-
-
-def table_findings(table: CamTable) -> tuple[Finding, ...]:
-    """Return what is odd about a lift table: single points that stick out, and scatter beyond the stated resolution."""
-    result = []
-    outliers = outlying_points(table)
-    if outliers.size:
-        where = ", ".join(f"{angle / DEGREE:.1f}" for angle in table.theta[outliers[:5]])
-        text = (
-            f"{outliers.size} points of the lift table stick out of their neighbours; torque and stress are wrong there"
-        )
-        result.append(Finding("lift_outlier", "warning", text, f"{where} deg"))
-    scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)
-    if scatter > 0.6 * table.resolution:
-        text = (
-            f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
-            f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; "
-            "it is smoothed by its scatter"
-        )
-        result.append(Finding("lift_scatter", "info", text))
-    return tuple(result)
-
-
-def _fit_findings(fit: Fit, fitted: Modelled, explained: bool, residual: Array, peak: float) -> tuple[Finding, ...]:
-    result = []
-    if not explained:
-        share = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
-        text = (
-            f"the model leaves {share:.2f} % of the peak unexplained, far above what the cycles repeat: values and "
-            "intervals of this recording are not to be relied on"
-        )
-        result.append(Finding("unexplained", "error", text))
-    if not fit.solution.converged:
-        text = (
-            "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
-            "up may still move within their uncertainty"
-        )
-        result.append(Finding("not_converged", "warning", text))
-    if fit.covariance.inflation > 1.0:
-        text = (
-            "the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
-            f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
-        )
-        result.append(Finding("model_discrepancy", "info", text))
-    if np.min(fitted.output.load) <= 0.0:
-        angle = float(fitted.chain.theta[int(np.argmin(fitted.output.load))] / DEGREE)
-        result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))
-    if fitted.output.least_guide < 0.5:
-        text = f"mu tan(phi) reaches {1.0 - fitted.output.least_guide:.2f}; the guide jams at 1"
-        result.append(Finding("guide_near_jamming", "warning", text))
-    second = _second(fit.candidates, fit.probabilities)
-    if second is not None:
-        text = f"another structure fits about as well: {STRUCTURES[second.data.structure]}; both are reported"
-        result.append(Finding("two_minima", "warning", text))
-    return tuple(result)
-
-
-def _second(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> Candidate | None:
-    for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
-        if probability > 0.05 and item.data.structure != candidates[0].data.structure:
-            return item
-    return None

@@ -1,0 +1,98 @@
+"""What a fit finds odd: parameters pulled off what was known, lift tables, a model that does not explain the cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from camtorque.fit.problem import STRUCTURES
+from camtorque.fit.single import Candidate, Fit
+from camtorque.laws.chain import ChainInput, ChainOutput
+from camtorque.mechanism.outliers import outlying_points
+from camtorque.mechanism.smoothing import table_error
+from camtorque.records import CamTable, Finding, ParameterEstimate
+from camtorque.units import DEGREE, short
+
+PULLED = 2.5
+"""A nuisance pulled this many standard deviations off its prior is told."""
+
+
+def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
+    """Return the nuisances that the data pull far off what was known."""
+    result = []
+    for row in parameters:
+        if row.prior is None or row.at_bound:
+            continue
+        pull = (row.value - row.prior[0]) / row.prior[1]
+        if abs(pull) > PULLED:
+            text = (
+                f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}, "
+                f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
+                f"{short(row.prior[1], 2)}; {row.source}): check that number; if it is right, a loss is missing that "
+                "this one stands in for"
+            )
+            result.append(Finding("prior_pulled", "warning", text, row.name))
+    return tuple(result)
+
+
+def table_findings(table: CamTable) -> tuple[Finding, ...]:
+    """Return what is odd about a lift table: single points that stick out, and scatter beyond the stated resolution."""
+    result = []
+    outliers = outlying_points(table)
+    if outliers.size:
+        where = ", ".join(f"{angle / DEGREE:.1f}" for angle in table.theta[outliers[:5]])
+        text = (
+            f"{outliers.size} points of the lift table stick out of their neighbours; torque and stress are wrong there"
+        )
+        result.append(Finding("lift_outlier", "warning", text, f"{where} deg"))
+    scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)
+    if scatter > 0.6 * table.resolution:
+        text = (
+            f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
+            f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; "
+            "it is smoothed by its scatter"
+        )
+        result.append(Finding("lift_scatter", "info", text))
+    return tuple(result)
+
+
+def fit_findings(fit: Fit, chain: ChainInput, output: ChainOutput, unexplained: float | None) -> tuple[Finding, ...]:
+    """Return what is odd about a fit; ``unexplained`` is the rms that it leaves, None where that is as it should be."""
+    result = []
+    if unexplained is not None:
+        text = (
+            f"the model leaves {unexplained:.2f} % of the peak unexplained, far above what the cycles repeat: values "
+            "and intervals of this recording are not to be relied on"
+        )
+        result.append(Finding("unexplained", "error", text))
+    if not fit.solution.converged:
+        text = (
+            "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
+            "up may still move within their uncertainty"
+        )
+        result.append(Finding("not_converged", "warning", text))
+    if fit.covariance.inflation > 1.0:
+        text = (
+            "the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
+            f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
+        )
+        result.append(Finding("model_discrepancy", "info", text))
+    if np.min(output.load) <= 0.0:
+        angle = float(chain.theta[int(np.argmin(output.load))] / DEGREE)
+        result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))
+    if output.least_guide < 0.5:
+        text = f"mu tan(phi) reaches {1.0 - output.least_guide:.2f}; the guide jams at 1"
+        result.append(Finding("guide_near_jamming", "warning", text))
+    second = _second(fit.candidates, fit.probabilities)
+    if second is not None:
+        text = f"another structure fits about as well: {STRUCTURES[second.data.structure]}; both are reported"
+        result.append(Finding("two_minima", "warning", text))
+    return tuple(result)
+
+
+def _second(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> Candidate | None:
+    for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
+        if probability > 0.05 and item.data.structure != candidates[0].data.structure:
+            return item
+    return None
