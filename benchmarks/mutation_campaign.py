@@ -28,7 +28,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from camtorque.ingest import read_recording, summarise_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.records import Refusal
 from damaged.build import MAT, PLANS, UNCOMPRESSED, log_file, mat73
 from damaged.logs import Log, Plan, clean_log, write_folder
@@ -92,7 +92,7 @@ class Reading:
 def read_all(folder: Path) -> Reading:
     """Read a recording as a run and a check do, and keep every value that goes on from here."""
     try:
-        summary = summarise_recording(folder)
+        summary = summarise(read_recording(folder))
         recording = read_recording(folder)
         values = []
         for channel in recording.channels:

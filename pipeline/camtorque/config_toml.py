@@ -32,6 +32,8 @@ ONLY_LOGGER = LoggerSpec("logger", "single")
 """Where recording.toml names no logger."""
 SHEET_ATTRIBUTES = frozenset(key.attribute for key in SHEET_KEYS)
 CHANNELS_AT_MOST = 64
+PER_LOGGER = ("trigger", "index", "encoder_a", "encoder_b", "angle")
+"""Quantities that every logger may record, to tie its clock to the others."""
 
 
 def load_recording_config(path: Path) -> RecordingConfig:
@@ -55,6 +57,8 @@ def load_recording_config(path: Path) -> RecordingConfig:
     single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
     loggers, channels, sensors = _loggers(root, problems), _channels(root, problems), _sensors(root, problems)
     problems.raise_any()
+    left_out = [table for table in channels if not table.pop("used")]
+    channels = [table for table in channels if table not in left_out]
     recording = single["recording"]
     idle = {name: recording.pop(name) for name in ("idle_from", "idle_to")}
     duration = recording.pop("duration")
@@ -67,7 +71,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
         loggers=loggers,
         channels=tuple(_channel(table, loggers, duration) for table in channels),
-        findings=tuple(_unknown_keys(values, file)),
+        findings=(*_unknown_keys(values, file), *(_left_out(table) for table in left_out)),
         fluid=FluidSpec(**single["fluid"]),
         drive=DriveSpec(**single["drive"]),
     )
@@ -157,6 +161,11 @@ def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: 
     return ChannelSpec(**{**values, "logger": logger, "duration": stated})
 
 
+def _left_out(table: dict[str, Any]) -> Finding:
+    text = f"the {table['quantity']} {table['channel']!r} is left out: used = false"
+    return Finding("channel_left_out", "info", text, table["path"].name)
+
+
 def _check_roles(config: RecordingConfig) -> None:
     problems = Problems()
     file, trigger = config.path, config.trigger
@@ -167,15 +176,31 @@ def _check_roles(config: RecordingConfig) -> None:
     for refuse in (
         lambda: _refuse_repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in config.channels],
                                  f"{file} [[channels]]"),
-        lambda: _refuse_repeated([f"{c.quantity} on {c.logger}" for c in config.channels], f"{file} [[channels]]"),
+        lambda: _refuse_repeated([f"{c.quantity} on {c.logger}" for c in config.channels if c.quantity in PER_LOGGER],
+                                 f"{file} [[channels]]"),
     ):  # fmt: skip
         with problems.collecting():
             refuse()
+    problems.texts += _rivals(config)
     if not names & set(ANGLE_QUANTITIES):
         problems.texts.append(f"{file}: no channel has quantity 'trigger' (or {', '.join(ANGLE_QUANTITIES[1:])}); "
                               "without it there is no cam angle")  # fmt: skip
     problems.texts += _trigger_problems(trigger, names, file)
     problems.raise_any()
+
+
+def _rivals(config: RecordingConfig) -> list[str]:
+    """Tell quantities that several channels measure: one has to be chosen. Pulses may stand on every logger."""
+    texts = []
+    for quantity in dict.fromkeys(channel.quantity for channel in config.channels):
+        rivals = [channel.channel for channel in config.channels if channel.quantity == quantity]
+        if len(rivals) > 1 and quantity not in PER_LOGGER:
+            shown = ", ".join(map(repr, rivals))
+            texts.append(
+                f"{config.path} [[channels]]: {len(rivals)} channels measure {quantity} ({shown}); write used = false "
+                "under all but the one that counts"
+            )
+    return texts
 
 
 def _trigger_problems(trigger: TriggerSpec, quantities: set[str], file: Path) -> list[str]:

@@ -186,6 +186,8 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
     Key("sample_rate_hz", "number", "held against what the file says", "hz",
         band=Band(0.01, 1e9, "shafts turn faster, loggers sample slower"), attribute="sample_rate"),
     Key("sensor", "text", "serial number, held against the sensor table", default=""),
+    Key("used", "flag", "`false`: described, but left out; of two channels of one quantity one is used", default=True,
+        own=True),
     Key("time_channel", "text", "column, variable or channel that holds its times", default="", own=True),
     Key("start_time_s", "number", "time of its first sample where the file has none", "s", None,
         Band(-1e10, 1e10, "of any clock"), own=True),

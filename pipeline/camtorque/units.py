@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,11 +153,24 @@ SPELLINGS: dict[str, str] = {
     "degrees": "deg",
     "Grad": "deg",
     "radians": "rad",
+    "degCA": "deg",
+    "deg CA": "deg",
+    "°CA": "deg",
+    "° CA": "deg",
+    "°KW": "deg",
+    "° KW": "deg",
+    "degKW": "deg",
     "inch": "in",
     "inches": "in",
     '"': "in",
 }
 """Other spellings that mean one thing only."""
+ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$")
+"""bara, bar abs, psia, kPa(a): a pressure that counts from vacuum."""
+COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
+"""rev/1024: a counter of so many counts a revolution."""
+HINTS: dict[str, str] = {"mV/V": "; that is a bridge's raw signal: let the logger scale it"}
+"""Unit that is none here -> what to do."""
 
 
 @dataclass(frozen=True)
@@ -216,11 +230,15 @@ def unit_factor(unit: str, dimension: str, where: str, also: str = "") -> float:
     """
     tidy = tidy_unit(unit)
     kinds = (dimension, also)
+    counts = COUNTS.match(tidy)
+    if counts and "angle" in kinds:
+        return 2.0 * np.pi / float(counts["number"])
     known = [name for name, (kind, _) in BORDER_UNITS.items() if kind in kinds]
     expected = " or ".join(f"{kind} unit" for kind in dict.fromkeys(kinds) if kind)
     if tidy not in BORDER_UNITS:
         raise Refusal(
-            f"{where}: unknown unit {unit!r}{did_you_mean(tidy, known)}; a {expected} is expected ({', '.join(known)})"
+            f"{where}: unknown unit {unit!r}{_hint(tidy) or did_you_mean(tidy, known)}; a {expected} is expected "
+            f"({', '.join(known)}{', rev/1024 for a counter' if dimension == 'angle' else ''})"
         )
     kind, factor = BORDER_UNITS[tidy]
     if kind not in kinds:
@@ -234,6 +252,18 @@ def short(value: float, digits: int = 3) -> str:
     if "e" in text and 1e-4 <= abs(value) < 1e6:
         return f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
     return text
+
+
+def absolute_unit(unit: str) -> str:
+    """Return the unit of a pressure that is written as absolute (bar for bara), "" for any other."""
+    match = ABSOLUTE.match(unit.strip().strip("[]"))
+    base = tidy_unit(match["unit"]) if match else ""
+    return base if BORDER_UNITS.get(base, ("", 1.0))[0] == "pressure" and not is_known_unit(unit) else ""
+
+
+def _hint(unit: str) -> str:
+    base = absolute_unit(unit)
+    return f', write {base!r} and reference = "absolute" in its [sensors] table' if base else HINTS.get(unit, "")
 
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from camtorque.ingest import read_recording, summarise_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.sensors import zero_of_readings
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Refusal
@@ -97,7 +97,7 @@ def test_scaled_values_need_no_sheet_and_what_is_assumed_is_told(tmp_path: Path)
     assert np.allclose(channel.read(), 200.0 * BAR * LOG.volts["pressure"])
     assert {"already_scaled", "accuracy_assumed", "delay_assumed"} <= codes(read)
     assert (calibration.delay, calibration.delay_std) == (25e-6, pytest.approx(25e-6 / math.sqrt(3.0)))
-    assert summarise_recording(tmp_path / "r").channels[1].high == pytest.approx(channel.read().max())
+    assert summarise(read_recording(tmp_path / "r")).channels[1].high == pytest.approx(channel.read().max())
 
 
 def test_the_zero_of_scaled_values_is_in_their_unit(tmp_path: Path):

@@ -11,8 +11,9 @@ from camtorque import cli
 from camtorque.config_toml import load_recording_config
 from camtorque.ingest import read_recording
 from camtorque.ingest.new_recording import new_recording
-from camtorque.ingest.proposal import is_pulse_train, look_into, wheel_of
+from camtorque.ingest.proposal import is_pulse_train, look_into
 from camtorque.ingest.raw import ArraySource, FileChannel
+from camtorque.ingest.wheel import wheel_of
 from camtorque.records import Refusal
 from damaged.build import PLANS, log_file
 from damaged.logs import CALIBRATION, clean_log, write_folder
@@ -127,7 +128,7 @@ def test_the_pulses_tell_the_wheel(teeth: int, missing: int):
     wheel = wheel_of(pulses(teeth, missing))
     assert wheel is not None
     assert (wheel.pulses_per_rev, wheel.missing_teeth) == (teeth, missing)
-    assert wheel.revolutions_per_second == pytest.approx(10.0, rel=1e-6)
+    assert wheel.speed == pytest.approx(10.0, rel=1e-6)
 
 
 def test_a_pressure_is_no_pulse_train():
@@ -137,11 +138,13 @@ def test_a_pressure_is_no_pulse_train():
     assert not is_pulse_train(np.random.default_rng(1).normal(size=5000))
 
 
-def test_a_file_without_anything_known_is_refused(tmp_path: Path):
+def test_columns_that_nothing_names_are_asked_for_and_still_ones_refused(tmp_path: Path):
     file = tmp_path / "log.csv"
     file.write_text("a,b\n" + "".join(f"{n},{n * n % 17}\n" for n in range(500)))
+    assert new_recording(tmp_path, look_into([file]), None).unknown.count("quantity") == 2
+    file.write_text("a,b\n" + "1,2\n" * 500)
     found = look_into([file])
-    with pytest.raises(Refusal, match="no channel looks like torque, pressure or trigger"):
+    with pytest.raises(Refusal, match="no channel changes; there is no torque"):
         new_recording(tmp_path, found, None)
 
 

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from camtorque.ingest import read_recording, summarise_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.records import Refusal
 from damaged.logs import CALIBRATION
 
@@ -74,7 +74,7 @@ def test_a_name_that_no_disk_takes_is_refused_in_one_line(bench: Path, key: str)
     line = next(line for line in toml.read_text(encoding="utf-8").splitlines() if line.startswith(f"{key} ="))
     edit(toml, line, f'{key} = "{"a" * 5000}.csv"')
     with pytest.raises(Refusal) as caught:
-        summarise_recording(bench / "raw" / "A")
+        summarise(read_recording(bench / "raw" / "A"))
     assert "\n" not in str(caught.value)
 
 

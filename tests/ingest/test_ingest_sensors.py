@@ -199,3 +199,43 @@ def test_zero_from_a_marked_idle_stretch(tmp_path: Path):
     short = replace(Plan("hdf5"), edits=((edits[0][0], "idle_from_s = 90.0\nidle_to_s = 91.0"),))
     with pytest.raises(Refusal, match=r"the idle stretch 90\.\.91 s holds 0 samples"):
         read_recording(write_folder(tmp_path / "s", [log], short))
+
+
+def stated(quantity: str, unit: str = "V", readings: tuple[float | None, ...] = (None, None), **sheet: object):
+    volts = readings if unit == "V" else (None, None)
+    scaled = readings if unit != "V" else (None, None)
+    ref = SensorRef(quantity, "", None, *volts, zero_before=scaled[0], zero_after=scaled[1], sheet=sheet)
+    return read_sensor(ref, unit, 100.0)
+
+
+def test_the_ends_of_both_ranges_say_what_a_volt_means():
+    sheet = {"unit": "bar", "nominal_range": (0.0, 2000.0), "output_range": (0.5, 4.5)}
+    sensor = read_sensor(SensorRef("pressure", "", None, None, None, sheet=sheet), "V", 4.5)
+    assert sensor.calibration.gain == pytest.approx(500e5)
+    assert sensor.calibration.zero_volts == pytest.approx(0.5)
+    with pytest.raises(Refusal, match="with nominal_range and output_range_V, which belong together"):
+        stated("pressure", output_range=(0.5, 4.5))
+
+
+def test_a_sheet_in_degrees_celsius_counts_from_ice_in_volts_and_scaled():
+    scaled = stated("fuel_temperature", "degC").calibration
+    assert scaled.gain * (40.0 - scaled.zero_volts) == pytest.approx(313.15)
+    volts = read_sensor(
+        SensorRef("fuel_temperature", "", None, None, None, sheet={"unit": "degC", "sensitivity_V_per_unit": 0.01}),
+        "V", 1.0,
+    ).calibration  # fmt: skip
+    assert volts.gain * (0.4 - volts.zero_volts) == pytest.approx(313.15)
+
+
+@pytest.mark.parametrize(("after", "told"), [(1.5, False), (3.1, True)])
+def test_standstill_readings_further_apart_than_the_sheet_allows_are_told(after: float, told: bool):
+    # 1 % of +/-150 N m is 1.5 N m to either side
+    sheet = {"unit": "N m", "nominal_range": (-150.0, 150.0), "accuracy_percent_fs": 1.0}
+    scaled = stated("torque", "N m", (0.0, after), **{k: v for k, v in sheet.items() if k != "unit"})
+    volts = read_sensor(
+        SensorRef("torque", "", None, 0.0, 0.1 * after, sheet={**sheet, "sensitivity_V_per_unit": 0.1}), "V", 1.0
+    )
+    for sensor in (scaled, volts):
+        texts = [finding.text for finding in sensor.findings if finding.code == "zero_readings_apart"]
+        assert bool(texts) == told
+        assert all("the sheet allows it" in text for text in texts)

@@ -21,6 +21,8 @@ from camtorque.signal.threshold import Threshold
 TWO_PI = 2.0 * np.pi
 MOST_SAMPLES = 8_000_000
 """Of a longer log every n-th sample is read: an angle needs some per degree."""
+LEVEL_SAMPLES = 20_000
+"""Samples whose levels tell the quantum of the angle."""
 MOST_STEPS = 120
 """Steps per turn: three degrees see the speed of any shaft."""
 LEAST_STEPS = 4
@@ -76,6 +78,9 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     coarse = np.interp(steps * pitch, np.maximum.accumulate(angle), time)
     at, noise = _line_times(time, angle, steps * pitch, coarse, pitch)
     quantum = float(np.median(np.abs(np.diff(angle))))
+    # a line through few levels may miss none of them, so its residual is no measure of them
+    per_second = (angle[-1] - angle[0]) / (time[-1] - time[0])
+    noise = max(noise, _quantum(channel) / np.sqrt(12.0) / per_second)
     none = np.zeros(at.size, dtype=bool)
     train = PulseTrain(
         at, steps.astype(np.int64), none, none.copy(), 0.0, {}, offset_std=quantum / np.sqrt(12.0) / pitch,
@@ -101,6 +106,13 @@ def _changes(channel: Channel, where: str) -> tuple[Array, Array, int]:
     moved = np.flatnonzero(np.diff(angle) != 0.0)
     middle = 0.5 * (position[moved] + position[moved + 1])
     return sample_times(channel, middle), 0.5 * (angle[moved] + angle[moved + 1]), int(np.sum(~known))
+
+
+def _quantum(channel: Channel) -> float:
+    """Return the step between neighbouring levels of a recorded angle [rad]."""
+    raw = channel.read(0, min(channel.n_samples, LEVEL_SAMPLES))
+    levels = np.unique(raw[np.abs(raw) < NO_VOLTAGE])
+    return float(np.median(np.diff(levels))) if levels.size > 1 else 0.0
 
 
 def _unwrapped(raw: Array) -> Array:

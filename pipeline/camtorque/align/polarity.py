@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from camtorque.align.quality import spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.signal.repeats import repeats_every
 from camtorque.signal.threshold import Threshold
 from camtorque.units import BAR
 
@@ -49,6 +50,8 @@ DWELL_LIFT_VELOCITY = Threshold(
 )  # fmt: skip
 SAMPLED_CYCLES = 41
 COARSE_GRID = 720
+COMPARED = 200
+"""Cycles that are compared with their neighbours, at most."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,11 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
         return Checked({})
     stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
     typical = {}
+    told = _repeating(next(iter(rows.values())), sound, stride, recording)
     for quantity, values in rows.items():
-        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0])
+        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0], told)
     if len(typical) < 2 or recording.lift_table is None:
-        return Checked(typical)
+        return Checked(typical, told)
     torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
@@ -87,9 +91,25 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
     # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
     work = float(np.mean(torque) - at_rest(torque, velocity))
     if straight > INVERTED_CORRELATION or work > 0.0:
-        return Checked(typical)
+        return Checked(typical, told)
     rows["torque"][...] *= -1.0
-    return Checked({**typical, "torque": -torque}, (_turned(recording, float(np.mean(torque)), straight),))
+    return Checked({**typical, "torque": -torque}, (*told, _turned(recording, float(np.mean(torque)), straight)))
+
+
+def _repeating(rows: Array, sound: NDArray[np.bool_], stride: int, recording: Recording) -> tuple[Finding, ...]:
+    """Tell revolutions that are alike only some turns apart: the pulses come from a faster shaft than the cam."""
+    some = np.where(sound[:COMPARED, None], rows[:COMPARED, ::stride], np.nan)
+    every = repeats_every(some)
+    if every == 1:
+        return ()
+    trigger = recording.config.trigger
+    now = trigger.revolutions_per_cycle
+    text = (
+        f"only every {every}th revolution is like another: where the pulses come from a shaft that turns {every * now} "
+        f"times per turn of the cam, or from {every * now} marks on it, write revolutions_per_cycle = {every * now} "
+        f"under [trigger] (it is {now})"
+    )
+    return (Finding("revolutions_alternate", "error", text, f"{recording.config.path.name} [trigger]"),)
 
 
 def _turned(recording: Recording, mean: float, straight: float) -> Finding:
@@ -122,7 +142,9 @@ def _wrapped(theta: Array) -> Array:
     return np.r_[theta[-1] - 2.0 * np.pi, theta, theta[0] + 2.0 * np.pi]
 
 
-def _typical(rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel) -> Array:
+def _typical(
+    rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, told: tuple[Finding, ...] = ()
+) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound, SAMPLED_CYCLES), ::stride]
     middle = np.median(some, axis=0)
@@ -131,6 +153,8 @@ def _typical(rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channe
     least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
     if swing > max(LEAST_SWING * scatter, least):
         return middle
+    if told:
+        raise Refusal(f"{channel.path.name}, channel {channel.name!r}: {told[0].text}")
     unit, size = {"torque": ("N m", 1.0), "pressure": ("bar", BAR)}[channel.quantity]
     reason = (
         f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {LEAST_SWING:.0f} times that"

@@ -116,7 +116,7 @@ def names_of(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
             "by name, add a line with the names"
         )
-    below = [number for _, number, row, _, _ in candidates if _is_unit_row(row)]
+    below = [number for _, number, row, _, _ in candidates if _is_unit_row(row, first)]
     named = [item for item in candidates if below and item[1] < below[0] and item[0] + len(item[4]) > 0]
     chosen = named if named and not wanted else candidates
     hits, number, row, plain, beyond = max(chosen, key=lambda item: (item[0], -item[1] if wanted else item[1]))
@@ -132,9 +132,10 @@ def names_of(
     return names, units, beyond
 
 
-def _is_unit_row(row: list[str]) -> bool:
-    filled = [field for field in row if field.strip("[]()- ")]
-    return len(filled) > 1 and sum(map(is_known_unit, filled)) * 2 > len(filled)
+def _is_unit_row(row: list[str], first: list[str]) -> bool:
+    """Tell a row of units; a column that is empty below may hold its key, such as "VUnit"."""
+    filled = [field for field, below in zip(row, first, strict=True) if below and field.strip("[]()- ")]
+    return len(filled) > 1 and is_known_unit(filled[0]) and sum(map(is_known_unit, filled)) * 2 > len(filled)
 
 
 def header_rate(header: list[str], separator: str = ";") -> float | None:

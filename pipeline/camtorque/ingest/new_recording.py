@@ -13,15 +13,21 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from camtorque.ingest.proposal import Proposal, Wheel, wheel_of
-from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES
+from camtorque.ingest.proposal import Proposal
+from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
+from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SHEET_NEEDED
 from camtorque.records import Refusal
 from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES
 from camtorque.toml_schema import UNKNOWN, Key, TableSchema
 from camtorque.toml_table import read_toml
+from camtorque.units import BORDER_UNITS, unit_factor
 
 FASTEST = 6000.0
 """One pulse a turn at more than this [rpm] is more likely a wheel of several teeth."""
+HIGHEST_VOLTS = 15.0
+MOST_OPEN = 8
+"""Channels that nothing names are asked for where torque, pressure or the angle are missing, at most so many."""
+NEEDED = ("torque", "pressure")
 PATHS = ("cam_table", "calibration", "file")
 COPIED = ("pump", "trigger", "fluid", "drive")
 ASKED_SENSOR = ("unit", "sensitivity_V_per_unit", "zero_V", "nominal_range", "accuracy_percent_fs", "group_delay_s",
@@ -46,11 +52,14 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     like : recording.toml or pump file of the same bench, whose pump, trigger and sensors are taken over
     """
     known = _known_of(like, folder)
-    used = [item for item in proposals if item.quantity]
+    named = {item.quantity for item in proposals}
+    open_ones = [item for item in proposals if not item.quantity and item.high > item.low]
+    open_ones = open_ones[:MOST_OPEN] if not named >= set(NEEDED) or not named & set(ANGLE_QUANTITIES) else []
+    used = [item for item in proposals if item.quantity or any(item is other for other in open_ones)]
     if not used:
-        raise Refusal(f"{proposals[0].path}: no channel looks like torque, pressure or trigger; name the columns so")
+        raise Refusal(f"{proposals[0].path}: no channel changes; there is no torque, pressure or trigger in it")
     trigger = next((item for item in used if item.quantity in ANGLE_QUANTITIES), None)
-    wheel = wheel_of(trigger.channel) if trigger is not None and trigger.quantity != "angle" else None
+    wheel = _wheel_of(trigger, proposals) if trigger is not None else None
     writer = Writer()
     writer.line(f'schema = "{RECORDING_SCHEMA}"')
     writer.line('# Replace every "?"; then: camtorque check')
@@ -58,20 +67,38 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"])
     if trigger is None:
         writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
-    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(wheel), **known["trigger"]})
-    for item in {item.quantity: item for item in reversed(used)}.values():
-        _sensor(writer, item, known["sensors"].get(item.quantity))
+    if wheel is not None and wheel.told_by:
+        writer.line(f"# what follows of the wheel is told by: {wheel.told_by}")
+    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel), **known["trigger"]})
+    for quantity, item in _sensed(used, named).items():
+        _sensor(writer, quantity, item, known["sensors"].get(quantity))
     loggers = {path: f"LOG{number}" for number, path in enumerate(dict.fromkeys(item.path for item in used), start=1)}
     for name in loggers.values():
         writer.table("[[loggers]]", RECORDING_TABLES["loggers"], {"id": name, "clock": _clock(loggers)})
     for item in used:
         writer.table("[[channels]]", RECORDING_TABLES["channels"], _channel(item, folder, loggers[item.path]))
-    left = [item for item in proposals if not item.quantity]
-    for item in left:
+    for item in [item for item in proposals if not item.quantity and item.high > item.low and not open_ones]:
         writer.line(
             f"# not used: {item.path.name!a}, {item.channel.group!a}, {item.channel.name!a}, {item.channel.unit!a}"
         )
     return NewRecording("\n".join(writer.lines) + "\n", tuple(writer.unknown))
+
+
+def _wheel_of(trigger: Proposal, proposals: list[Proposal]) -> Wheel | None:
+    """Return what the angle channel shows, with the help of index, torque and pressure of the same file."""
+    mates = {item.quantity: item.channel for item in reversed(proposals) if item.path == trigger.path}
+    if trigger.quantity == "angle":
+        known = bool(trigger.unit)
+        return angle_wheel(trigger.channel, unit_factor(trigger.unit, "angle", "angle")) if known else None
+    load = mates.get("torque") or mates.get("pressure")
+    return wheel_of(trigger.channel, trigger.sensor or "digital", mates.get("index"), load)
+
+
+def _sensed(used: list[Proposal], named: set[str]) -> dict[str, Proposal]:
+    """Return a channel for each sensor table; torque and pressure that no name tells may be any channel in volts."""
+    found = {item.quantity: item for item in reversed(used) if item.quantity}
+    open_ones = [item for item in used if not item.quantity and item.unit in ("V", "mV", "")]
+    return {**found, **{name: open_ones[0] for name in NEEDED if open_ones and name not in named}}
 
 
 class Writer:
@@ -158,32 +185,45 @@ def _relative(path: Path, folder: Path) -> str:
 
 def _recording(folder: Path, wheel: Wheel | None) -> dict[str, Any]:
     values: dict[str, Any] = {"id": folder.resolve().name or "recording", "pump_id": UNKNOWN}
-    if wheel is not None and wheel.revolutions_per_second * 60.0 <= FASTEST:
-        values["nominal_speed_rpm"] = round(60.0 * wheel.revolutions_per_second, 1)
+    if wheel is not None and 60.0 * wheel.speed <= FASTEST:
+        values["nominal_speed_rpm"] = round(60.0 * wheel.speed, 1)
     return values
 
 
-def _wheel(wheel: Wheel | None) -> dict[str, Any]:
-    if wheel is None or wheel.revolutions_per_second * 60.0 > FASTEST:
-        return {"pulses_per_rev": UNKNOWN}
-    missing = {"missing_teeth": wheel.missing_teeth} if wheel.missing_teeth else {}
-    return {"pulses_per_rev": wheel.pulses_per_rev, **missing}
+def _wheel(trigger: Proposal | None, wheel: Wheel | None) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    if wheel is None or 60.0 * wheel.speed > FASTEST:
+        values |= {} if trigger is not None and trigger.quantity == "angle" else {"pulses_per_rev": UNKNOWN}
+        wheel = None
+    elif wheel.pulses_per_rev:
+        values["pulses_per_rev"] = wheel.pulses_per_rev
+    if trigger is not None and trigger.sensor:
+        values |= {"sensor": trigger.sensor, "edge": "falling"}
+    for name in ("missing_teeth", "double_tooth", "revolutions_per_cycle") if wheel is not None else ():
+        value = getattr(wheel, name)
+        values |= {name: value} if value > (name == "revolutions_per_cycle") else {}
+    return values
 
 
-def _sensor(writer: Writer, item: Proposal, known: dict[str, Any] | None) -> None:
+def _sensor(writer: Writer, quantity: str, item: Proposal, known: dict[str, Any] | None) -> None:
     """Add the table of a sensor: as the other recording has it, else what has to be asked."""
-    if CHANNEL_QUANTITIES[item.quantity].is_pulse:
+    if CHANNEL_QUANTITIES[quantity].is_pulse:
         return
-    schema, header = RECORDING_TABLES["sensors"], f"[sensors.{item.quantity}]"
-    in_volts = item.unit in ("V", "mV", "uV", "kV", "")
+    schema, header = RECORDING_TABLES["sensors"], f"[sensors.{quantity}]"
+    # no amplifier puts out more: values without a unit are not volts then
+    in_volts = BORDER_UNITS.get(item.unit, ("", 1.0))[0] == "voltage" or (
+        not item.unit and max(-item.low, item.high) <= HIGHEST_VOLTS
+    )
     if known is not None:
         writer.table(header, schema, known)
     elif in_volts:
-        unit = {"torque": "N m", "pressure": "bar"}.get(item.quantity, CHANNEL_QUANTITIES[item.quantity].unit)
+        unit = {"torque": "N m", "pressure": "bar"}.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
         writer.table(header, schema, {"unit": unit, "sensitivity_V_per_unit": UNKNOWN}, ASKED_SENSOR)
         writer.line('# or instead of these: serial = "...", calibration = "sheet.toml" with its certificate')
-    else:
-        writer.table(header, schema, {}, ASKED_SCALED)
+        if not item.unit or item.quantity != quantity:
+            writer.line("# these two only for a channel in volts: leave them out where the logger has scaled")
+    elif quantity in SHEET_NEEDED:
+        writer.table(header, schema, {"reference": "absolute"} if item.is_absolute else {}, ASKED_SCALED)
 
 
 def _clock(loggers: Mapping[Path, str]) -> str:
@@ -193,7 +233,7 @@ def _clock(loggers: Mapping[Path, str]) -> str:
 def _channel(item: Proposal, folder: Path, logger: str) -> dict[str, Any]:
     channel = item.channel
     values: dict[str, Any] = {
-        "quantity": item.quantity,
+        "quantity": item.quantity or UNKNOWN,
         "file": _relative(item.path, folder),
         "group": channel.group,
         "channel": channel.name,
@@ -201,6 +241,8 @@ def _channel(item: Proposal, folder: Path, logger: str) -> dict[str, Any]:
         "logger": logger,
         "sample_rate_hz": UNKNOWN if channel.sample_rate is None else float(f"{channel.sample_rate:.9g}"),
     }
+    if item.has_rival:
+        values["used"] = UNKNOWN
     if channel.time_channel:
         values["time_channel"] = channel.time_channel
     return values

@@ -6,36 +6,41 @@ A proposal is written into a file for a person to read; nothing is taken over un
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from camtorque.ingest.formats import FORMATS, file_format
 from camtorque.ingest.raw import FileChannel
+from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, Refusal
-from camtorque.units import BORDER_UNITS, is_known_unit, tidy_unit
+from camtorque.units import BORDER_UNITS, absolute_unit, is_known_unit, tidy_unit
 
-LOOKED_AT = 400_000
-"""Samples looked at of each channel."""
 NAMES: tuple[tuple[str, str], ...] = (
-    ("index", r"index|marker|null.?impuls|\bz.?(track|spur)\b|tdc|\bot\b"),
+    ("index", r"index|marker|null.?impuls|\bz.?(track|spur)\b|(enc\w*|track|spur)[ _.-]?[zn]\b|tdc|\bot\b"),
     ("encoder_a", r"(enc\w*|track|spur)[ _.-]?a\b"),
     ("encoder_b", r"(enc\w*|track|spur)[ _.-]?b\b"),
-    ("trigger", r"trig|prox|geber|tooth|teeth|pulse|impuls|hall|pick.?up|wheel|tacho"),
+    ("angle", r"angle|winkel(?!geber)|degree"),
+    (
+        "trigger",
+        r"trig|prox|geber|schalter|tooth|teeth|pulse|impuls|hall|pick.?up|wheel|tacho|crank|kurbel|\bvr\b|coil",
+    ),
     ("chamber_pressure", r"(chamber|cyl\w*|kammer|plunger)\D*(press|druck|\bp\b)"),
     ("gallery_pressure", r"(feed|gallery|inlet|supply|low|vorlauf|zulauf|f.rder)\D*(press|druck|\bp\b)"),
     ("fuel_temperature", r"(fuel|oil|diesel|kraftstoff|.l)[ _.-]*(temp|t\b)"),
     ("housing_temperature", r"temp"),
-    ("torque", r"torque|moment|couple|\bmd\b|^t\d*$|\bm_?d\b"),
-    ("pressure", r"press|druck|rail|^p\d*$|\bp_"),
+    ("torque", r"torque|moment|couple|\bmd(?![a-z])|^t\d*$|^m\d*$|\bm_?d\b"),
+    ("pressure", r"press|druck|rail|^p\d*$|\bp_|\bp[A-Z]"),
     ("shaft_speed", r"speed|rpm|drehzahl|\bn\b|omega"),
     ("delivered_volume", r"volume|menge|delivery|quantity"),
     ("needle_lift", r"needle|nadel"),
-    ("angle", r"angle|winkel|phi|degree"),
+    ("angle", r"phi\b|encoder"),
 )
 """Quantity -> pattern of names, the more special first."""
+RIVALS = ("torque", "pressure")
+"""Quantities of which a log may hold two that look alike: both sides of a coupling, two gauges."""
 BY_DIMENSION = {
     "torque": ("torque",),
     "pressure": ("pressure", "chamber_pressure", "gallery_pressure"),
@@ -45,11 +50,11 @@ BY_DIMENSION = {
     "volume": ("delivered_volume",),
     "length": ("needle_lift",),
 }
+WAVE_SHARE, LEAST_WAVES = 0.2, 20
+"""A coil's wave passes this share of its size to both sides, for this many teeth at least."""
 LEVEL_SHARE, LEVEL_BAND = 0.85, 0.2
+SHORT_SHARE = 0.006
 """A pulse train spends this share of its samples within this part of its swing from either level."""
-LEAST_PULSES = 4
-LONG_PERIOD = 1.5
-"""A period longer than the usual one by this factor is a gap of the wheel."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,10 @@ class Proposal:
     quantity : "" where nothing tells it
     unit : of recording.toml: the file's where it is known, V for pulses, else ""
     low, high : of the samples looked at, in the file's unit
+    sensor : "inductive" for a trigger that is a coil, else ""
+    has_rival : another channel may be this quantity as well
+    is_absolute : a pressure that counts from vacuum
+    levels : share of the samples at either of two levels
     """
 
     path: Path
@@ -70,23 +79,20 @@ class Proposal:
     unit: str
     low: float
     high: float
-
-
-@dataclass(frozen=True)
-class Wheel:
-    """What the pulses of a trigger show: rate of the revolutions [1/s], teeth (missing ones counted), missing ones."""
-
-    revolutions_per_second: float
-    pulses_per_rev: int
-    missing_teeth: int
+    sensor: str = ""
+    has_rival: bool = False
+    is_absolute: bool = False
+    levels: float = 0.0
 
 
 def look_into(paths: list[Path]) -> list[Proposal]:
-    """Return every channel of the files with a proposal; one quantity once per file.
+    """Return every channel of the files with a proposal.
+
+    One trigger per file, any other quantity once; which of two torques or pressures is meant a person has to say.
 
     Raises
     ------
-    Refusal : a file that is no log, or one quantity more would be without a channel of numbers
+    Refusal : a file that is no log, or one without a channel of numbers
     """
     found: list[Proposal] = []
     for path in paths:
@@ -94,28 +100,43 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         channels = FORMATS[name].channels(path)
         if not channels:
             raise Refusal(f"{path}: holds no channel of numbers")
-        taken: set[str] = set()
-        proposals = [_proposal(path, name, channel) for channel in channels]
-        places = {id(item): place for place, item in enumerate(proposals)}
-        for item in sorted(proposals, key=lambda item: _certainty(item), reverse=True):
-            if item.quantity in taken:
-                proposals[places[id(item)]] = Proposal(
-                    item.path, item.file_format, item.channel, "", item.unit, item.low, item.high
-                )
-            taken.add(item.quantity)
-        found += proposals
-    return found
+        hint = path.stem if len(channels) == 1 else ""
+        found += [_proposal(path, name, channel, hint) for channel in channels]
+    best: dict[tuple[str, Path | None], float] = {}
+    for item in found:
+        best[_place(item)] = max(best.get(_place(item), 0), _certainty(item))
+    chosen: dict[tuple[str, Path | None], list[int]] = {}
+    for number, item in enumerate(found):
+        if item.quantity and _certainty(item) == best[_place(item)]:
+            chosen.setdefault(_place(item), []).append(number)
+    rivals = {
+        number for (name, _), numbers in chosen.items() if name in RIVALS and len(numbers) > 1 for number in numbers
+    }
+    kept = rivals | {numbers[0] for numbers in chosen.values()}
+    return [
+        replace(item, has_rival=number in rivals) if number in kept else replace(item, quantity="")
+        for number, item in enumerate(found)
+    ]
 
 
-def _proposal(path: Path, name: str, channel: FileChannel) -> Proposal:
+def _place(item: Proposal) -> tuple[str, Path | None]:
+    """Return quantity, and the file where each file may have its own."""
+    per_file = bool(item.quantity) and CHANNEL_QUANTITIES[item.quantity].is_pulse
+    return item.quantity, item.path if per_file else None
+
+
+def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposal:
     values = channel.source.read(0, min(channel.n_samples, LOOKED_AT))
     good = values[np.isfinite(values)]
     low, high = (float(good.min()), float(good.max())) if good.size else (float("nan"), float("nan"))
-    unit = tidy_unit(channel.unit or _unit_in(channel.name))
-    quantity = _quantity(channel.name, unit, good)
+    base = absolute_unit(channel.unit)
+    unit = base or tidy_unit(channel.unit or _unit_in(channel.name))
+    quantity = _quantity(channel.name, hint, unit, good) if good.size and high > low else ""
     pulses = bool(quantity) and CHANNEL_QUANTITIES[quantity].is_pulse
     known = unit if unit in BORDER_UNITS else "V" if pulses else ""
-    return Proposal(path, name, channel, quantity if good.size and high > low else "", known, low, high)
+    coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
+    levels = level_share(good) if pulses else 0.0
+    return Proposal(path, name, channel, quantity, known, low, high, coil, False, bool(base), levels)
 
 
 def _unit_in(name: str) -> str:
@@ -124,40 +145,64 @@ def _unit_in(name: str) -> str:
     return last if last != name and is_known_unit(last) and (len(last) > 1 or last == "V") else ""
 
 
-def _quantity(name: str, unit: str, values: Array) -> str:
-    """Return what a channel seems to be, "" where nothing tells."""
+def _quantity(name: str, hint: str, unit: str, values: Array) -> str:
+    """Return what a channel seems to be by its unit, its name (or that of a file for itself) and its samples."""
     dimension = BORDER_UNITS.get(unit, ("", 1.0))[0]
-    named = next((quantity for quantity, pattern in NAMES if re.search(pattern, name, re.IGNORECASE)), "")
+    named = _named(name) or _named(hint)
     if dimension in BY_DIMENSION:
         allowed = BY_DIMENSION[dimension]
         return named if named in allowed else allowed[0]
     if named and (not CHANNEL_QUANTITIES[named].is_pulse or is_pulse_train(values)):
         return named
+    if named == "trigger" and is_wave(values):
+        return "trigger"
     return "trigger" if not named and is_pulse_train(values) else ""
 
 
-def _certainty(item: Proposal) -> int:
+def _named(name: str) -> str:
+    return next((quantity for quantity, pattern in NAMES if re.search(pattern, name, re.IGNORECASE)), "")
+
+
+def _certainty(item: Proposal) -> float:
     """Return how sure a proposal is: a unit of the quantity tells more than a name."""
     if not item.quantity:
         return 0
-    pattern = dict(NAMES)[item.quantity]
-    return 1 + 2 * (item.unit not in ("", "V")) + bool(re.search(pattern, item.channel.name, re.IGNORECASE))
+    return 1 + 2 * (item.unit not in ("", "V")) + (_named(item.channel.name) == item.quantity) + 0.5 * item.levels
 
 
 def is_pulse_train(values: Array) -> bool:
     """Tell a signal of two levels with several pulses."""
+    low, high = _levels(values)
+    return level_share(values) > LEVEL_SHARE and rises(values, low, high).size >= LEAST_PULSES
+
+
+def level_share(values: Array) -> float:
+    """Return the share of the samples near either of a signal's two levels, 0 where there is one only."""
+    low, high = _levels(values)
+    band = LEVEL_BAND * (high - low)
+    near = (np.abs(values - low) < band) | (np.abs(values - high) < band)
+    return float(np.mean(near)) if high > low else 0.0
+
+
+def _levels(values: Array) -> tuple[float, float]:
+    """Return the two levels of a signal, equal where there are none."""
     if values.size < 100:
-        return False
-    low, high = np.percentile(values, [0.5, 99.5])
-    swing = high - low
-    if not swing > 0.0:
-        return False
-    # short pulses may stay below the percentile
-    if np.mean(np.abs(values - low) < LEVEL_BAND * swing) > 1.0 - 1e-3:
+        return 0.0, 0.0
+    low, high = (float(level) for level in np.percentile(values, [0.5, 99.5]))
+    # short pulses stay outside of the percentiles
+    if np.mean(np.abs(values - low) <= LEVEL_BAND * (float(values.max()) - low)) > 1.0 - SHORT_SHARE:
         high = float(values.max())
-        swing = high - low
-    near = (np.abs(values - low) < LEVEL_BAND * swing) | (np.abs(values - high) < LEVEL_BAND * swing)
-    return bool(np.mean(near) > LEVEL_SHARE) and rises(values, low, high).size >= LEAST_PULSES
+    elif np.mean(np.abs(values - high) <= LEVEL_BAND * (high - float(values.min()))) > 1.0 - SHORT_SHARE:
+        low = float(values.min())
+    return low, high
+
+
+def is_wave(values: Array) -> bool:
+    """Tell a signal that swings to both sides of zero many times, as a coil in front of a wheel gives it."""
+    size = np.percentile(np.abs(values), 99.0)
+    signs = np.sign(np.where(np.abs(values) > WAVE_SHARE * size, values, 0.0))
+    signs = signs[signs != 0.0]
+    return int(np.sum(np.diff(signs) != 0.0)) >= 2 * LEAST_WAVES
 
 
 def rises(values: Array, low: float, high: float) -> np.ndarray:
@@ -166,23 +211,3 @@ def rises(values: Array, low: float, high: float) -> np.ndarray:
     at = np.flatnonzero(marks)
     kinds = marks[at]
     return at[1:][(kinds[1:] == 1) & (kinds[:-1] == -1)]
-
-
-def wheel_of(channel: FileChannel) -> Wheel | None:
-    """Return what the pulses show, None where there are too few; a gap tells the teeth, else one pulse a turn."""
-    values = channel.source.read(0, min(channel.n_samples, LOOKED_AT))
-    values = values[np.isfinite(values)]
-    if channel.sample_rate is None or not values.size:
-        return None
-    places = rises(values, float(values.min()), float(values.max()))
-    if places.size < LEAST_PULSES:
-        return None
-    periods = np.diff(places) / channel.sample_rate
-    usual = float(np.median(periods))
-    gaps = np.flatnonzero(periods > LONG_PERIOD * usual)
-    turns = np.diff(gaps)
-    if turns.size >= 2 and turns.min() == turns.max() >= 4:
-        missing = round(float(np.median(periods[gaps])) / usual) - 1
-        length = float(np.mean(np.diff(places[gaps]))) / channel.sample_rate
-        return Wheel(1.0 / length, int(turns[0]) + missing, missing)
-    return Wheel(1.0 / usual, 1, 0)

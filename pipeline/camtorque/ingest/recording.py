@@ -22,7 +22,7 @@ from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_
 from camtorque.quantities import SHEET_NEEDED, channel_factor
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.toml_table import Problems
-from camtorque.units import UNIT_OFFSETS, is_known_unit, tidy_unit
+from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100
 CLOCKS_APART = 3600.0
@@ -218,6 +218,9 @@ def _channel(
     if sensor is not None and not is_volts:
         text = f"values are in {spec.unit!r}; the gain is the logger's"
         findings.append(Finding("already_scaled", "info", text, where))
+    if absolute_unit(raw.unit) and calibration is not None and calibration.zero_volts < 0.5 * ATMOSPHERE:
+        text = f'the file says {raw.unit!r}, which counts from vacuum; give reference = "absolute" in its sensor table'
+        findings.append(Finding("pressure_is_absolute", "warning", text, where))
     if calibration is not None and reference is not None and reference.idle_from is not None:
         calibration = _idle_zero(calibration, reference, raw, scale, where)
     channel = Channel(
@@ -251,12 +254,16 @@ def _moment(config: RecordingConfig, raw: RawChannel) -> float | None:
 
 def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool, list[Finding]]:
     """Return the factor to volts (or to SI for values that are scaled already), and whether they are volts."""
-    unit, findings = tidy_unit(spec.unit), []
+    unit = tidy_unit(spec.unit)
+    findings: list[Finding] = []
     factor, is_volts = channel_factor(spec.quantity, spec.unit, f"{spec.path} {spec.channel!r} unit")
-    if raw.unit and not is_known_unit(raw.unit):
+    absolute = absolute_unit(raw.unit)
+    if absolute == unit != "":
+        return factor, is_volts, findings
+    if raw.unit.strip("-") and not is_known_unit(raw.unit):
         text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
         findings.append(Finding("unit_unknown", "warning", text, where))
-    elif raw.unit and tidy_unit(raw.unit) != unit:
+    elif raw.unit.strip("-") and tidy_unit(raw.unit) != unit:
         raise Refusal(
             f"{spec.path} {spec.channel!r}: the file's unit is {raw.unit!r}, recording.toml says {spec.unit!r}; "
             "correct the one that is wrong"

@@ -15,7 +15,7 @@ from camtorque.ingest.certificate import CertificateLine, read_certificate
 from camtorque.ingest.sheet import Sheet, read_sheet
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Finding, Refusal, SensorCalibration
-from camtorque.units import ATMOSPHERE, BORDER_UNITS, tidy_unit, unit_factor
+from camtorque.units import ATMOSPHERE, BORDER_UNITS, UNIT_OFFSETS, tidy_unit, unit_factor
 
 DELAY_TOLERANCE = 0.10
 """Relative half width assumed for a delay whose sheet states no tolerance; printed as a finding."""
@@ -76,14 +76,20 @@ def _line(sheet: Sheet, quantity: str) -> CertificateLine:
             raise Refusal(f"{sheet.where} unit: this key is missing; the certificate is held against it")
         unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
         return read_certificate(sheet.certificate, quantity, sheet.serial, sheet["unit"])
-    sensitivity = sheet["sensitivity_V_per_unit"]
+    sensitivity, zero = sheet["sensitivity_V_per_unit"], sheet["zero"]
+    stated = not sheet.files and sheet["nominal_range"] is not None and sheet["output_range"] is not None
+    if not sensitivity and stated:
+        # the ends of both ranges are a line: +/-10 V at +/-200 N m, 0.5 to 4.5 V at 0 to 2000 bar
+        (low, high), (out_low, out_high) = _range(sheet, "nominal_range"), _range(sheet, "output_range")
+        sensitivity = (out_high - out_low) / (high - low)
+        zero = out_low - sensitivity * low if zero is None else zero
     if not sensitivity or not sheet["unit"]:
         raise Refusal(
-            f"{sheet.where}: nothing says what a volt means; give calibration (a sheet with its certificate), or "
-            "sensitivity_V_per_unit (not 0) with unit"
+            f"{sheet.where}: nothing says what a volt means; give calibration (a sheet with its certificate), or unit "
+            "with sensitivity_V_per_unit (not 0), or with nominal_range and output_range_V, which belong together"
         )
     factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
-    return CertificateLine(factor / sensitivity, 0.0, sheet["zero"] or 0.0, 0.0, 0.0, math.nan)
+    return CertificateLine(factor / sensitivity, 0.0, zero or 0.0, 0.0, 0.0, math.nan)
 
 
 def _dimension(quantity: str) -> str:
@@ -120,7 +126,11 @@ def _in_volts(
     )
     calibration = _with_zero(calibration, sheet, line, reference)
     findings += [*more, *_sensitivity(sheet, line, factor), *_zero_findings(calibration, sheet, line)]
-    return calibration, findings
+    readings = (reference.zero_before_volts, reference.zero_after_volts)
+    findings += _apart(readings, _zero_tolerance(sheet, calibration, abs(line.gain)) / abs(line.gain), "V", sheet)
+    # a sheet in degC counts from ice, the volts of its zero do not
+    shift = UNIT_OFFSETS.get(tidy_unit(sheet["unit"]), 0.0) / line.gain
+    return replace(calibration, zero_volts=calibration.zero_volts - shift), findings
 
 
 def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple[SensorCalibration, list[Finding]]:
@@ -159,7 +169,22 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
     )
     if sheet["reference"] == "absolute" and not readings:
         calibration = replace(calibration, zero_volts=ATMOSPHERE)
-    return calibration, findings
+    findings += _apart((reference.zero_before, reference.zero_after), width / factor, unit, sheet)
+    shift = UNIT_OFFSETS.get(tidy_unit(unit), 0.0)
+    return replace(calibration, zero_volts=calibration.zero_volts - shift), findings
+
+
+def _apart(readings: tuple[float | None, float | None], tolerance: float, unit: str, sheet: Sheet) -> list[Finding]:
+    """Tell standstill readings that lie further apart than two within the sheet's tolerance of the zero can."""
+    before, after = readings
+    if before is None or after is None or abs(after - before) <= 2.0 * tolerance:
+        return []
+    text = (
+        f"the zero was {before:g} {unit} before and {after:g} {unit} after the run, {abs(after - before):.3g} {unit} "
+        f"apart; the sheet allows it {tolerance:.3g} {unit} to either side: one reading is of another state or sensor, "
+        "or the sensor drifts; their mean is used"
+    )
+    return [Finding("zero_readings_apart", "warning", text, sheet.place)]
 
 
 def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
@@ -323,7 +348,7 @@ def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
     return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), [finding]
 
 
-def _range(sheet: Sheet, name: str, otherwise: tuple[float, float]) -> tuple[float, float]:
+def _range(sheet: Sheet, name: str, otherwise: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
     """Return a range of the sheet; a sheet of its own has to state it, a sensor in the recording may leave it open."""
     key = {"nominal_range": "nominal_range", "output_range": "output_range_V"}[name]
     if sheet[name] is None and not sheet.files:

@@ -1,0 +1,210 @@
+"""What `new` makes of a stranger's channels: triggers of all kinds, two of a quantity, names that tell nothing."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from align_truth import TWO_PI, Samples, Shaft, pressure_of, torque_of
+from camtorque.align import align
+from camtorque.align.counter import counter_train
+from camtorque.config_toml import load_recording_config
+from camtorque.ingest.new_recording import new_recording
+from camtorque.ingest.proposal import look_into
+from camtorque.ingest.raw import ArraySource, FileChannel
+from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
+from camtorque.records import Channel, Refusal
+from camtorque.signal.repeats import repeats_every
+from camtorque.units import unit_factor
+from wheel_truth import Wheel as TrueWheel
+from wheel_truth import index_volts, wheel_recording, wheel_volts
+
+SHAFT = Shaft(rpm=600.0, ripple=0.01)
+RATE = 40e3
+
+
+def channel(values: np.ndarray, rate: float = RATE, unit: str = "V") -> FileChannel:
+    return FileChannel("", "trigger", unit, values.size, rate, "", ArraySource(values))
+
+
+def of(wheel: TrueWheel, **more: FileChannel) -> Wheel | None:
+    sensor = "inductive" if wheel.kind == "inductive" else "digital"
+    return wheel_of(channel(wheel_volts(wheel), wheel.rate), sensor, **more)
+
+
+def true_wheel(**keys: object) -> TrueWheel:
+    return TrueWheel(**{"shaft": SHAFT, "rate": RATE, "duration": 1.2, "noise": 0.0, **keys})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["digital", "inductive"])
+@pytest.mark.parametrize(("teeth", "missing"), [(60, 2), (36, 1)])
+def test_a_gap_tells_the_teeth_of_switch_and_coil(kind: str, teeth: int, missing: int):
+    found = of(true_wheel(teeth=teeth, missing=missing, kind=kind))
+    assert found is not None
+    assert (found.pulses_per_rev, found.missing_teeth, found.speed) == (teeth, missing, pytest.approx(10.0, rel=2e-3))
+
+
+def test_a_gap_is_found_while_the_shaft_runs_up():
+    found = of(true_wheel(shaft=Shaft(rpm=300.0, ramp=1.0)))
+    assert found is not None
+    assert (found.pulses_per_rev, found.missing_teeth) == (60, 2)
+
+
+def test_an_extra_tooth_tells_the_revolution():
+    angle = SHAFT.angle(np.arange(40_000) / RATE) % TWO_PI
+    at = angle / TWO_PI * 12.0
+    volts = 5.0 * (((at % 1.0) < 0.2) | ((at > 11.5) & (at < 11.7)))
+    assert wheel_of(channel(volts)) == Wheel(pytest.approx(10.0, rel=2e-3), 12, 0, True)
+
+
+def test_an_index_tells_the_lines_of_an_encoder_and_the_turns_of_a_crank():
+    plain = true_wheel(teeth=90, missing=0, index=True)
+    assert of(plain, index=channel(index_volts(plain))) == Wheel(pytest.approx(10.0, rel=2e-3), 90, told_by="the index")
+    crank = true_wheel(turns=2, index=True)
+    found = of(crank, index=channel(index_volts(crank)))
+    assert found is not None
+    assert (found.pulses_per_rev, found.missing_teeth, found.revolutions_per_cycle) == (60, 2, 2)
+    assert found.speed == pytest.approx(10.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_the_torque_tells_a_trigger_on_a_faster_shaft(turns: int):
+    angle = SHAFT.angle(np.arange(60_000) / RATE)
+    volts = 5.0 * ((turns * angle) % TWO_PI < 0.4)
+    found = wheel_of(channel(volts), load=channel(torque_of(angle), unit="N m"))
+    assert found is not None
+    assert (found.revolutions_per_cycle, found.speed) == (turns, pytest.approx(10.0, rel=2e-3))
+
+
+def test_revolutions_that_scatter_are_not_said_to_repeat():
+    rng = np.random.default_rng(1)
+    cycle = torque_of(np.linspace(0.0, TWO_PI, 48))
+    assert repeats_every(cycle + 0.05 * np.ptp(cycle) * rng.standard_normal((40, 48))) == 1
+    assert repeats_every(rng.standard_normal((40, 48))) == 1
+    alternating = np.array([cycle, 0.2 * cycle] * 8)
+    assert repeats_every(alternating) == 2
+    assert repeats_every(np.where(np.arange(16)[:, None] == 3, np.nan, alternating)) == 2
+
+
+def test_an_angle_tells_speed_and_turns():
+    angle = np.degrees(SHAFT.angle(np.arange(40_000) / RATE))
+    factor = np.pi / 180.0
+    assert angle_wheel(channel(np.round(angle % 360.0, 1)), factor) == Wheel(pytest.approx(10.0, rel=5e-3), 0)
+    assert angle_wheel(channel(-angle), factor) == Wheel(pytest.approx(10.0, rel=5e-3), 0)
+    crank = angle_wheel(channel((2.0 * angle) % 720.0), factor)
+    assert crank is not None
+    assert (crank.revolutions_per_cycle, crank.speed) == (2, pytest.approx(10.0, rel=5e-3))
+    assert angle_wheel(channel(np.zeros(500)), factor) is None
+
+
+def log(folder: Path, **columns: np.ndarray) -> Path:
+    """Write a log of the given columns; __ in a name begins its unit."""
+    file = folder / "log.csv"
+    named = [name.replace("__", " [") + "]" * ("__" in name) for name in columns]
+    lines = [",".join(["time [s]", *named])]
+    lines += [",".join(f"{v:.5g}" for v in row) for row in zip(*columns.values(), strict=True)]
+    body = [lines[0], *[f"{n / 10e3:.4f},{line}" for n, line in enumerate(lines[1:])]]
+    file.write_text("\n".join(body) + "\n", encoding="utf-8")
+    return file
+
+
+def signals(n: int = 6000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    angle = SHAFT.angle(np.arange(n) / 10e3)
+    return torque_of(angle), 1e-5 * pressure_of(angle), 5.0 * (angle % TWO_PI < 0.3)
+
+
+def written(file: Path) -> tuple[str, tuple[str, ...]]:
+    new = new_recording(file.parent, look_into([file]), None)
+    (file.parent / "recording.toml").write_text(new.text, encoding="utf-8")
+    return new.text, new.unknown
+
+
+def test_which_of_two_torques_counts_has_to_be_said(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    file = log(tmp_path, Torque_motor__Nm=torque + 1.0, Torque_pump__Nm=torque, p__bar=pressure, Trigger__V=trigger)
+    text, unknown = written(file)
+    assert unknown.count("used") == 2
+    toml = tmp_path / "recording.toml"
+    known = re.sub(r"\[pump\].*?(?=\n\[)", "", text, count=1, flags=re.DOTALL).replace('pump_id = "?"', 'pump_id = "P"')
+    known = known.replace('_deg = "?"', "_deg = 1.0")
+    toml.write_text(re.sub(r"used = .*", "", known), encoding="utf-8")
+    with pytest.raises(
+        Refusal, match=r"2 channels measure torque \('Torque_motor', 'Torque_pump'\); write used = false"
+    ):
+        load_recording_config(tmp_path)
+    toml.write_text(
+        known.replace('used = "?"', "used = false", 1).replace('used = "?"', "used = true"), encoding="utf-8"
+    )
+    config = load_recording_config(tmp_path)
+    assert [c.channel for c in config.channels if c.quantity == "torque"] == ["Torque_pump"]
+    assert ["Torque_motor" in f.text for f in config.findings if f.code == "channel_left_out"] == [True]
+
+
+def test_channels_that_nothing_names_are_asked_for_with_their_sheets(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    text, unknown = written(log(tmp_path, A__V=0.05 * torque, B__V=0.01 * pressure, C__V=trigger))
+    assert unknown.count("quantity") == 2
+    assert unknown.count("sensitivity_V_per_unit") == 2
+    assert re.search(r'quantity = "trigger"[^\[]*channel = "C"', text)
+
+
+def test_values_above_any_amplifier_are_not_asked_for_a_sensitivity(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    _, unknown = written(log(tmp_path, M=torque, p=pressure, trig=trigger))
+    assert "sensitivity_V_per_unit" not in unknown
+    assert unknown.count("unit") == 2
+
+
+def test_a_single_column_may_be_named_by_its_file(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    files = []
+    for name, values in (("C1_torque", torque), ("C2_pressure", pressure), ("C3_trigger", trigger)):
+        files.append(log(tmp_path, Ampl=values).rename(tmp_path / f"{name}.csv"))
+    assert [item.quantity for item in look_into(files)] == ["torque", "pressure", "trigger"]
+
+
+def test_a_pressure_from_vacuum_says_so(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    file = log(tmp_path, **{"T__Nm": torque, "p__bar abs": pressure + 1.0, "trigger__V": trigger})
+    text, _ = written(file)
+    assert re.search(r'\[sensors.pressure\][^\[]*reference = "absolute"', text)
+    assert 'unit = "bar"' in text
+
+
+def test_pulses_of_a_faster_shaft_are_told_where_cycles_would_only_be_thrown_away() -> None:
+    fast = true_wheel(shaft=Shaft(rpm=1200.0), teeth=1, missing=0, duration=2.0, rate=20e3)
+    angle = 0.5 * fast.shaft.angle(fast.times)
+    recording = wheel_recording(fast)
+    slow = {"torque": torque_of(angle), "pressure": pressure_of(angle)}
+    channels = tuple(
+        replace(c, source=Samples(slow[c.quantity]), calibration=None) if c.quantity in slow else c
+        for c in recording.channels
+    )
+    try:
+        findings = align(replace(recording, channels=channels)).findings
+        texts = [finding.text for finding in findings if finding.code == "revolutions_alternate"]
+    except Refusal as refusal:
+        texts = [str(refusal)]
+    assert ["write revolutions_per_cycle = 2 under [trigger] (it is 1)" in text for text in texts] == [True]
+
+
+def test_an_angle_in_coarse_steps_has_no_clock_jumps() -> None:
+    shaft, rate = Shaft(rpm=1000.0, ripple=0.004), 20e3
+    angle = np.radians(np.round(np.degrees(shaft.angle(np.arange(round(1.2 * rate)) / rate)) % 360.0, 1))
+    recorded = Channel("angle", "DAQ", Samples(angle), 0.0, rate, None, Path("log.csv"), "angle")
+    counted = counter_train(recorded)
+    quantum = np.radians(0.1) / np.sqrt(12.0) / shaft.speed
+    assert counted.edges.noise == pytest.approx(quantum, rel=0.3)
+
+
+def test_a_counter_states_its_counts_a_revolution() -> None:
+    assert unit_factor("rev/1024", "angle", "") == pytest.approx(TWO_PI / 1024)
+    with pytest.raises(Refusal, match=r"unknown unit 'counts'.*rev/1024 for a counter"):
+        unit_factor("counts", "angle", "log.csv")
+    with pytest.raises(Refusal, match=r"'bar abs', write 'bar' and reference = \"absolute\""):
+        unit_factor("bar abs", "pressure", "log.csv")
+    with pytest.raises(Refusal, match="let the logger scale it"):
+        unit_factor("mV/V", "torque", "log.csv")
