@@ -13,7 +13,7 @@ import pytest
 from camtorque.fit import CampaignFit, Drift, HeldOut, JointRecording
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
 from camtorque.report.campaign_figures import overlay
-from camtorque.report.campaign_page import campaign_drawings, campaign_page
+from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page
 from camtorque.report.campaign_view import CampaignView, Column, campaign_view
 from camtorque.report.campaign_write import campaign_document
 from camtorque.report.document import result_document
@@ -184,3 +184,23 @@ def test_no_text_of_a_recording_ends_the_data() -> None:
     view = replace(many(3), names=(NASTY, "b", "c"))
     assert "<script" not in explorer_data(view)
     assert json.loads(explorer_data(view))["names"][0] == NASTY
+
+
+def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts() -> None:
+    def row(name: str, explained: bool) -> dict[str, Any]:
+        gap = {"rigid": {"forward_gap_percent": 8.2 if explained else 26.4}}
+        return {"name": name, "status": "ok", "explained": explained, "metrics": gap}
+
+    text = "coupling_resonance drifts"
+    doc = {
+        "recordings": [row("A", True), row("B", False)], "n_refused": 1,
+        "findings": [{"severity": "warning", "text": text}],
+        "shared_parameters": {"leakage": {"knowledge": "measured"}, "spring": {"knowledge": "narrowed"}},
+    }  # fmt: skip
+    parts = {part["head"]: part["text"] for part in campaign_answer(doc)}
+    assert "+8 to +26 % off the rigid model" in parts["The gap"]
+    assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
+    assert parts["What to do"].startswith("Not explained: B; open their reports first. 1 refused")
+    assert parts["What to do"].endswith("Coupling resonance drifts.")
+    quiet = {**doc, "recordings": [row("A", True)], "n_refused": 0, "findings": []}
+    assert "What to do" not in {part["head"] for part in campaign_answer(quiet)}

@@ -55,7 +55,7 @@ def test_the_volume_of_a_stroke_stands_beside_that_of_the_model(tmp_path: Path) 
     assert doc["measured"]["delivered_volume"]["measured_mm3"] == pytest.approx(70.0)
     assert doc["recording"]["fuel_temperature_c"] == pytest.approx(330.0 - 273.15)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "Delivered per stroke: 70 mm³ measured, 66.5 ± 4 mm³ by the model (+5.3 %)" in page
+    assert "Delivered per stroke: 70 mm³ measured, 66.5 ± 4.0 mm³ by the model (+5.3 %)" in page
 
 
 def test_a_channel_that_covers_no_cycle_is_not_compared() -> None:

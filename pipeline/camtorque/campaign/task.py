@@ -14,7 +14,7 @@ from camtorque.report.folder import Busy, CannotWrite, emptied, is_about
 from camtorque.run import RunOptions, analyse
 from camtorque.stopping import was_stopped
 
-SUMMARY_KEYS = ("metrics", "effects", "losses", "chamber", "forces")
+SUMMARY_KEYS = ("explained", "metrics", "effects", "losses", "chamber", "forces")
 
 
 @dataclass(frozen=True)

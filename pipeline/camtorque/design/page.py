@@ -135,13 +135,13 @@ def _targets(answer: Answer, before: Mapping[str, float]) -> list[tuple[str, flo
 
 def _most_missed(answer: Answer) -> str:
     """Return which limit the tolerances of the shop miss most often, in words, empty where they keep all."""
-    name, share = max(((n, row.missed or 0.0) for n, row in answer.spreads.items()), key=lambda row: row[1],
-                      default=("", 0.0))  # fmt: skip
-    if share < RARELY:
+    rows = [(name, row.missed) for name, row in answer.spreads.items() if (row.missed or 0.0) > RARELY]
+    if not rows:
         return ""
+    named = ", ".join(f"{plain_name(name)} ({100.0 * (share or 0.0):.0f} %)" for name, share in rows)
     return (
-        f"Made within the tolerances, {100.0 * share:.0f} % of the cams miss the limit of the {plain_name(name)} by "
-        "more than 0.1 % of it: set that limit tighter than needed, or ask for closer tolerances."
+        f"Made within the tolerances, many cams miss a limit by more than 0.1 % of it: {named}. Set these limits "
+        "tighter than needed, or ask for closer tolerances."
     )
 
 

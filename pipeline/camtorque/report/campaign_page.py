@@ -7,16 +7,19 @@ from typing import Any
 
 from markupsafe import Markup
 
+from camtorque.records import KNOWLEDGE
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
 from camtorque.report.campaign_view import MANY, CampaignView
 from camtorque.report.chart import Chart
 from camtorque.report.drawings import svg_of
-from camtorque.report.numbers import num, words
+from camtorque.report.numbers import named, num, plus, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
 
+MOST_NAMED, MOST_QUOTED = 5, 2
+"""Recordings and warnings that the answer names."""
 MOST_IN_SIGHT = 30
 """Recordings beyond which the table is folded."""
 
@@ -47,7 +50,8 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
         add("predictions", "How well a recording is predicted", "Left out: predicted with parameters fitted to the "
             "others.", "held_out", predictions(joint, speeds))  # fmt: skip
     for drift in joint.drifts if joint is not None else ():
-        add(f"drift_{drift.name}", words(drift.name), "", "shared", drift_chart(joint, drift), wide=False)  # type: ignore[arg-type]
+        section = "drifting" if drift.told else "shared"
+        add(f"drift_{drift.name}", words(drift.name), "", section, drift_chart(joint, drift), wide=False)  # type: ignore[arg-type]
     return found
 
 
@@ -66,6 +70,34 @@ def verdict_text(doc: Mapping[str, Any]) -> str:
     return text + (f" {serious} warning{'s' if serious > 1 else ''} below." if serious else "")
 
 
+def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return what the campaign tells, what is not the same in all recordings, and what to do."""
+    rows = [row for row in doc["recordings"] if row["status"] == "ok"]
+    known = doc["shared_parameters"] or {}
+    measured = sum(row["knowledge"] == KNOWLEDGE[0] for row in known.values())
+    parts = []
+    if rows:
+        gaps = [row["metrics"]["rigid"]["forward_gap_percent"] or 0.0 for row in rows]
+        least, most = plus(min(gaps), 0), plus(max(gaps), 0)
+        text = f"On the loaded forward stroke the measured torque is {least} to {most} % off the rigid model."
+        parts.append({"head": "The gap", "text": text})
+    if known:
+        text = f"Of {len(known)} shared parameters {measured} are measured; the rest are narrowed or as the sheet says."
+        parts.append({"head": "How sure", "text": text})
+    odd = [row["name"] for row in rows if not row.get("explained", True)]
+    advice = []
+    if odd:
+        first = ", ".join(odd[:MOST_NAMED]) + (" and others" if len(odd) > MOST_NAMED else "")
+        advice.append(f"Not explained: {first}; open their reports first.")
+    if doc["n_refused"]:
+        advice.append(f"{doc['n_refused']} refused: the reasons stand below; mend them and run the same command again.")
+    serious = [row["text"] for row in doc["findings"] if row["severity"] != "info"]
+    advice += [f"{text[:1].upper()}{text[1:]}." for text in map(named, serious[:MOST_QUOTED])]
+    if advice:
+        parts.append({"head": "What to do", "text": " ".join(advice)})
+    return parts
+
+
 def campaign_page(
     doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing] = ()
 ) -> str:
@@ -82,7 +114,8 @@ def campaign_page(
     thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
         "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
-        good=not doc["n_refused"] and not serious, drawings=drawings,
+        good=not doc["n_refused"] and not serious, drawings=drawings, answer=campaign_answer(doc),
+        shared=sorted((doc["shared_parameters"] or {}).items(), key=lambda item: KNOWLEDGE.index(item[1]["knowledge"])),
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
         drifts={row["name"]: row for row in doc["drifts"]},

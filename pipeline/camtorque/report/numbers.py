@@ -102,7 +102,7 @@ def near(value: float | None, stderr: float | None) -> str:
 
 def plus_minus(stderr: float | None) -> str:
     """Return a standard error with two digits; one that is zero or unknown says nothing."""
-    return UNKNOWN if stderr is None or not _known(stderr) or stderr <= 0.0 else num(stderr, 2)
+    return UNKNOWN if stderr is None or not _known(stderr) or stderr <= 0.0 else near(stderr, stderr)
 
 
 FILTERS = {
