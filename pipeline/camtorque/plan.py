@@ -58,13 +58,14 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
 
 
 @on_one_thread
-def plan_runs(fit: Path | str, target: str) -> dict[str, Any]:
+def plan_runs(fit: Path | str, target: str, tooth: bool = True) -> dict[str, Any]:
     """Return the next recordings that bring a number of a fit to a wanted standard uncertainty, as a document.
 
     Parameters
     ----------
     fit : campaign.json, result.json, or the folder that holds one
     target : such as ``chamber_peak 0.5 %``
+    tooth : whether a second tooth may be asked for
 
     Raises
     ------
@@ -82,7 +83,7 @@ def plan_runs(fit: Path | str, target: str) -> dict[str, Any]:
         for factor in SPEED_FACTORS:
             chain = chain_of(rig, middle * factor, curve)
             points.append(point_of(known, chain, item, item.id, _scatter(reports[item.id])))
-    steps = plan(known, goal.gradient, goal.wanted, points, DURATIONS)
+    steps = plan(known, goal.gradient, goal.wanted, points, DURATIONS, (False, True) if tooth else (False,))
     return _document(known, goal, steps)
 
 

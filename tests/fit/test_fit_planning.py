@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.commands.plan import plan_table
 from camtorque.fit.forecast import FittedAt, KnownFit
-from camtorque.fit.planning import Offer, Point, information, plan
+from camtorque.fit.planning import MOST_RUNS, Offer, Point, information, plan
 from camtorque.laws.chain import BINS
 from camtorque.plan import wanted_number
 from camtorque.records import Refusal
@@ -45,13 +45,25 @@ def test_the_speed_that_tells_of_the_number_is_chosen_and_no_run_more_than_neede
 def test_a_tooth_is_bought_where_the_torque_tells_nothing() -> None:
     steps = plan(KNOWN, LEAKAGE, 0.5, [point(100.0, 0.0, tooth=0.01)], (20.0,))
     assert [step.offer.tooth for step in steps] == [True]
+    assert plan(KNOWN, LEAKAGE, 0.5, [point(100.0, 0.0, tooth=0.01)], (20.0,), teeth=(False,)) == ()
 
 
 def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
     assert plan(KNOWN, np.array([0.0, 1.0]), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
     doc = {"target": "bearing_arm", "unit": "um", "value": 1.0, "stderr_now": 1.0, "stderr_wanted": 0.5, "runs": [],
            "reached": False, "minutes": 0.0}  # fmt: skip
-    assert "NOT reached" in plan_table(doc)
+    assert "NOT reached: no further run on offer narrows it" in plan_table(doc)
+    run = {
+        "speed_rpm": 473.0,
+        "load_of": "a",
+        "duration_s": 20.0,
+        "second_tooth": False,
+        "minutes": 10.3,
+        "stderr_after": 0.9,
+    }
+    table = plan_table({**doc, "runs": MOST_RUNS * [run], "minutes": 62.0, "unit": "mm^3/s/bar"})
+    assert "NOT reached by 6 runs (62 min)" in table
+    assert "1. 473 rpm, load of a, 20 s: then ± 0.90 mm³/s/bar (10 min)" in table
 
 
 @pytest.mark.parametrize(("text", "found"), [

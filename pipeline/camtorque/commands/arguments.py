@@ -226,6 +226,7 @@ def plan(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fit", type=Path, metavar="RESULT", help=text)
     text = "number and wanted standard uncertainty, such as 'chamber_peak 0.5 %%' or 'leakage 0.05'"
     parser.add_argument("--target", required=True, metavar="TEXT", help=text)
+    parser.add_argument("--no-tooth", action="store_true", help="a second tooth cannot be fitted")
 
 
 def study(parser: argparse.ArgumentParser) -> None:

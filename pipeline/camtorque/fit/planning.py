@@ -121,18 +121,20 @@ def information(point: Point, offer: Offer, runs: int) -> Array:
 
 
 def plan(
-    known: KnownFit, target: Array, wanted: float, points: Sequence[Point], durations: Sequence[float]
-) -> tuple[Step, ...]:
+    known: KnownFit, target: Array, wanted: float, points: Sequence[Point], durations: Sequence[float],
+    teeth: Sequence[bool] = (False, True),
+) -> tuple[Step, ...]:  # fmt: skip
     """Return the runs that bring the standard uncertainty of ``target @ values`` to ``wanted`` [SI], cheapest first.
 
     Parameters
     ----------
     target : (k,) gradient of the wanted number by the fit's parameters
     durations : that may be chosen [s]
+    teeth : whether runs without and with a second tooth may be chosen
     """
     total = inverse(known.covariance)
     std, steps = float(np.sqrt(target @ known.covariance @ target)), list[Step]()
-    offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in (False, True)]
+    offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
     while std > wanted and len(steps) < MOST_RUNS:
         runs = len(known.recordings) + len(steps) + 1
         tried = []
