@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,6 +29,15 @@ FLOWS = ["rehearsal", "run", "campaign", "compare", "predict_from", "plan", "stu
 FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_way", "commands", "cli", "__init__"]
 ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf", "apread", "tkinter"}
+ONLY_SHOWN = {
+    "solve_cycles": "a row of docs/mechanism_speed.md",
+    "markdown_rows": "writes the tables of docs/recording_toml.md",
+    "CERTIFICATE_COLUMNS": "writes the table of certificates there",
+    "BASES": "writes the legend of docs/thresholds.md",
+    "reducer_override": "called by pickle",
+    "leastsq": "called by lmfit",
+}
+"""Used by nothing else in the package, and why it is there."""
 LAZY = {"dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
 """Heavy optional packages that may be imported inside a function."""
 
@@ -185,3 +195,29 @@ def test_everything_in_the_package_is_reachable() -> None:
         todo += modules_used(parsed(names[name]), set(names))
         todo += [above for above in names if name.startswith(f"{above}.")]  # importing a module runs those above it
     assert not sorted(set(names) - seen), "neither a command nor the public face reaches these"
+
+
+def names_defined(tree: ast.Module) -> Iterator[str]:
+    """Yield the functions, methods and classes of a file, and its constants."""
+    yield from (n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef))
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        yield from (target.id for target in targets if isinstance(target, ast.Name))
+
+
+def names_used(tree: ast.Module) -> Iterator[str]:
+    """Yield what a file calls, reads or hands on; importing is not using."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+
+
+def test_everything_that_has_a_name_is_used() -> None:
+    trees = [parsed(path) for path in FILES]
+    pages = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.html"))
+    used = {name for tree in trees for name in names_used(tree)} | set(re.findall(r"\w+", pages))
+    face = {*camtorque.__all__, *dir(camtorque.Recording), "_repr_html_"}
+    unused = {name for tree in trees for name in names_defined(tree)} - used - face
+    assert {name for name in unused if not name.endswith("__")} == set(ONLY_SHOWN)

@@ -1,10 +1,9 @@
-"""Conversions at the border. Inside, everything is SI and radians; the nomenclature is in `NOMENCLATURE`."""
+"""Conversions at the border. Inside, everything is SI and radians; signs and zeros: docs/rig.md."""
 
 from __future__ import annotations
 
 import difflib
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -171,41 +170,6 @@ COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
 """rev/1024: a counter of so many counts a revolution."""
 HINTS: dict[str, str] = {"mV/V": "; that is a bridge's raw signal: let the logger scale it"}
 """Unit that is none here -> what to do."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """One line of the nomenclature."""
-
-    name: str
-    symbol: str
-    unit: str
-    zero: str
-    positive: str
-
-
-NOMENCLATURE: tuple[Quantity, ...] = (
-    Quantity("theta", "theta_1", "rad", "zero of the lift table (start of lift)", "direction of running"),
-    Quantity("trigger angle", "theta_t", "rad", "as theta", "cam angle at which the tooth passes, delay taken off"),
-    Quantity("torque", "tau", "N m", "no torque in the drive shaft", "the motor drives the pump"),
-    Quantity("pressure", "p", "Pa", "atmosphere (gauge)", "above atmosphere"),
-    Quantity("chamber pressure", "p_c", "Pa", "atmosphere (gauge)", "above atmosphere"),
-    Quantity("lift", "y", "m", "base circle", "away from the cam axis"),
-    Quantity("follower velocity", "y'", "m/rad", "at rest", "away from the cam axis"),
-    Quantity("follower acceleration", "y''", "m/rad^2", "uniform motion", "away from the cam axis"),
-    Quantity("follower offset", "e", "m", "guide through the cam axis", "towards +X1, relieves the rise"),
-    Quantity("pressure angle", "phi", "rad", "normal along the guide", "tan(phi) = (y' - e)/s"),
-    Quantity("cam speed", "omega", "rad/s", "standstill", "direction of running"),
-    Quantity("contact force", "F_n", "N", "no contact", "compression"),
-    Quantity("guide force", "F_g", "N", "no side force", "on the follower, towards +X1"),
-    Quantity("Hertz stress", "p_0", "Pa", "no contact", "compression"),
-    Quantity("twist", "phi_s", "rad", "no torque in the shaft", "the cam lags the drive"),
-    Quantity("time", "t", "s", "the logger's own", "t_logger = offset + (1 + skew) t"),
-    Quantity("delay", "t_d", "s", "no delay", "the channel shows an event late"),
-    Quantity("trigger voltage", "U", "V", "open input", "towards the pulse"),
-    Quantity("residual", "r", "N m", "model meets measurement", "measured - model"),
-)
-"""Every quantity once: name, symbol of the paper, unit inside, where its zero is, which way is positive."""
 
 
 def tidy_unit(unit: str) -> str:

@@ -2,7 +2,7 @@
 
 import pytest
 from camtorque.records import Refusal
-from camtorque.units import BORDER_UNITS, NOMENCLATURE, SPELLINGS, is_known_unit, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, SPELLINGS, is_known_unit, tidy_unit, unit_factor
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,10 +49,3 @@ def test_no_text_breaks_the_table(text: str):
     if not is_known_unit(text):
         with pytest.raises(Refusal):
             unit_factor(text, "pressure", "here")
-
-
-def test_each_quantity_stands_once():
-    names = [quantity.name for quantity in NOMENCLATURE]
-    symbols = [quantity.symbol for quantity in NOMENCLATURE]
-    assert len(set(names)) == len(names)
-    assert len(set(symbols)) == len(symbols)

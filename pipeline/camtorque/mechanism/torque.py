@@ -46,7 +46,6 @@ OUTPUTS = (
 )
 """What the closed form gives, in this order; signs in `ClosedForm`."""
 CAUSES = ("pressure", "spring", "inertia_follower", "inertia_cam", "inertia_roller", "gravity")
-FRICTION_CAUSES = ("guide_friction", "bearing_friction", "pin_friction")
 
 
 class Constants(NamedTuple):
@@ -224,7 +223,7 @@ class ClosedForm:
 
     @property
     def causes(self) -> dict[str, Array]:
-        """Name of `CAUSES`, with friction `FRICTION_CAUSES` too -> (4, n_theta); they sum to the torque's table."""
+        """Name of `CAUSES`, and of the frictions that there are -> (4, n_theta); they sum to the torque's table."""
         return _causes(self.constants, self.kinematics, self.outputs["contact_y"], self.friction)
 
     def evaluate(self, name: str, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> Array:
