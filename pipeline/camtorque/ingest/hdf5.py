@@ -5,6 +5,7 @@ The rate stands in an attribute of the data set, its group or the file, or the t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,18 +17,26 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import with_times
 from camtorque.ingest.hdf5_heaps import check_heaps
+from camtorque.ingest.header import time_unit
 from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.timebase import agreed_rate, time_base
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, unit_factor
 
-RATE_NAMES = ("sample_rate_hz", "sampling_rate_hz", "sample_rate", "sampling_rate", "rate_hz", "fs_hz", "fs")
-STEP_NAMES = ("wf_increment", "time_step_s", "dt_s", "dt")
-START_NAMES = ("t0_s", "start_time_s", "wf_start_offset", "t0")
-UNIT_NAMES = ("unit", "units", "unit_string")
+RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency",
+              "samplingfreq", "ratehz", "fshz", "fs")  # fmt: skip
+STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "sampleinterval", "samplinginterval")
+START_NAMES = ("t0s", "starttimes", "wfstartoffset", "t0")
+UNIT_NAMES = ("unit", "units", "unitstring")
+SCALE_NAMES = ("scale", "slope", "factor", "scaling", "multiplier")
+"""Attributes in small letters without blanks and underscores; scales that follow no convention are never applied."""
 MOST_LISTED = 1000
-STAMP_NAMES = ("start_time", "wf_start_time", "date_time")
+MATLAB_OBJECT = (
+    "{} is a MATLAB object (a table, timetable or timeseries), which only MATLAB reads: save its columns as variables, "
+    "s = table2struct(timetable2table(TT), ToScalar=true); save('run.mat', '-struct', 's')"
+)
+STAMP_NAMES = ("starttime", "wfstarttime", "datetime", "start")
 
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
@@ -52,39 +61,59 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
         file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
         for name in names[:MOST_LISTED]:
             data = file[name]
+            if (
+                name.startswith("#")
+                or "MATLAB_object_decode" in data.attrs
+                or sum(size != 1 for size in data.shape) != 1
+            ):
+                continue  # MATLAB keeps objects below names that begin so
             group, _, last = name.rpartition("/")
-            if data.dtype.kind not in "fiu" or sum(size != 1 for size in data.shape) != 1:
-                continue
             attributes = _attributes(data)
             rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
             known = float(rate) if rate is not None else 1.0 / float(step) if step else None
             unit = str(_first(attributes, UNIT_NAMES) or "")
-            source = _source(path, data)
-            found.append(FileChannel(group, last, unit, source.n_samples, known, "", source))
+            for field in data.dtype.names or ("",):
+                kind = data.dtype[field] if field else data.dtype
+                if kind.kind in "fiu":
+                    source, place = _source(path, data, field), (name, field) if field else (group, last)
+                    found.append(FileChannel(*place, "" if field else unit, source.n_samples, known, "", source))
+        if not found:
+            raise Refusal(f"{path}: holds no data set of one number per sample; {_kinds(file, names)}")
     return with_times(found)
 
 
+def _kinds(file: h5py.File, names: list[str]) -> str:
+    """Say what data sets there are and how to store them."""
+    objects = [name for name, item in file.items() if "MATLAB_object_decode" in item.attrs]
+    if objects:
+        return MATLAB_OBJECT.format(", ".join(objects[:5]))
+    shown = ", ".join(f"{name} {file[name].shape}" for name in names[:5]) or "it is empty"
+    return f"{shown}; store each channel as a data set of its own, or as a field of a compound one"
+
+
 def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
-    data = _find(file, path, spec.group, spec.channel)
+    data, field = _find(file, path, spec.group, spec.channel)
     where = f"{path.name} {spec.group}/{spec.channel}"
-    source = _source(path, data)
+    source = _source(path, data, field)
     if source.n_samples == 0:
         raise Refusal(f"{path}: data set {data.name} holds no samples")
     attributes = _attributes(data)
-    unit = str(_first(attributes, UNIT_NAMES) or "")
+    unit = "" if field else str(_first(attributes, UNIT_NAMES) or "")
+    notes = [] if field else _scale_findings(path, data)
     stamp = _epoch(_first(attributes, STAMP_NAMES))
     if spec.time_channel:
-        times = _find(file, path, spec.group, spec.time_channel)
-        time_source = _source(path, times)
+        times, time_field = _find(file, path, spec.group, spec.time_channel)
+        time_source = _source(path, times, time_field)
         _same_length(path, times, time_source.n_samples, source.n_samples)
-        factor = unit_factor(str(_first(dict(times.attrs), UNIT_NAMES) or "s"), "time", f"{path.name} {times.name}")
+        stated = "" if time_field else str(_first(dict(times.attrs), UNIT_NAMES) or "")
+        factor = unit_factor(time_unit(spec.time_channel, stated) or "s", "time", f"{path.name} {times.name}")
         base = time_base(time_source, spec.sample_rate, where, to_seconds=factor)
         raw = RawChannel(spec.channel, unit, source, base.start, base.rate, stamp, base.breaks, base.break_steps)
-        return raw, list(base.findings)
+        return raw, [*notes, *base.findings]
     rate, findings = _declared_rate(attributes, spec, where)
     start = _first(attributes, START_NAMES)
     start = float(start) if start is not None else float(spec.start_time or 0.0)
-    return RawChannel(spec.channel, unit, source, start, rate, stamp), findings
+    return RawChannel(spec.channel, unit, source, start, rate, stamp), [*notes, *findings]
 
 
 def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str) -> tuple[float, list[Finding]]:
@@ -98,30 +127,37 @@ def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str)
     return agreed, list(findings)
 
 
-def _find(file: h5py.File, path: Path, group: str, name: str) -> h5py.Dataset:
+def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Dataset, str]:
+    """Return a data set, and the field of it where ``group`` names a compound one ("" for any other)."""
     key = f"{group}/{name}".strip("/")
-    item = file.get(key)
+    table = file.get(group) if group else None
+    if isinstance(table, h5py.Dataset) and name in (table.dtype.names or ()):
+        return table, name
+    item = file.get(key) if not isinstance(table, h5py.Dataset) else None
     if isinstance(item, h5py.Dataset):
-        return item
+        return item, ""
     names: list[str] = []
     file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
     shown = ", ".join(names[:12]) or "none"
     raise Refusal(f"{path}: no data set {key!r}{did_you_mean(key, tuple(names))}; there are {shown}")
 
 
-def _source(path: Path, data: h5py.Dataset) -> CallSource:
-    if data.dtype.kind not in "fiu":
+def _source(path: Path, data: h5py.Dataset, field: str = "") -> CallSource:
+    if (data.dtype[field] if field else data.dtype).kind not in "fiu":
         raise Refusal(f"{path}: data set {data.name} holds {data.dtype}, expected numbers")
     _refuse_unstored(path, data)
     long = [axis for axis, size in enumerate(data.shape) if size != 1]
     if len(long) > 1 or not data.shape:
         raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples")
+    factor, offset = _scale(data)
+    plain = (factor, offset) == (1.0, 0.0)
     key, axis, shape = data.name, (long[0] if long else 0), data.shape
 
     def call(start: int, stop: int) -> np.ndarray:
         place = tuple(slice(start, stop) if number == axis else 0 for number in range(len(shape)))
         with h5py.File(path, "r") as file:
-            return file[key][place]
+            samples = file[key][place]
+            return samples[field] if field else samples if plain else samples * factor + offset
 
     return CallSource(int(shape[axis]), call, path, "HDF5")
 
@@ -168,8 +204,9 @@ def _same_length(path: Path, times: h5py.Dataset, n_times: int, n_samples: int) 
 
 
 def _attributes(data: h5py.Dataset) -> dict[str, Any]:
-    """Return attributes of file, groups and data set, the nearest last."""
+    """Return attributes of file, groups and data set, the nearest last; a rate may be a data set of one number."""
     found: dict[str, Any] = dict(data.file.attrs)
+    found |= {name: item[()] for name, item in data.parent.items() if _plain(name) in RATE_NAMES and item.size == 1}
     parent, chain = data.parent, []
     while parent.name != "/":
         chain.append(dict(parent.attrs))
@@ -180,11 +217,46 @@ def _attributes(data: h5py.Dataset) -> dict[str, Any]:
 
 
 def _first(attributes: Mapping[str, Any], names: tuple[str, ...]) -> Any:
-    for name in names:
-        if name in attributes:
-            value = attributes[name]
-            return value.decode() if isinstance(value, bytes) else value
-    return None
+    plain = {_plain(name): value for name, value in attributes.items()}
+    value = next((plain[name] for name in names if name in plain), None)
+    value = value.ravel()[0] if isinstance(value, np.ndarray) and value.size == 1 else value
+    return value.decode() if isinstance(value, bytes) else value
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[ _-]", "", name).lower()
+
+
+def _scale_findings(path: Path, data: h5py.Dataset) -> list[Finding]:
+    """Tell attributes that look like a scale and follow no convention: nobody says whether they are applied already.
+
+    Raises
+    ------
+    Refusal : beside whole numbers, which are hardly scaled
+    """
+    numbers = {
+        name: float(value)
+        for name, value in data.attrs.items()
+        if _plain(name) in SCALE_NAMES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu"
+    }
+    told = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))
+    if not told:
+        return []
+    text = (
+        f"data set {data.name} holds {data.dtype} and the attribute {told}, which is not applied: write the values "
+        "scaled, or name it scale_factor (and add_offset)"
+    )
+    if data.dtype.kind in "iu":
+        raise Refusal(f"{path}: {text}")
+    return [Finding("scale_not_applied", "warning", text, path.name)]
+
+
+def _scale(data: h5py.Dataset) -> tuple[float, float]:
+    """Return factor and offset by the attributes of the CF conventions (netCDF), 1 and 0 where there are none."""
+    values = [
+        np.asarray(data.attrs.get(name, usual)).ravel() for name, usual in (("scale_factor", 1), ("add_offset", 0))
+    ]
+    return float(values[0][0]), float(values[1][0])
 
 
 def _epoch(text: Any) -> float | None:

@@ -1,27 +1,31 @@
 """MATLAB files: v5 to v7.2 with scipy, v7.3 (which is HDF5) with h5py.
 
-``channel`` is a variable, or a field of the struct that ``group`` names; ``time_channel`` likewise. Without times the
-declared rate holds.
+``channel`` is a variable, or a field of the struct that ``group`` names (``rec.Torque`` for one within another);
+``time_channel`` likewise. Without times a rate beside the channel (``fs``, ``SampleRate``) or the declared one holds.
 """
 
 from __future__ import annotations
 
+import re
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.io import loadmat, whosmat
+from scipy.io.matlab import MatlabOpaque
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
 from camtorque.ingest.columns import with_times
 from camtorque.ingest.formats import first_bytes, is_hdf5
+from camtorque.ingest.header import time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
-from camtorque.ingest.timebase import time_base
+from camtorque.ingest.timebase import agreed_rate, time_base
 from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Finding, Refusal
-from camtorque.units import did_you_mean
+from camtorque.units import did_you_mean, unit_factor
 
 HEAD = 128
 COMPRESSED, MATRIX = 15, 14
@@ -32,13 +36,14 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     if is_hdf5(first_bytes(path)):
         return hdf5.read(path, specs, hint)
     check_mat(path)
-    names = {spec.group or spec.channel for spec in specs}
-    names |= {spec.group or spec.time_channel for spec in specs if spec.time_channel}
+    names = {(spec.group or spec.channel).partition(".")[0] for spec in specs}
+    names |= {(spec.group or spec.time_channel).partition(".")[0] for spec in specs if spec.time_channel}
     with refusing(path, "MATLAB v5"):
         variables = loadmat(str(path), variable_names=sorted(names), squeeze_me=False, struct_as_record=True)
+    members = _members(variables)
     channels, findings = [], []
     for spec in specs:
-        channel, more = _channel(path, variables, spec)
+        channel, more = _channel(path, members, spec)
         channels.append(channel)
         findings += more
     return RawFile(tuple(channels), tuple(findings))
@@ -51,18 +56,62 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     check_mat(path)
     with refusing(path, "MATLAB v5"):
         variables = loadmat(str(path), squeeze_me=False, struct_as_record=True)
+    members = _members(variables)
     found: list[FileChannel] = []
-    for name, value in variables.items():
-        fields = getattr(getattr(value, "dtype", None), "names", None) or ()
-        if name.startswith("__"):
-            continue
-        members = [(name, field, value[field].ravel()[0]) for field in fields if value.size] or [("", name, value)]
-        for group, member, array in members:
-            samples = np.asarray(array)
-            if samples.dtype.kind in "fiu" and 1 < samples.size == max(samples.shape):
-                source = ArraySource(samples.ravel())
-                found.append(FileChannel(group, member, "", source.n_samples, None, "", source))
+    for (group, member), value in members.items():
+        samples = np.asarray(value)
+        if samples.dtype.kind in "fiu" and 1 < samples.size == max(samples.shape):
+            source, beside = ArraySource(samples.ravel()), _beside(members, group)
+            rate, unit = beside.get("rate"), str(beside.get("unit", ""))
+            found.append(FileChannel(group, member, unit, source.n_samples, rate, "", source))
+    if not found:
+        raise Refusal(f"{path}: holds no variable of one number per sample; {_kinds(variables)}")
     return with_times(found)
+
+
+def _members(variables: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
+    """Return (struct, name) -> value of variables and fields of structs, however deep: ("rec.Torque", "Data")."""
+    found: dict[tuple[str, str], Any] = {}
+
+    def add(group: str, name: str, value: Any) -> None:
+        fields = getattr(getattr(value, "dtype", None), "names", None) or ()
+        if not fields or isinstance(value, MatlabOpaque):
+            found[group, name] = value
+            return
+        inner = f"{group}.{name}".strip(".")
+        for number, item in enumerate(value.ravel(), start=1):
+            place = inner if value.size == 1 else f"{inner}({number})"
+            for field in fields:
+                add(place, field, item[field])
+
+    for name, value in variables.items():
+        if not name.startswith("__"):
+            add("", name, value)
+    return found
+
+
+def _beside(members: Mapping[tuple[str, str], Any], group: str) -> dict[str, Any]:
+    """Return rate and unit that stand beside a channel in its struct (or, the rate, beside all variables)."""
+    told: dict[str, Any] = {}
+    for place in dict.fromkeys(("", group)):
+        for (other, name), value in members.items():
+            array, plain = np.asarray(value), re.sub(r"[ _]", "", name).lower()
+            if other != place or array.size != 1:
+                continue
+            if plain in hdf5.RATE_NAMES and array.dtype.kind in "fiu" and float(array.ravel()[0]) > 0.0:
+                told["rate"] = float(array.ravel()[0])
+            if plain in hdf5.UNIT_NAMES and place and array.dtype.kind == "U":
+                told["unit"] = str(array.ravel()[0])
+    return told
+
+
+def _kinds(variables: Mapping[str, Any]) -> str:
+    """Say what the variables are and how to store them."""
+    own = {name: value for name, value in variables.items() if not name.startswith("__")}
+    if any(isinstance(value, MatlabOpaque) for value in variables.values()):
+        return hdf5.MATLAB_OBJECT.format(", ".join(name for name in own) or "a variable")
+    shown = ", ".join(f"{name} {np.asarray(value).shape}" for name, value in list(own.items())[:5]) or "it is empty"
+    return f"{shown}; store each channel as a variable of its own, such as torque = Data(:,2)"
 
 
 def check_mat(path: Path) -> None:
@@ -90,33 +139,33 @@ def check_mat(path: Path) -> None:
             position += 8 + length
 
 
-def _channel(path: Path, variables: dict[str, Any], spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
+def _channel(path: Path, members: Mapping[tuple[str, str], Any], spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
     where = f"{path.name} {spec.group}.{spec.channel}".replace(" .", " ")
-    samples = _numbers(path, variables, spec.group, spec.channel)
-    source = ArraySource(samples)
+    samples = _numbers(path, members, spec.group, spec.channel)
+    source, beside = ArraySource(samples), _beside(members, spec.group)
+    unit = str(beside.get("unit", ""))
     if not spec.time_channel:
         start = spec.start_time if spec.start_time is not None else 0.0
-        return RawChannel(spec.channel, "", source, start, spec.sample_rate), []
-    times = _numbers(path, variables, spec.group, spec.time_channel)
+        rate, findings = agreed_rate(
+            beside.get("rate", spec.sample_rate), spec.sample_rate, where, 1e-9, "the file says"
+        )
+        return RawChannel(spec.channel, unit, source, start, rate), list(findings)
+    times = _numbers(path, members, spec.group, spec.time_channel)
     if times.size != samples.size:
         raise Refusal(f"{where}: {times.size} times for {samples.size} samples; save both from one recording")
-    base = time_base(ArraySource(times), spec.sample_rate, where)
-    raw = RawChannel(spec.channel, "", source, base.start, base.rate, None, base.breaks, base.break_steps)
+    factor = unit_factor(time_unit(spec.time_channel) or "s", "time", where)
+    base = time_base(ArraySource(times), spec.sample_rate, where, to_seconds=factor)
+    raw = RawChannel(spec.channel, unit, source, base.start, base.rate, None, base.breaks, base.break_steps)
     return raw, list(base.findings)
 
 
-def _numbers(path: Path, variables: dict[str, Any], group: str, name: str) -> np.ndarray:
-    own = {key: value for key, value in variables.items() if not key.startswith("__")}
-    value = own.get(group or name)
-    if group and value is not None:
-        fields = value.dtype.names or ()
-        if name not in fields:
-            hint = did_you_mean(name, fields)
-            raise Refusal(
-                f"{path}: struct {group!r} has no field {name!r}{hint}; there are {', '.join(fields) or 'none'}"
-            )
-        value = value[name].ravel()[0] if value.size else None
+def _numbers(path: Path, members: Mapping[tuple[str, str], Any], group: str, name: str) -> np.ndarray:
+    value = members.get((group, name))
     if value is None:
+        fields = [field for place, field in members if place == group and group]
+        if fields:
+            hint = did_you_mean(name, fields)
+            raise Refusal(f"{path}: struct {group!r} has no field {name!r}{hint}; there are {', '.join(fields)}")
         names = _variable_names(path)
         hint = did_you_mean(group or name, names)
         raise Refusal(f"{path}: no variable {group or name!r}{hint}; there are {', '.join(names) or 'none'}")

@@ -1,0 +1,129 @@
+"""HDF5, MATLAB and Parquet files as other labs write them: nested, compound, scaled, with objects that nobody reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from camtorque.config import ChannelSpec
+from camtorque.ingest import hdf5, mat, parquet
+from camtorque.ingest.raw import RawFile
+from camtorque.records import Refusal
+from scipy.io import savemat
+
+RATE = 20e3
+TIME = np.arange(400) / RATE
+TORQUE = 60.0 * np.sin(0.05 * np.arange(400))
+
+
+def spec(file: Path, group: str, channel: str, time: str = "", rate: float = RATE) -> ChannelSpec:
+    return ChannelSpec("torque", file, group, channel, "N m", "L", rate, "", time)
+
+
+def assert_torque(raw: RawFile, atol: float = 0.0) -> None:
+    np.testing.assert_allclose(raw.channels[0].source.read(0, 1000), TORQUE, atol=atol)
+    assert raw.channels[0].sample_rate == pytest.approx(RATE)
+
+
+def test_structs_in_structs_with_their_rate_and_unit(tmp_path: Path):
+    file = tmp_path / "run.mat"
+    signals = [{"values": TORQUE, "label": "M"}, {"values": 2.0 * TORQUE, "label": "p"}]
+    savemat(file, {"rec": {"Torque": {"Data": TORQUE, "Units": "Nm", "SampleRate": RATE}}, "s": {"signals": signals}})
+    listed = {(c.group, c.name): c for c in mat.channels(file)}
+    assert (listed["rec.Torque", "Data"].unit, listed["rec.Torque", "Data"].sample_rate) == ("Nm", RATE)
+    raw = mat.read(file, (spec(file, "rec.Torque", "Data"),), "")
+    assert_torque(raw)
+    assert raw.channels[0].unit == "Nm"
+    with pytest.raises(Refusal, match=r"the file says 20000 Hz, recording.toml says 10000 Hz"):
+        mat.read(file, (spec(file, "rec.Torque", "Data", rate=1e4),), "")
+    with pytest.raises(Refusal, match=r"struct 'rec.Torque' has no field 'data', did you mean 'Data'"):
+        mat.read(file, (spec(file, "rec.Torque", "data"),), "")
+
+
+def test_a_rate_beside_the_variables_and_times_in_milliseconds(tmp_path: Path):
+    file = tmp_path / "run.mat"
+    savemat(file, {"fs": RATE, "torque": TORQUE})
+    assert [(c.name, c.sample_rate) for c in mat.channels(file)] == [("torque", RATE)]
+    savemat(file, {"t_ms": 1e3 * TIME, "torque": TORQUE})
+    assert [(c.name, c.sample_rate) for c in mat.channels(file)] == [("torque", pytest.approx(RATE))]
+    assert_torque(mat.read(file, (spec(file, "", "torque", "t_ms"),), ""))
+
+
+def test_a_matrix_is_refused_with_what_to_do(tmp_path: Path):
+    file = tmp_path / "run.mat"
+    savemat(file, {"Data": np.column_stack([TIME, TORQUE])})
+    with pytest.raises(Refusal, match=r"Data \(400, 2\); store each channel as a variable of its own"):
+        mat.channels(file)
+
+
+def matlab_73(file: Path) -> None:
+    with h5py.File(file, "w") as store:
+        data = store.create_dataset("TT", data=np.arange(6, dtype="u4").reshape(1, 6))
+        data.attrs["MATLAB_object_decode"] = np.int32(3)
+        store.create_group("#refs#").create_dataset("b", data=TORQUE)
+
+
+def test_a_timetable_is_refused_with_what_to_do(tmp_path: Path):
+    matlab_73(tmp_path / "run.mat")
+    with pytest.raises(Refusal, match=r"TT is a MATLAB object .* s = table2struct\(timetable2table\(TT\)"):
+        mat.channels(tmp_path / "run.mat")
+
+
+def test_attributes_are_found_however_they_are_spelled(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        group = store.create_group("M1")
+        group.attrs["Sampling Frequency"] = RATE
+        group.create_dataset("Torque", data=TORQUE).attrs["Units"] = "Nm"
+    assert [(c.name, c.unit, c.sample_rate) for c in hdf5.channels(file)] == [("Torque", "Nm", RATE)]
+
+
+def test_a_compound_data_set_is_a_table(tmp_path: Path):
+    file, rows = tmp_path / "run.h5", np.zeros(400, dtype=[("time_ms", "f8"), ("torque_Nm", "f8"), ("note", "S3")])
+    rows["time_ms"], rows["torque_Nm"] = 1e3 * TIME, TORQUE
+    with h5py.File(file, "w") as store:
+        store.create_dataset("log", data=rows)
+    assert [(c.group, c.name, c.sample_rate) for c in hdf5.channels(file)] == [
+        ("log", "torque_Nm", pytest.approx(RATE))
+    ]
+    assert_torque(hdf5.read(file, (spec(file, "log", "torque_Nm", "time_ms"),), ""))
+
+
+def test_a_matrix_of_hdf5_is_refused_with_what_to_do(tmp_path: Path):
+    with h5py.File(tmp_path / "run.h5", "w") as store:
+        store.create_dataset("data", data=np.column_stack([TIME, TORQUE]))
+    with pytest.raises(Refusal, match=r"data \(400, 2\); store each channel as a data set of its own"):
+        hdf5.channels(tmp_path / "run.h5")
+
+
+def test_a_scale_by_convention_is_applied_another_refused(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        for name in ("cf", "own"):
+            store.create_dataset(name, data=np.round((TORQUE - 3.0) / 0.01).astype("i2"))
+        store["cf"].attrs.update({"scale_factor": 0.01, "add_offset": 3.0})
+        store["own"].attrs["scale"] = 0.01
+        store.create_dataset("float", data=TORQUE).attrs["scale"] = 0.01
+    assert_torque(hdf5.read(file, (spec(file, "", "cf"),), ""), atol=0.0051)
+    with pytest.raises(Refusal, match=r"holds int16 and the attribute scale = 0.01, which is not applied"):
+        hdf5.read(file, (spec(file, "", "own"),), "")
+    assert [f.code for f in hdf5.read(file, (spec(file, "", "float"),), "").findings] == ["scale_not_applied"]
+
+
+def test_a_pandas_index_of_durations_is_the_time(tmp_path: Path):
+    pyarrow = pytest.importorskip("pyarrow")
+    steps = pyarrow.array(np.round(1e9 * TIME).astype("timedelta64[ns]"))
+    file = tmp_path / "run.parquet"
+    pytest.importorskip("pyarrow.parquet").write_table(
+        pyarrow.table([pyarrow.array(TORQUE), steps], ["M", "span"]), file
+    )
+    with pytest.raises(Refusal, match="no column 'torque'"):
+        parquet.read(file, (spec(file, "", "torque"),), "")
+    file.unlink()
+    pytest.importorskip("pyarrow.parquet").write_table(
+        pyarrow.table([steps, pyarrow.array(TORQUE)], ["span", "M"]), file
+    )
+    assert [(c.name, c.sample_rate) for c in parquet.channels(file)] == [("M", pytest.approx(RATE))]
+    assert_torque(parquet.read(file, (spec(file, "", "M"),), ""))
