@@ -23,7 +23,7 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report import ComparedCurves, ComparePage, output_folder, write_compare
 from camtorque.report.document import inputs_document
 from camtorque.results import NAME, read_result
-from camtorque.run import Progress, RunOptions, now, silent
+from camtorque.run import Progress, now, silent
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__
@@ -152,7 +152,7 @@ def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
             )
 
 
-def aligned(path: Path, options: RunOptions, progress: Progress) -> Prepared:
+def aligned(path: Path, progress: Progress) -> Prepared:
     """Return one recording with its mean cycles, its minima not yet found.
 
     Raises
@@ -161,7 +161,7 @@ def aligned(path: Path, options: RunOptions, progress: Progress) -> Prepared:
     """
     progress(f"reading {path}")
     recording = read_recording(path)
-    cycles = align(recording, options.align)
+    cycles = align(recording)
     return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), np.zeros(0))
 
 
@@ -242,25 +242,22 @@ def compared_curves(compared: Compared) -> ComparedCurves:
     )  # fmt: skip
 
 
-def compare(
-    before: Path, after: Path, out: Path, options: RunOptions | None = None, progress: Progress = silent
-) -> dict[str, Any]:
+def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -> dict[str, Any]:
     """Write the comparison of two recordings and return the content of compare.json.
 
     Parameters
     ----------
     before, after : recordings, reports of recordings, campaigns, or folders of recordings (paired by speed)
     out : folder to be written; nothing is left of it when a recording is refused
-    options, progress : see `camtorque.run.analyse`
+    progress : see `camtorque.run.analyse`
 
     Raises
     ------
     Refusal : a recording cannot be used, or they are not one pump at one speed
     """
-    options = options or RunOptions()
     paths = matched(before, after)
     with output_folder(out) as folder:
-        found = [_one_pair(*pair, options, progress) for pair in paths]
+        found = [_one_pair(*pair, progress) for pair in paths]
         joined = together([item.found for item in found])
         found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]
         progress("writing the comparison")
@@ -268,8 +265,8 @@ def compare(
         return write_compare(ComparePage(document, tuple(compared_curves(item) for item in found)), folder)
 
 
-def _one_pair(before: Path, after: Path, options: RunOptions, progress: Progress) -> Compared:
-    one, two = (aligned(path, options, progress) for path in (before, after))
+def _one_pair(before: Path, after: Path, progress: Progress) -> Compared:
+    one, two = (aligned(path, progress) for path in (before, after))
     _refuse_other_pump(one, two)
     progress(f"fitting {one.recording.config.id}")
     return compare_prepared(prepare(one.recording, one.cycles, one.rigid), two, progress)
