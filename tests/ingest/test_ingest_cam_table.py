@@ -1,5 +1,6 @@
 """The lift table: units in the column names, resolution, one revolution that closes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,6 @@ ROOT = CALIBRATION.parent
 
 
 def pump(path: Path, lift: str = "lift_mm"):
-    from dataclasses import replace
-
     base = load_recording_config(ROOT / "raw_examples" / "A_0300rpm").pump
     return replace(base, cam_table_path=path, cam_table_lift_column=lift)
 
@@ -46,7 +45,9 @@ def test_a_repeated_end_is_dropped_and_resolution_comes_from_the_decimals(tmp_pa
 @pytest.mark.parametrize(
     ("text", "lift", "message"),
     [
-        (rows(ANGLES[::-1], LIFT), "lift_mm", "does not increase at row 2"),
+        (rows(np.r_[ANGLES[1], ANGLES[0], ANGLES[2:]], LIFT), "lift_mm", "does not increase at row 2"),
+        (rows(2.0 * ANGLES, LIFT), "lift_mm", "degrees of a crank that turns twice are to be halved"),
+        (rows(ANGLES, LIFT + 20.0), "lift_mm", "never falls below 20 mm, .* the column holds a radius"),
         (rows(ANGLES[:90], LIFT[:90]), "lift_mm", "expected one whole revolution"),
         (rows(ANGLES, 0.0 * LIFT), "lift_mm", "is the column right"),
         (rows(np.append(ANGLES, 360.0), np.append(LIFT, 1.0)), "lift_mm", "does not close"),
@@ -80,8 +81,6 @@ def test_a_workbook_with_a_unit_row_is_a_lift_table(tmp_path: Path):
     ):
         book.active.append(list(row))
     book.save(tmp_path / "cam.xlsx")
-    from dataclasses import replace
-
     named = replace(pump(tmp_path / "cam.xlsx", "Hub"), cam_table_angle_column="Winkel")
     table, _ = read_cam_table(named)
     assert table.theta.size == ANGLES.size
@@ -99,3 +98,36 @@ def test_a_unit_row_serves_a_text_too_and_a_column_without_a_unit_is_refused(tmp
     file.write_text(text.replace("deg;mm\n", ""))
     with pytest.raises(Refusal, match="has no known unit; write it at the end of the name"):
         read_cam_table(pump(file, "hub"))
+
+
+PAIRS = list(zip(ANGLES, LIFT, strict=True))
+STRANGERS = {
+    "brackets": ("Angle [deg],Lift [mm]", [f"{a:g},{y:.3f}" for a, y in PAIRS]),
+    "title and micrometres": (
+        "Cam A;measured\nAngle;Lift\n[°];[µm]", [f"{a:g};{1e3 * y:.1f}".replace(".", ",") for a, y in PAIRS]
+    ),
+    "inches": ("Angle (deg),Lift (in)", [f"{a:g},{y / 25.4:.6f}" for a, y in PAIRS]),
+    "radians and blanks": ("Angle Lift\nrad m", [f"{np.radians(a):.8f}  {1e-3 * y:.7f}" for a, y in PAIRS]),
+    "backwards": ("Angle [deg],Lift [mm]", [f"{a:g},{y:.3f}" for a, y in PAIRS[::-1]]),
+    "begun within the revolution": ("Angle [deg],Lift [mm]", [f"{a:g},{y:.3f}" for a, y in PAIRS[50:] + PAIRS[:50]]),
+    "remarks": ("Angle [deg],Lift [mm],remark", [f"{a:g},{y:.3f},ok" for a, y in PAIRS]),
+    "empty column and rows": ("Angle [deg];Lift [mm];", [*(f"{a:g};{y:.3f};" for a, y in PAIRS), ";;", ";;"]),
+    "quoted decimal commas": ('"Angle [deg]","Lift [mm]"', [f'"{a:g}","{y:.3f}"'.replace(".", ",") for a, y in PAIRS]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STRANGERS)
+def test_tables_of_strangers(tmp_path: Path, name: str):
+    head, body = STRANGERS[name]
+    file = tmp_path / "cam.csv"
+    file.write_text("\n".join([head, *body]) + "\n", encoding="utf-8")
+    for angle, lift in (("Angle", "Lift"), *([("Angle [deg]", "Lift [mm]")] if "[mm]" in head else [])):
+        table, _ = read_cam_table(replace(pump(file, lift), cam_table_angle_column=angle))
+        np.testing.assert_allclose(table.theta, np.radians(ANGLES), atol=1e-7)
+        np.testing.assert_allclose(table.lift, 1e-3 * LIFT, atol=6e-7)
+
+
+def test_a_lift_that_stays_a_little_above_zero_is_told(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(ANGLES, LIFT + 0.3))
+    assert [finding.code for finding in read_cam_table(pump(file))[1]] == ["lift_above_zero"]

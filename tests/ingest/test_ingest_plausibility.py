@@ -1,5 +1,6 @@
 """Slips that no single number shows: sizes that no one pump has, torque that the pressure cannot cause."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -135,6 +136,16 @@ def test_unusual_pumps_are_told(bench: Path):
 def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench: Path):
     edit(bench / "raw_examples" / "A" / "recording.toml", "plunger_diameter_m = 0.008", "plunger_diameter_m = 0.004")
     assert "torque_against_pressure" in codes(bench)
+
+
+def test_a_pressure_in_the_wrong_unit_is_told_although_the_pump_then_seems_idle(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    text = toml.read_text(encoding="utf-8")
+    sheet = 'unit = "{}"\nnominal_range = [0, 2000]\noutput_range_V = [0, 10]\ngroup_delay_s = 1e-5\n\n[[loggers]]'
+    for unit, told in (("kPa", True), ("bar", False)):
+        pressure = "[sensors.pressure]\n" + sheet.format(unit)
+        toml.write_text(re.sub(r"\[sensors\.pressure\].*?\[\[loggers\]\]", pressure, text, count=1, flags=re.DOTALL))
+        assert ("torque_without_pressure" in codes(bench)) == told
 
 
 def test_stale_and_future_certificates_are_told_by_the_date_of_the_recording(bench: Path):

@@ -8,7 +8,8 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mat, parquet
+from camtorque.ingest import hdf5, mat, parquet, zlib_check
+from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
 from scipy.io import savemat
@@ -127,3 +128,49 @@ def test_a_pandas_index_of_durations_is_the_time(tmp_path: Path):
     )
     assert [(c.name, c.sample_rate) for c in parquet.channels(file)] == [("M", pytest.approx(RATE))]
     assert_torque(parquet.read(file, (spec(file, "", "M"),), ""))
+
+
+def pages(folder: Path) -> tuple[Path, object, int]:
+    """Write a Parquet file of one column; return it, its footer and where its only data page begins."""
+    pyarrow, store = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    file = folder / "run.parquet"
+    lists = pyarrow.array([[1, 2]] * 400)
+    store.write_table(pyarrow.table({"torque": TORQUE, "lists": lists}), file, compression="none", use_dictionary=False)
+    footer = store.ParquetFile(file).metadata
+    return file, footer, footer.row_group(0).column(0).data_page_offset
+
+
+def patch(file: Path, start: int, old: int, new: int) -> None:
+    """Replace the first number of a page header (zigzag, seven bits a byte) by another of the same length."""
+    written = [bytes([0x15, *_varint(2 * value)]) for value in (old, new)]
+    data = file.read_bytes()
+    at = data.index(written[0], start)
+    assert at < start + 30
+    assert len(written[0]) == len(written[1])
+    file.write_bytes(data[:at] + written[1] + data[at + len(written[1]) :])
+
+
+def _varint(value: int) -> list[int]:
+    return [value & 127 | 128, *_varint(value >> 7)] if value > 127 else [value]
+
+
+def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    file, footer, start = pages(tmp_path)
+    refuse_lying_pages(file, footer)
+    patch(file, start, 400, 399)
+    with pytest.raises(Refusal, match="the footer states 400 rows, the pages of column torque 399"):
+        refuse_lying_pages(file, footer)
+    file, footer, start = pages(tmp_path)
+    size = TORQUE.nbytes
+    unpacked = next(
+        size + more for more in range(64) if bytes([0x15, *_varint(2 * (size + more))]) in file.read_bytes()
+    )
+    patch(file, start, unpacked, 8191)
+    monkeypatch.setattr(zlib_check, "ALWAYS_UNPACKED", 8000)
+    monkeypatch.setattr(zlib_check, "BEST_PACKING", 0.5)
+    with pytest.raises(Refusal, match=r"column torque unpacks to 0 MB or more from"):
+        refuse_lying_pages(file, footer)
+    data = file.read_bytes()
+    file.write_bytes(data[:start] + bytes(40) + data[start + 40 :])
+    with pytest.raises(Refusal, match=f"the page at byte {start} has no header"):
+        refuse_lying_pages(file, footer)

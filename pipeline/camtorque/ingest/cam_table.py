@@ -7,12 +7,15 @@ import re
 import numpy as np
 
 from camtorque.config import PumpData
+from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
+ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
+"""Share of the stroke above which the lowest lift is told, and refused."""
 FINEST = 1.0e-9
 """A spreadsheet writes sixteen digits whatever was measured [m]."""
 
@@ -29,12 +32,12 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
         for a missing file or column, an unknown unit, angles that do not increase or exceed one revolution
     """
     table = read_small_table(pump.cam_table_path, "a lift table")
-    theta = _column(table, pump.cam_table_angle_column, "angle")
-    lift = _column(table, pump.cam_table_lift_column, "length")
-    scale = unit_factor(_unit(table, pump.cam_table_lift_column), "length", str(table.path))
-    resolution = _resolution(table, pump.cam_table_lift_column, scale)
+    angle_name, lift_name = (_named(table, n) for n in (pump.cam_table_angle_column, pump.cam_table_lift_column))
+    theta, lift = _column(table, angle_name, "angle"), _column(table, lift_name, "length")
+    scale = unit_factor(_unit(table, lift_name), "length", str(table.path))
+    resolution = _resolution(table, lift_name, scale)
     where = table.path.name
-    findings = []
+    theta, lift, findings = _in_order(theta, lift, where)
     if theta.size > 1 and abs(theta[-1] - theta[0] - 2.0 * np.pi) < 1e-9:
         if abs(lift[-1] - lift[0]) > 2.0 * resolution:
             raise Refusal(f"{table.path}: lift at the end of the revolution differs from its beginning by "
@@ -46,12 +49,47 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
         findings.append(Finding("lift_negative", "warning", text, where))
     if np.ptp(lift) <= 2.0 * resolution:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
+    findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
     return CamTable(theta, lift, resolution), tuple(findings)
+
+
+def _in_order(theta: Array, lift: Array, where: str) -> tuple[Array, Array, list[Finding]]:
+    """Return a table from its lowest angle upwards that runs down, or begins within the revolution."""
+    steps = np.diff(theta)
+    if steps.size and np.all(steps < 0.0):
+        text = "the angles fall from row to row; the table is read from its end"
+        return theta[::-1], lift[::-1], [Finding("lift_table_backwards", "info", text, where)]
+    down = np.flatnonzero(steps <= 0.0)
+    if down.size == 1 and theta[-1] < theta[0] and np.ptp(theta) < 2.0 * np.pi:
+        start = int(down[0]) + 1
+        return np.roll(theta, -start), np.roll(lift, -start), []
+    return theta, lift, []
+
+
+def _above_zero(table: SmallTable, lift: Array, resolution: float, radius: float) -> list[Finding]:
+    """Tell a lift that never comes down to the base circle.
+
+    Raises
+    ------
+    Refusal : the column holds a radius, or a height above something else
+    """
+    lowest, stroke = float(np.min(lift)), float(np.ptp(lift))
+    if lowest <= max(10.0 * resolution, ABOVE_ZERO * stroke):
+        return []
+    text = f"the lift never falls below {1e3 * lowest:.4g} mm, its zero is the base circle ({1e3 * radius:g} mm radius)"
+    if lowest > stroke * FAR_ABOVE_ZERO:
+        raise Refusal(f"{table.path}: {text}: the column holds a radius or a height; take {1e3 * lowest:.4g} mm off")
+    return [Finding("lift_above_zero", "warning", text, table.path.name)]
 
 
 def lift_table_comment(pump: PumpData) -> str:
     """Return what the lift table says of itself above its columns."""
     return read_comment(pump.cam_table_path, "a lift table")
+
+
+def _named(table: SmallTable, name: str) -> str:
+    """Return the column that is meant, with or without its unit in brackets."""
+    return name if name in table.columns else name_and_unit(name)[0]
 
 
 def _column(table: SmallTable, name: str, dimension: str) -> Array:
@@ -91,6 +129,10 @@ def _check_angles(table: SmallTable, theta: Array) -> None:
     if theta[-1] - theta[0] >= 2.0 * np.pi or gap > 4.0 * float(np.median(steps)):
         raise Refusal(
             f"{table.path}: angles from {np.rad2deg(theta[0]):g} to {np.rad2deg(theta[-1]):g} deg with a largest step "
-            "of "
-            f"{np.rad2deg(gap):g} deg; expected one whole revolution without gaps"
+            f"of {np.rad2deg(gap):g} deg; expected one whole revolution of the cam without gaps{_crank_hint(theta)}"
         )
+
+
+def _crank_hint(theta: Array) -> str:
+    turns = float(theta[-1] - theta[0]) / (2.0 * np.pi)
+    return "; degrees of a crank that turns twice are to be halved" if 1.9 < turns < 2.1 else ""

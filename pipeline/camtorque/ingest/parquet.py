@@ -12,6 +12,7 @@ from camtorque.ingest.arrow_size import refuse_feather_bomb
 from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
+from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Refusal, SampleSource
@@ -57,7 +58,9 @@ def _layout(path: Path) -> CsvLayout:
         if _is_parquet(path):
             with library.parquet.ParquetFile(path) as file:
                 schema, rows = file.schema_arrow, file.metadata.num_rows
+                metadata = file.metadata
             refuse_bomb(8 * rows * max(len(schema), 1), path.stat().st_size, f"{path}: {rows} rows")
+            refuse_lying_pages(path, metadata)
         else:
             with library.memory_map(str(path)) as memory:
                 schema = library.ipc.open_file(memory).schema

@@ -145,9 +145,10 @@ def check_loads(recording: Recording) -> list[Finding]:
         return []
     pump, where = recording.config.pump, f"{recording.config.path} [pump]"
     peak = _largest(pressure[0])
-    if not peak > LOADED:
+    if not peak > 0.0:
         return []
-    findings = _contact(pump, pump.plunger_area * peak, where)
+    is_loaded = peak > LOADED
+    findings = _contact(pump, pump.plunger_area * peak, where) if is_loaded else []
     if not torque or torque[0].calibration is None:
         return findings
     slope, rise = _steepest(recording.lift_table)
@@ -162,6 +163,9 @@ def check_loads(recording: Recording) -> list[Finding]:
         f"({1e3 * slope:.3g} mm/rad)"
     )
     low, high = measured / (by_pressure + other), measured / by_pressure
+    if not is_loaded:
+        told = low > LOAD_POSSIBLE[1]
+        return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * told
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
         raise Refusal(f"{where}: {text}; {_implied(pump, slope, measured / by_pressure)}")
     if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.ingest.csv_layout import HEAD_BYTES, split_row, utf16
+from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows
 from camtorque.records import Array, Refusal
 from camtorque.units import is_known_unit
@@ -29,26 +30,50 @@ class SmallTable:
 
 
 def read_small_table(path: Path, what: str) -> SmallTable:
-    """Read a table: text with comma, semicolon or tab, decimal point or comma; or the only sheet of a workbook.
+    """Read a table: text with comma, semicolon, tab or blanks, decimal point or comma; or a sheet of a workbook.
 
-    Names stand above the numbers, units in a row between them or at the end of the names.
+    Names stand above the numbers, units in a row between them, in brackets or at the end of the names. What stands
+    above the names is the comment; a column without a number in its first row is left out.
     """
     head = _checked_head(path, what)
     comment, rows = _workbook_rows(path) if head.startswith(b"PK\x03\x04") else _text_rows(path)
-    units = rows[1][1] if len(rows) > 1 and any(map(is_known_unit, rows[1][1])) else []
-    body = rows[2:] if units else rows[1:]
+    first = next((n for n, (_, fields) in enumerate(rows) if n and sum(map(is_number, fields)) > 1), len(rows))
+    units = rows[first - 1][1] if first > 1 and any(map(is_known_unit, rows[first - 1][1])) else []
+    header = first - 1 - bool(units)
+    if first == len(rows):
+        header, units = 0, []
+    body = rows[first:] if first < len(rows) else rows[1:]
     if not rows or not body:
         raise Refusal(f"{path}: {what} with {len(body)} rows; expected a header line and rows of numbers")
-    names = [field.strip() for field in rows[0][1]]
-    if len(set(names)) != len(names):
-        raise Refusal(f"{path}: two columns have one name, the header says {', '.join(names)}; rename one")
-    values, decimals = [], dict.fromkeys(names, 0)
-    for number, fields in body:
-        values.append(_numbers(path, number, fields, len(names)))
-        for name, field in zip(names, fields, strict=True):
+    comment = " ".join([comment, *(" ".join(fields) for _, fields in rows[:header])]).strip()
+    fields = [field.strip() for field in rows[header][1]]
+    kept = [n for n, field in enumerate(fields) if n >= len(body[0][1]) or not (_is_text(body[0][1][n]) or not field)]
+    names, given = _names(path, fields, units)
+    values, decimals = [], dict.fromkeys((names[n] for n in kept), 0)
+    for number, row in body:
+        row = row[: len(fields)] if not any(row[len(fields) :]) else row
+        chosen = [row[n] for n in kept] if len(row) == len(fields) else row
+        values.append(_numbers(path, number, chosen, len(kept)))
+        for name, field in zip(decimals, chosen, strict=True):
             decimals[name] = max(decimals[name], len(field.partition(".")[2]))
-    columns = dict(zip(names, np.array(values).T, strict=True))
-    return SmallTable(path, columns, comment, decimals, dict(zip(names, units, strict=False)))
+    columns = dict(zip(decimals, np.array(values).T, strict=True))
+    return SmallTable(path, columns, comment, decimals, given)
+
+
+def _is_text(field: str) -> bool:
+    """Tell a field that is empty or a word without digits, as remarks are: a damaged number is none."""
+    return not any(letter.isdigit() for letter in field)
+
+
+def _names(path: Path, fields: list[str], units: list[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the names of the columns and the units that stand in brackets or in a row of their own."""
+    plain = [name_and_unit(field) for field in fields]
+    names = [name for name, _ in plain]
+    told = [name for name in names if name]
+    if len(set(told)) != len(told):
+        raise Refusal(f"{path}: two columns have one name, the header says {', '.join(names)}; rename one")
+    below = (units + [""] * len(names))[: len(names)]
+    return names, {name: unit or row for (name, unit), row in zip(plain, below, strict=True) if unit or row}
 
 
 def read_comment(path: Path, what: str) -> str:
@@ -68,11 +93,13 @@ def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith(("#", "%"))]
     if not rows:
         return comment, []
-    separator = max(";\t,", key=rows[0][1].count)
+    usual = rows[len(rows) // 2][1]
+    found = max(";\t,", key=usual.count)
+    separator = found if usual.count(found) else " "
     split = [(number, split_row(line, separator)) for number, line in rows]
-    if separator != ",":
-        split[1:] = [(number, [field.replace(",", ".") for field in fields]) for number, fields in split[1:]]
-    return comment, split
+    # a comma that is left within a field is a decimal sign
+    split[1:] = [(number, [field.replace(",", ".") for field in fields]) for number, fields in split[1:]]
+    return comment, [(number, fields) for number, fields in split if any(fields)]
 
 
 def _workbook_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:

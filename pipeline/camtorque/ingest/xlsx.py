@@ -64,8 +64,13 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 
 def table_rows(path: Path) -> list[list[str]]:
-    """Return the rows of the only sheet as text, for a small table such as a lift table."""
-    return [[_text(cell) for cell in row] for row in _sheet(path, "") if any(cell is not None for cell in row)]
+    """Return the rows of the only sheet that holds a table as text, for a small table such as a lift table."""
+    sheets = {name: _sheet(path, name) for name in sheet_names(path)}
+    tables = [name for name, rows in sheets.items() if sum(sum(map(_is_number, row)) > 1 for row in rows) > 1]
+    if len(tables) > 1:
+        raise Refusal(f"{path}: {len(tables)} sheets hold numbers ({', '.join(tables)}); leave one in the workbook")
+    rows = sheets[tables[0]] if tables else next(iter(sheets.values()))
+    return [[_text(cell) for cell in row] for row in rows if any(cell is not None for cell in row)]
 
 
 def _library(path: Path) -> Any:
