@@ -8,7 +8,8 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mat, parquet, zlib_check
+from camtorque.ingest import hdf5, mat, parquet, xlsx, zlib_check
+from camtorque.ingest.formats import file_format
 from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
@@ -174,3 +175,27 @@ def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, mon
     file.write_bytes(data[:start] + bytes(40) + data[start + 40 :])
     with pytest.raises(Refusal, match=f"the page at byte {start} has no header"):
         refuse_lying_pages(file, footer)
+
+
+@pytest.mark.parametrize(
+    ("head", "name"),
+    [(b"\xd0\xcf\x11\xe0", r"Excel 97 \(\.xls\)"), (b"|CF,2,1,1;", "imc FAMOS"), (b"\x1f\x8b\x08", "gzip"),
+     (b"RIFF\0\0\0\0WAVE", "WAV"), (b"\x93NUMPY\1", r"NumPy \(\.npy\)")],
+)  # fmt: skip
+def test_a_format_that_is_known_and_not_read_is_named(tmp_path: Path, head: bytes, name: str):
+    file = tmp_path / "run.dat"
+    file.write_bytes(head + bytes(64))
+    with pytest.raises(Refusal, match=f"the content is {name}; expected one of TDMS"):
+        file_format(file, "")
+
+
+def test_numbers_stored_as_text_in_a_workbook_are_named(tmp_path: Path):
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in (
+        ["Zeit [s]", "M [Nm]"],
+        *[[f"{t:.5f}".replace(".", ","), f"{m:.2f}"] for t, m in zip(TIME, TORQUE, strict=True)],
+    ):
+        book.active.append(row)
+    book.save(tmp_path / "run.xlsx")
+    with pytest.raises(Refusal, match="its numbers are stored as text: convert them"):
+        xlsx.channels(tmp_path / "run.xlsx")

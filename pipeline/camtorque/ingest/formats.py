@@ -75,6 +75,11 @@ FORMATS: dict[str, Format] = {
 
 UNREADABLE = {
     "MDF 2 or 3": lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] < b"4",
+    "Excel 97 (.xls)": lambda head: head.startswith(b"\xd0\xcf\x11\xe0"),
+    "imc FAMOS": lambda head: head.startswith(b"|CF,"),
+    "NumPy (.npy)": lambda head: head.startswith(b"\x93NUMPY"),
+    "WAV": lambda head: head.startswith(b"RIFF") and head[8:12] == b"WAVE",
+    "gzip": lambda head: head.startswith(b"\x1f\x8b"),
 }
 """Formats that are known, not read."""
 ALIASES = {word: name for name, form in FORMATS.items() for word in (name, *form.aliases)}

@@ -21,7 +21,7 @@ SLASH = re.compile(r"^(?P<name>.*\S)\s*/\s+(?P<unit>\S.*)$")
 TIGHT_SLASH = re.compile(r"^(?P<name>[^\d/]+)/(?P<unit>[^/]+)$")
 RATE_KEY = re.compile(
     r"(?<![a-z])(sampl\w*[ _-]*(rate|freq\w*)|abtast(rate|freq\w*)|messrate|scan[ _-]*rate|acquisition[ _-]*rate|"
-    r"fs|sr)(?![a-z])",
+    r"(fs|sr)(?=\s*[=:;,\t\[(]))(?![a-z])",
     re.IGNORECASE,
 )
 STEP_KEY = re.compile(

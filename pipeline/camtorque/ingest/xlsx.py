@@ -17,7 +17,7 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
-from camtorque.ingest.header import names_of
+from camtorque.ingest.header import is_number, names_of
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal, SampleSource
@@ -126,7 +126,9 @@ def _is_number(cell: Any) -> bool:
 def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
     first = next((n for n, row in enumerate(rows) if sum(map(_is_number, row)) * 2 > _filled(row) > 0), None)
     if first is None:
-        raise Refusal(f"{path}: the sheet holds no row of numbers; expected a row of names and rows of numbers")
+        texts = any(sum(is_number(cell) for cell in row if isinstance(cell, str)) > 1 for row in rows)
+        hint = "; its numbers are stored as text: convert them to numbers in Excel" if texts else ""
+        raise Refusal(f"{path}: the sheet holds no row of numbers, expected names above rows of numbers{hint}")
     header = [[_text(cell) for cell in row] for row in rows[:first]]
     names, units, _ = names_of(path, header, [_text(cell) for cell in rows[first]], wanted)
     return CsvLayout("", "", ".", first, first, names, units, tuple(_text(cell) for cell in rows[first]), None)
