@@ -20,7 +20,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config_pump import PumpConfig
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.ends import Curve, ends_for
+from camtorque.fit.ends import FINE_STEP, Curve, ends_for
 from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, forecast
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
@@ -45,6 +45,12 @@ from camtorque.version import __version__
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
 CYCLES = "cycles.h5"
+LOADED = 0.1
+"""Share of the highest line pressure above which the points of a file matter."""
+SAME_ENDING = (
+    "A line pressure does not tell whether a land or a spill ended delivery: if this load ends the other way, the "
+    "return stroke is wrong."
+)
 
 
 @dataclass(frozen=True)
@@ -156,6 +162,15 @@ def load_curve(path: Path) -> Curve:
     return Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
 
 
+def file_curve(path: Path) -> Curve:
+    """Return the line pressure of a CSV file on the grid of a fit; its speed is not known (nan)."""
+    theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
+    file = read_pressure_curve(path)
+    loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * np.max(file.pressure)
+    step = float(np.max(np.diff(file.theta)[loaded], initial=0.0))
+    return Curve(theta, pressure_at(file, theta), float("nan"), step)
+
+
 def leakage_factor(text: str) -> float:
     """Return by how much a change of clearance such as ``+1um`` or ``3um+1um`` multiplies the leakage.
 
@@ -207,7 +222,8 @@ def predict_from(
         source = known.nearest(value * RPM)
         rig = rig_of(reports[source.id], pump, cam)
         item, force, ends = _predicted(known, source, templates, rig, value * RPM, given, changes)
-        assumed = _assumptions(source, pressure, load_of, clearance, pump or cam)
+        load = _load_text(source, Path(pressure or load_of or "").name, given)
+        assumed = _assumptions(source, load, clearance, pump or cam)
         items.append(replace(item, assumed=(*assumed, *_end_text(ends, source, value))))
         forces.append(force)
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
@@ -219,8 +235,7 @@ def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
         return load_curve(Path(load_of))
     if pressure is None:
         return None
-    theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
-    return Curve(theta, pressure_at(read_pressure_curve(pressure), theta), float("nan"))
+    return file_curve(pressure)
 
 
 @on_one_thread
@@ -249,11 +264,12 @@ def _end_text(ends: Mapping[str, Estimate], source: FittedAt, speed_rpm: float) 
     texts = []
     for name, end in ends.items():
         per, unit = units[name]
+        how = "a land" if source.structure == "land" else "spill"
         texts.append(
-            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}: where "
-            f"the line pressure looks as it does at the end of {source.id}."
+            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, by "
+            f"{how} as in {source.id}: where the line pressure looks as it does there."
         )
-    return tuple(texts)
+    return (*texts, SAME_ENDING) if texts else ()
 
 
 def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
@@ -267,14 +283,21 @@ def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     )  # fmt: skip
 
 
-def _assumptions(
-    source: FittedAt, pressure: Path | None, load_of: Path | str | None, clearance: str, other: Path | None
-) -> tuple[str, ...]:
-    load = f"the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle as it was recorded"
-    if load_of is not None:
-        load = f"the line pressure of {Path(load_of).name}"
-    if pressure is not None:
-        load = f"the line pressure of {pressure.name}, at every speed"
+def _load_text(source: FittedAt, name: str, given: Curve | None) -> str:
+    """Return what was taken as the load; ``name`` of the recording or file that was given."""
+    if given is None:
+        return f"the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle as it was recorded"
+    if np.isfinite(given.speed):
+        return f"the line pressure of {name}"
+    text = f"the line pressure of {name}, at every speed, over the cam angle that the trigger's nominal angle counts"
+    if given.step > FINE_STEP:
+        text += (
+            f"; its points are {given.step / DEGREE:.2g} deg apart under load, which widens the band; 1 deg is enough"
+        )
+    return text
+
+
+def _assumptions(source: FittedAt, load: str, clearance: str, other: Path | None) -> tuple[str, ...]:
     laws = "as large as predictions of left-out recordings were off" if source.left_out else (
         "what the fit left over on its own held-out cycles, and 2 % of the peak torque more for each factor of 2.7 in "
         "speed away from it; a campaign over several speeds would tell it better"

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, matched_end
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, ends_for, matched_end
 from camtorque.fit.forecast import FittedAt, KnownFit, law_share, law_std
-from camtorque.predict_from import leakage_factor, read_fit
-from camtorque.records import Refusal
+from camtorque.predict_from import file_curve, leakage_factor, read_fit
+from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from report_cases import run_result
 
@@ -91,6 +93,29 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     alone = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
     fit = KnownFit(names[:1], np.array([0.8]), np.eye(1), recordings[:1])
     assert end_variance(fit, "land", alone, RISING, RISING) == pytest.approx(UNKNOWN_STD**2)
+
+
+def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(tmp_path: Path) -> None:
+    def of_file(step_deg: float) -> Curve:
+        angles = np.arange(0.0, 360.0, step_deg)
+        pressure = np.interp(np.radians(angles), THETA, falling(0.8, 50.0).pressure) / 1e5
+        rows = "".join(f"{a:g},{p:.2f}\n" for a, p in zip(angles, pressure, strict=True))
+        (tmp_path / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
+        return replace(file_curve(tmp_path / "p.csv"), speed=50.0)
+
+    names = ("end_of_delivery__a",)
+    source = FittedAt("a", 50.0, "land", 0.01, True)
+    fit = KnownFit(names, np.array([0.8]), 1e-8 * np.eye(1), (source,))
+    law = SimpleNamespace(evaluate=lambda theta, order: np.sin(np.minimum(theta, np.pi)))
+    chain = SimpleNamespace(theta=THETA, law=law)
+
+    def end(curve: Curve) -> Estimate:
+        return ends_for(fit, source, {"a": falling(0.8, 50.0)}, chain, curve)["end_of_delivery"]  # type: ignore[arg-type]
+
+    assert of_file(3.0).step == pytest.approx(np.radians(3.0))
+    assert end(of_file(0.25)).value == pytest.approx(0.8, abs=0.01)
+    assert end(of_file(0.25)).stderr == pytest.approx(float(UNKNOWN_STD))
+    assert end(of_file(3.0)).stderr == pytest.approx(np.hypot(UNKNOWN_STD, np.radians(3.0) / np.sqrt(12.0)))
 
 
 def test_clearance_changes_leakage_by_its_third_power() -> None:

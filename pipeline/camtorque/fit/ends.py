@@ -22,6 +22,8 @@ LEAST_STD, UNKNOWN_STD = np.radians(0.06), np.radians(1.0)
 """Standard deviation of an end found by shape: where the fitted recordings never miss, where none can tell."""
 LEVEL = 2.0
 """Weight of a square difference of level (share of the highest) against one of slope (share of the steepest)."""
+FINE_STEP = np.radians(1.05)
+"""Points of a file that are further apart blur the end of delivery; closer ones cost nothing that can be seen."""
 MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
 END_OF = {"land": "end_of_delivery", "spill": "spill_lift"}
@@ -32,11 +34,15 @@ PLACES = 2000
 
 @dataclass(frozen=True)
 class Curve:
-    """Line pressure over cam angle, (n,) [rad], [Pa], and the speed that it was taken at [rad/s]."""
+    """Line pressure over cam angle, (n,) [rad], [Pa], and the speed that it was taken at [rad/s].
+
+    ``step`` : between the points that it was made from where it is loaded [rad], 0 for a recording
+    """
 
     theta: Array
     pressure: Array
     speed: float
+    step: float = 0.0
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -97,7 +103,8 @@ def ends_for(
     alike = [item for item in known.recordings if item.structure == source.structure and item.id in templates]
     ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike]
     place = matched_end(ends, curve, rising)
-    std = float(np.sqrt(end_variance(known, source.structure, ends, rising, lift)))
+    coarse = curve.step if curve.step > FINE_STEP else 0.0
+    std = float(np.hypot(np.sqrt(end_variance(known, source.structure, ends, rising, lift)), coarse / np.sqrt(12.0)))
     if source.structure == "land":
         return {"end_of_delivery": Estimate(place, std)}
     slope = float(np.interp(place, rising, np.gradient(lift, rising)))

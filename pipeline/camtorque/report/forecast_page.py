@@ -33,7 +33,7 @@ TITLES = {
     "speed_rpm": "speed [rpm]", "torque_max_nm": "torque, largest [N m]", "torque_min_nm": "torque, smallest [N m]",
     "torque_mean_nm": "torque, mean [N m]", "chamber_peak_bar": "chamber pressure, largest [bar]",
     "contact_max_n": "contact force, largest [N]", "hertz_max_gpa": "Hertz pressure, largest [GPa]",
-    "law_error_percent": "of it, error of the model [% of the peak torque, one standard deviation]",
+    "law_error_percent": "error of the model in these bands [% of the peak torque, standard deviation]",
 }  # fmt: skip
 """Key of a row of the sweep -> what the page calls it."""
 
