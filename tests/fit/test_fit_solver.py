@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.problem import FitData, build_problem, with_rows, with_starts
+from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.solver import (
     LiftModes,
-    bounded_quadratic,
     lift_modes,
     no_lift,
     normal_equations,
@@ -148,7 +148,7 @@ def test_linear_parameters_within_bounds_are_those_of_scipy(seed):
     columns, target = rng.standard_normal((40, 6)), rng.standard_normal(40)
     lower, upper = np.full(6, -0.05), np.full(6, 0.08)
     expected = lsq_linear(columns, target, (lower, upper), tol=1e-14).x
-    start = None if seed % 2 else np.clip(expected + 0.02, lower, upper)
+    start = np.zeros(6) if seed % 2 else np.clip(expected + 0.02, lower, upper)
     found = bounded_quadratic(columns.T @ columns, columns.T @ target, lower, upper, start)
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert np.any(found == lower) or np.any(found == upper)

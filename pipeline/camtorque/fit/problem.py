@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from camtorque.laws.lift import LiftCorrection
 from camtorque.laws.rows import ParameterRow
 from camtorque.records import Array, freeze_arrays
 
+ALL_NAMES = (*NONLINEAR_NAMES, *COLUMN_NAMES)
+ORDER = {name: k for k, name in enumerate(ALL_NAMES)}
+"""Parameters in the chain's own order."""
 SEPARATOR = "__"
 """Joins the name of an own parameter and the name of its recording."""
 END_NAMES = ("end_of_delivery", "end_width")
@@ -85,7 +89,8 @@ class Slot:
 class Problem:
     """Recordings, free parameters (non-linear ones first), and values of those that are not free.
 
-    ``places`` holds per recording the indices of its parameters in the free ones, and in the chain's own order.
+    ``places`` holds per recording the indices of its parameters in the free ones, and in the chain's own order;
+    ``held`` per recording all parameters in that order with those at their values that are not free.
     """
 
     data: tuple[FitData, ...]
@@ -93,16 +98,23 @@ class Problem:
     n_nonlinear: int
     fixed: Mapping[str, float]
     places: tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...] = field(init=False)
+    held: tuple[Array, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        order = {name: k for k, name in enumerate((*NONLINEAR_NAMES, *COLUMN_NAMES))}
-        places = []
-        for index in range(len(self.data)):
+        places, held = [], []
+        values = np.array([self.fixed[name] for name in ALL_NAMES])
+        for index, item in enumerate(self.data):
             own = [k for k, slot in enumerate(self.slots) if slot.recording in (-1, index)]
-            own = [k for k in own if self.data[index].applies(self.slots[k].row.name)]
-            chain = [order[self.slots[k].row.name] for k in own]
+            own = [k for k in own if item.applies(self.slots[k].row.name)]
+            chain = [ORDER[self.slots[k].row.name] for k in own]
             places.append((np.array(own, dtype=np.int64), np.array(chain, dtype=np.int64)))
+            base = values.copy()
+            for name, value in NEUTRAL.items():
+                if not item.applies(name):
+                    base[ORDER[name]] = value
+            held.append(base)
         object.__setattr__(self, "places", tuple(places))
+        object.__setattr__(self, "held", tuple(held))
 
     @property
     def size(self) -> int:
@@ -112,11 +124,8 @@ class Problem:
     def values(self, z: Array, recording: int) -> tuple[dict[str, float], Array]:
         """Return every non-linear parameter of one recording and the coefficients of its columns [SI]."""
         own, chain = self.places[recording]
-        full = np.array([self.fixed[name] for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)])
+        full = self.held[recording].copy()
         full[chain] = z[own]
-        for name, value in NEUTRAL.items():
-            if not self.data[recording].applies(name):
-                full[NONLINEAR_NAMES.index(name)] = value
         n = len(NONLINEAR_NAMES)
         return dict(zip(NONLINEAR_NAMES, full[:n].tolist(), strict=True)), full[n:]
 
@@ -125,17 +134,17 @@ class Problem:
         """Starts of the free parameters [SI]."""
         return np.array([slot.row.start for slot in self.slots])
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the free parameters [SI]."""
         return np.array([s.row.lower for s in self.slots]), np.array([s.row.upper for s in self.slots])
 
-    @property
+    @cached_property
     def steps(self) -> Array:
         """Scale of the free parameters [SI]."""
         return np.array([slot.row.step for slot in self.slots])
 
-    @property
+    @cached_property
     def priors(self) -> tuple[Array, Array]:
         """Means and standard deviations of the free parameters, infinite where nothing is known [SI]."""
         pairs = [slot.row.prior or (slot.row.start, np.inf) for slot in self.slots]
@@ -160,12 +169,12 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
     held : parameters that keep a value instead of being fitted [SI]
     """
     held = dict(held or {})
-    fixed = {name: ROWS[name].start for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
+    fixed = {name: ROWS[name].start for name in ALL_NAMES}
     fixed.update(dict.fromkeys(COLUMN_NAMES, 0.0))
     fixed.update(NEUTRAL)
     fixed.update(held)
     slots: list[Slot] = []
-    for name in (*NONLINEAR_NAMES, *COLUMN_NAMES):
+    for name in ALL_NAMES:
         if name in held:
             continue
         users = [index for index, item in enumerate(data) if item.applies(name)]
@@ -192,7 +201,7 @@ def with_rows(data: FitData, changes: Mapping[str, Mapping[str, object]]) -> Fit
 def with_starts(data: FitData, starts: Mapping[str, float]) -> FitData:
     """Return the recording with other starts, clipped into their bounds [SI]."""
     changes = {
-        name: {"start": float(np.clip(value, data.rows[name].lower, data.rows[name].upper))}
+        name: {"start": min(max(float(value), data.rows[name].lower), data.rows[name].upper)}
         for name, value in starts.items()
     }
     return with_rows(data, changes)

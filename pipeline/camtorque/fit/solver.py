@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import FitData, Problem
-from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, binned, evaluate, filtered, transfer
+from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
+from camtorque.laws.chain import BINS, NO_PATH, NONLINEAR_NAMES, ChainOutput, binned, evaluate, filtered, transfer
 from camtorque.records import Array, freeze_arrays
 
 N_NONLINEAR = len(NONLINEAR_NAMES)
@@ -50,6 +51,14 @@ class LiftModes:
         """Return left^T (I + B B^T)^-1 right."""
         projected = (self.vectors.T @ left).T * self.shrink
         return left.T @ right - projected @ (self.vectors.T @ right)
+
+    def gram(self, columns: Array) -> Array:
+        """Return columns^T (I + B B^T)^-1 columns."""
+        product = columns.T @ columns
+        if self.strength.size:
+            projected = self.vectors.T @ columns * np.sqrt(self.shrink)[:, None]
+            product -= projected.T @ projected
+        return product
 
     def coefficients(self, residual: Array) -> Array:
         """Return the coefficients of the correction that a weighted residual asks for [m]."""
@@ -86,7 +95,7 @@ def lift_modes(
 class Trial:
     """The problem at one point with the best linear parameters.
 
-    ``residuals`` are weighted (and smoothed); ``outputs`` hold the derivative where it was asked for.
+    ``residuals`` are weighted (and smoothed); ``outputs`` are without the derivative, or none where they are not known.
     """
 
     z: Array
@@ -138,36 +147,6 @@ def smoother(width: float) -> Callable[[Array], Array]:
     return lambda values: filtered(values, response)
 
 
-def bounded_quadratic(matrix: Array, vector: Array, lower: Array, upper: Array, start: Array | None = None) -> Array:
-    """Return the minimum of ``c^T M c / 2 - v^T c`` within bounds, by an active set.
-
-    Parameters
-    ----------
-    matrix : (n, n) symmetric positive definite
-    vector, lower, upper : (n,)
-    start : (n,) a neighbouring solution: its active bounds are tried first
-    """
-    n = vector.size
-    at = np.zeros(n, dtype=int) if start is None else (start >= upper).astype(int) - (start <= lower).astype(int)
-    c = np.zeros(n)
-    for _ in range(5 * n + 10):
-        free = at == 0
-        c = np.where(at < 0, lower, np.where(at > 0, upper, 0.0))
-        if free.any():
-            rhs = vector[free] - matrix[np.ix_(free, ~free)] @ c[~free]
-            c[free] = np.linalg.solve(matrix[np.ix_(free, free)], rhs)
-        low, high = free & (c < lower), free & (c > upper)
-        if low.any() or high.any():
-            at[low], at[high] = -1, 1
-            continue
-        gradient = matrix @ c - vector
-        wrong = ((at < 0) & (gradient < 0.0)) | ((at > 0) & (gradient > 0.0))
-        if not wrong.any():
-            break
-        at[np.argmax(np.where(wrong, np.abs(gradient), 0.0))] = 0
-    return np.clip(c, lower, upper)
-
-
 def try_at(
     problem: Problem, z: Array, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] | None = None
 ) -> Trial:
@@ -179,56 +158,60 @@ def try_at(
     lifts : lift correction of each recording
     smooth : smoothing of the residual
     """
-    smooth = smooth or smoother(0.0)
-    k, first = problem.size, problem.n_nonlinear
-    steps, (means, stds), (lower, upper) = problem.steps, problem.priors, problem.bounds
-    size = k - first
-    scale = steps[first:]
+    first = problem.n_nonlinear
+    (means, stds), (lower, upper) = problem.priors, problem.bounds
+    scale = problem.steps[first:]
     inverse = (scale / stds[first:]) ** 2
     matrix, vector = np.diag(inverse + 1e-9), inverse * means[first:] / scale
+    fixed = z.copy()
+    fixed[first:] = 0.0
     outputs, targets, columns, places = [], [], [], []
     for index, item in enumerate(problem.data):
-        values, held = problem.values(np.r_[z[:first], np.zeros(size)], index)
+        values, held = problem.values(fixed, index)
         output = evaluate(item.chain, values)
         own, chain = problem.places[index]
         linear = chain >= N_NONLINEAR
         place = own[linear] - first
-        column = smooth(output.linear[:, chain[linear] - N_NONLINEAR] * item.weight[:, None])
-        target = smooth((item.torque - output.torque - output.linear @ held) * item.weight)
-        scaled = column * scale[place]
-        both = lifts[index].product(scaled, np.column_stack([scaled, target]))
-        matrix[np.ix_(place, place)] += both[:, :-1]
-        vector[place] += both[:, -1]
+        column, target = weighted_columns(
+            output.linear, chain[linear] - N_NONLINEAR, item.torque - output.torque, held, item.weight
+        )
+        if smooth is not None:
+            column, target = smooth(column), smooth(target)
+        both = lifts[index].gram(np.column_stack([column * scale[place], target]))
+        matrix[place[:, None], place] += both[:-1, :-1]
+        vector[place] += both[:-1, -1]
         outputs.append(output)
         targets.append(target)
         columns.append(column)
         places.append(place)
-    near = np.clip(z, lower, upper)[first:] / scale
+    near = np.minimum(np.maximum(z[first:], lower[first:]), upper[first:]) / scale
     c = bounded_quadratic(matrix, vector, lower[first:] / scale, upper[first:] / scale, near) * scale
-    full = np.r_[z[:first], c]
+    fixed[first:] = c
     residuals = tuple(t - column @ c[p] for t, column, p in zip(targets, columns, places, strict=True))
     chi = sum(float(lift.product(r, r)) for lift, r in zip(lifts, residuals, strict=True))
-    return Trial(full, tuple(outputs), residuals, chi + float(np.sum(((full - means) / stds) ** 2)), chi)
+    return Trial(fixed, tuple(outputs), residuals, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi)
 
 
 def normal_equations(
     problem: Problem, trial: Trial, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] | None = None
 ) -> tuple[Array, Array, tuple[ChainOutput, ...]]:
     """Return Gauss-Newton matrix and descent vector (J^T r) without priors in units of the steps, and the outputs."""
-    smooth = smooth or smoother(0.0)
     k = problem.size
     matrix, vector = np.zeros((k, k)), np.zeros(k)
-    steps = problem.steps
     outputs = []
     for index, item in enumerate(problem.data):
         values, coefficients = problem.values(trial.z, index)
-        output = evaluate(item.chain, values, coefficients, tangents=True)
+        known = trial.outputs[index].path if trial.outputs else NO_PATH
+        output = evaluate(item.chain, values, coefficients, True, known)
         own, chain = problem.places[index]
-        both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
-        jacobian = smooth(both * (item.weight[:, None] * steps[own]))
-        product = lifts[index].product(jacobian, np.column_stack([jacobian, trial.residuals[index]]))
-        matrix[np.ix_(own, own)] += product[:, :-1]
-        vector[own] += product[:, -1]
+        both = np.empty((BINS, own.size + 1))
+        scaled_columns(output.derivative, output.linear, chain, item.weight, problem.steps[own], both)
+        if smooth is not None:
+            both = smooth(both)
+        both[:, -1] = trial.residuals[index]
+        product = lifts[index].gram(both)
+        matrix[own[:, None], own] += product[:-1, :-1]
+        vector[own] += product[:-1, -1]
         outputs.append(output)
     return matrix, vector, tuple(outputs)
 
@@ -267,7 +250,6 @@ def solve(
     smooth = smoother(smoothing)
     modes = lifts_at(problem, z) if lifts is None else lifts
     inverse = (steps / stds) ** 2
-    first = problem.n_nonlinear
 
     def linearise(trial: Trial) -> Point:
         data_matrix, vector, outputs = normal_equations(problem, trial, modes, smooth)
@@ -279,7 +261,7 @@ def solve(
     descent = Descent[Trial, Point](
         try_at=lambda point: try_at(problem, point, modes, smooth),
         linearise=linearise,
-        step=lambda point, at, damping: _step(point.matrix, point.vector, at, damping, first, bounds, steps),
+        step=lambda point, at, damping: _step(problem, point, at, damping),
         promise=lambda point, at: _promise(point.matrix, point.vector, _free(at, point.vector, *bounds)),
         bounds=bounds,
     )
@@ -311,31 +293,11 @@ def _promise(matrix: Array, vector: Array, free: NDArray[np.bool_]) -> float:
     return float(rhs @ np.linalg.lstsq(matrix[np.ix_(free, free)], rhs, rcond=1e-12)[0])
 
 
-def _step(
-    matrix: Array,
-    vector: Array,
-    z: Array,
-    damping: float,
-    first: int,
-    bounds: tuple[Array, Array],
-    steps: Array,
-) -> tuple[Array, float]:
+def _step(problem: Problem, point: Point, z: Array, damping: float) -> tuple[Array, float]:
     """Return a damped step within bounds [SI] and how much chi-square it promises."""
-    lower, upper = bounds
-    damped = matrix.copy()
-    diagonal = np.arange(first)
-    damped[diagonal, diagonal] += damping * np.maximum(matrix[diagonal, diagonal], 1e-3)
-    damped[np.diag_indices_from(damped)] += 1e-9
-    free = _free(z, vector, lower, upper)
-    step = np.zeros(z.size)
-    for _ in range(8):
-        rhs = vector[free] - matrix[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rhs)
-        reached = (z + step * steps < lower) | (z + step * steps > upper)
-        over = reached & free
-        if not over.any():
-            break
-        step = np.clip(step, (lower - z) / steps, (upper - z) / steps)
-        free &= ~over
-    promise = float(2.0 * vector @ step - step @ matrix @ step)
+    steps, (lower, upper) = problem.steps, problem.bounds
+    more = np.full(z.size, 1e-9)
+    first = problem.n_nonlinear
+    more[:first] += damping * np.maximum(np.diag(point.matrix)[:first], 1e-3)
+    step, promise = bounded_step(point.matrix, more, point.vector, z / steps, lower / steps, upper / steps)
     return step * steps, promise

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.laws import LINEAR_NAMES, chamber, driveline, sensor
-from camtorque.laws.torque import cam_torque
+from camtorque.laws.torque import binned_columns, cam_torque, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import Constants, constants_of
@@ -40,6 +40,12 @@ NONLINEAR_NAMES = tuple(
 """Parameters that the torque is not linear in, in the order of the derivative's columns."""
 COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero")
 """Parameters that it is linear in, in the order of the columns."""
+TANGENT_UNITS = np.r_[chamber.UNITS, np.ones(len(SHIFT_NAMES))] * 1e5
+"""Pressure tangents in SI per those of the compiled chamber."""
+FILTER_PLACES = [NONLINEAR_NAMES.index(name) for name in (*SHAFT_NAMES, *SENSOR_NAMES)]
+GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
+assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
+NO_PATH = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -122,6 +128,7 @@ class ChainOutput:
     load : (n,) contact force along the follower lambda_y [N]
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations of the chamber
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
+    path : (m, 3) the chamber after each time step, from which the derivative at the same values needs no search
     least_guide : least 1 - mu |tan phi| sign(y'); the follower jams at 0
     """
 
@@ -134,14 +141,15 @@ class ChainOutput:
     load: Array
     states: Array
     flows: Array
+    path: Array
     least_guide: float
 
 
 def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
     """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 11) or (k, 1)."""
     highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
-    total, derivatives = driveline.compliance(np.arange(float(highest)) * data.speed, values, tangents)
-    return np.concatenate([total[:, None], derivatives], axis=1)
+    vector = np.array([values[name] for name in driveline.COMPLIANCE_NAMES])
+    return driveline.compliances(np.arange(float(highest)) * data.speed, vector, tangents)  # type: ignore[no-any-return]
 
 
 def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[np.complex128]) -> Motion:
@@ -194,30 +202,36 @@ def filtered(values: Array, transfer_function: Any) -> Array:
 
 
 def chamber_of(
-    data: ChainInput, values: Mapping[str, float], motion: Motion, tangents: bool
-) -> tuple[Array, Array | None, Array, Array]:
-    """Return pressure on the plunger [Pa], its tangents, states and flows; the line pressure without a chamber."""
+    data: ChainInput, values: Mapping[str, float], motion: Motion, tangents: bool, known: Array = NO_PATH
+) -> tuple[Array, Array | None, Array, Array, Array]:
+    """Return pressure on the plunger [Pa], its tangents, states, flows and path; the line pressure without a chamber.
+
+    ``known`` is the path of a pass with the same values.
+    """
     n = data.theta.size
     if not data.uses_chamber:
         by = None
         if tangents:
             by = np.zeros((n, chamber.N + len(SHIFT_NAMES)))
             by[:, chamber.NAMES.index("pressure_zero")] = -1.0
-        return data.line_pressure - values["pressure_zero"], by, np.zeros((n, 3)), np.zeros((n, 4))
-    units = np.array(list(chamber.KERNEL_UNITS.values()))
-    vector = np.array([values[name] for name in chamber.NAMES]) * units
+        return data.line_pressure - values["pressure_zero"], by, np.zeros((n, 3)), np.zeros((n, 4)), NO_PATH
+    vector = np.array([values[name] for name in chamber.NAMES]) * chamber.UNITS
     geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, 2e3 * np.pi / n / data.speed])
-    pressure, by, states, flows = chamber.integrate(
+    pressure, by, states, flows, path = chamber.integrate(
         vector, geometry, motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5,
-        data.substeps, motion.shifts[0], tangents,
+        data.substeps, motion.shifts[0], known, tangents,
     )  # fmt: skip
     if tangents:
-        by = by * (np.r_[units, np.ones(len(SHIFT_NAMES))] * 1e5)
-    return pressure * 1e5, by if tangents else None, states, flows * 1e-6
+        by = by * TANGENT_UNITS
+    return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
 
 
 def evaluate(
-    data: ChainInput, values: Mapping[str, float], coefficients: Array | None = None, tangents: bool = False
+    data: ChainInput,
+    values: Mapping[str, float],
+    coefficients: Array | None = None,
+    tangents: bool = False,
+    known: Array = NO_PATH,
 ) -> ChainOutput:
     """Return the measured torque that the chain predicts, apart from its linear parameters.
 
@@ -226,45 +240,30 @@ def evaluate(
     values : every non-linear parameter [SI]
     coefficients : (10,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
+    known : ``path`` of an output at the same values, which saves most of the chamber's work
     """
     response = drive_response(data, values, tangents)
     motion = cam_motion(data, values, response)
-    pressure, by, states, flows = chamber_of(data, values, motion, tangents)
+    pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
-    torque, columns, slopes, load, least = cam_torque(
+    plain, columns, slopes, load, least = cam_torque(
         data.constants, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure, c[:-1]
     )
     shaft, measured, by_filter = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
-    stacked = binned(np.concatenate([torque[:, None], columns], axis=1))
-    behind = filtered(stacked, shaft * measured * gain)
-    linear = np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
+    through = shaft * measured * gain
+    spectra = np.fft.rfft(binned_columns(plain, columns, BINS), axis=0)
+    behind = np.fft.irfft(spectra * through[:, None], BINS, axis=0)
+    torque, linear = behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
     derivative = None
     if tangents:
-        derivative = _derivative(data, motion, by, slopes)
-        derivative = filtered(derivative, shaft * measured * gain)
-        spectrum = np.fft.rfft(stacked[:, 0] + stacked[:, 1:] @ c[:-1])[:, None] * by_filter * gain
-        index = [NONLINEAR_NAMES.index(name) for name in (*SHAFT_NAMES, *SENSOR_NAMES)]
-        derivative[:, index] += np.fft.irfft(spectrum, BINS, axis=0)
-        total = behind[:, 0] + behind[:, 1:] @ c[:-1]
-        derivative[:, NONLINEAR_NAMES.index("gain_error")] = total / gain
-    return ChainOutput(behind[:, 0], linear, derivative, motion, pressure, by, load, states, flows, float(least))
-
-
-def _derivative(data: ChainInput, motion: Motion, by_pressure: Array | None, slopes: Array) -> Array:
-    """Return the derivative of the torque on the cam by `NONLINEAR_NAMES`, before shaft and sensor, (BINS, k)."""
-    fine = np.zeros((data.theta.size, len(NONLINEAR_NAMES)))
-    n_chamber, n_shift = chamber.N, len(SHIFT_NAMES)
-    if by_pressure is not None:
-        fine[:, : n_chamber + n_shift] = slopes[3][:, None] * by_pressure
-    shift, rate, second = motion.shifts
-    fine[:, n_chamber : n_chamber + n_shift] += (
-        slopes[0][:, None] * shift
-        + (data.speed * slopes[1])[:, None] * rate
-        + (data.speed**2 * slopes[2])[:, None] * second
-    )
-    fine[:, NONLINEAR_NAMES.index("guide_friction")] = slopes[4]
-    return binned(fine)
+        means = torque_tangents(by, slopes, *motion.shifts, data.speed, len(NONLINEAR_NAMES), BINS)
+        spectrum = np.fft.rfft(means, axis=0) * through[:, None]
+        unfiltered = (spectra[:, 0] + spectra[:, 1:] @ c[:-1]) * gain
+        spectrum[:, FILTER_PLACES] += unfiltered[:, None] * by_filter
+        derivative = np.fft.irfft(spectrum, BINS, axis=0)
+        derivative[:, GAIN_PLACE] = (torque + linear[:, :-1] @ c[:-1]) / gain
+    return ChainOutput(torque, linear, derivative, motion, pressure, by, load, states, flows, path, float(least))
 
 
 def with_substeps(data: ChainInput, output: ChainOutput, values: Mapping[str, float]) -> NDArray[np.int64]:

@@ -48,8 +48,16 @@ KERNEL_UNITS: dict[str, float] = {
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
 N = len(NAMES)
+UNITS = np.array(list(KERNEL_UNITS.values()))
 FLOW = float(ports.DISCHARGE * np.sqrt(1.0e5))
 """C_d sqrt(2/rho): mm/ms per square root of bar."""
+PRESSURE_SETTLED, VOLUME_SETTLED = 1.0e-3, 1.0e-5
+"""Last change of an iteration in pressure [bar] and volume [mm^3]; what is left then goes with its square."""
+SHARE_SETTLED = 1.0e-5
+"""The same in pressure where that is low, as a share of it but of no less than 1 bar: air and vapour bend there."""
+MOST_ITERATIONS = 70
+AHEAD_ITERATIONS = 8
+"""Iterations from where the last step points to; what has not settled then begins again from the state before."""
 NEVER = 99.0
 """End of delivery [rad] or spill lift [m] that is not reached."""
 LOWEST = -1.8
@@ -64,8 +72,14 @@ def moved_pressure(pressure, change):  # type: ignore[no-untyped-def]
     return max(LOWEST, pressure + min(max(change, -down), up))
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def settled_change(pressure):  # type: ignore[no-untyped-def]
+    """Return the change of an iteration below which a pressure has settled [bar]."""
+    return min(PRESSURE_SETTLED, SHARE_SETTLED * max(1.0, pressure))
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, want_tangents):  # type: ignore[no-untyped-def]
+def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, known, want_tangents):  # type: ignore[no-untyped-def]
     """Integrate one revolution from the open port.
 
     Parameters
@@ -75,6 +89,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
+    known : (m, 3) the ``path`` of a pass with the same parameters, from which one iteration is left to do; (0, 3): none
     want_tangents : False leaves ``tangents`` empty
 
     Returns
@@ -83,6 +98,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     tangents : (n, 26 + n_shift) its derivatives
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations
     flows : (n, 4) inlet port, spill, seat, leak [mm^3/ms]
+    path : (m, 3) pressure, gallery pressure and volume swept by the valve after each of the m time steps;
+        (0, 3) where one of them did not settle
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
@@ -102,7 +119,10 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     speed_t = np.zeros(n_all)
     p_t = np.zeros(n_all)
     g_t = np.zeros(n_all)
+    path = np.empty((np.sum(substeps), 3))
+    place, settled = 0, True
     p, g, u, speed = feed, feed, 0.0, 0.0
+    p_step, g_step, dt_old = 0.0, 0.0, 1.0
     share, share_p, share_k, share_b, share_a = specific_volume(feed, modulus, bend, air)
     volume = v0 + plunger * (top_lift - lift[0])
     mass, gallery = volume / share, v_gallery / share
@@ -137,11 +157,23 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             feeding = FLOW * (k_port * h_port * port_s + k_spill * h_spill * spill_s)
             k_out = FLOW * area_out * outlet
             closed = outlet <= 0.0
-            u_old, speed_old = u, speed
+            p_old, g_old, u_old, speed_old = p, g, u, speed
             count = 0
-            if not closed:
-                u = max(u + 0.5 * dt * speed, -0.5)
+            last = known.shape[0] == path.shape[0]
+            if last:
+                p = known[place, 0]
+                if not closed:
+                    g, u = known[place, 1], known[place, 2]
+            else:
+                p = moved_pressure(p, p_step * dt / dt_old)
+                if not closed:
+                    g = moved_pressure(g, g_step * dt / dt_old)
+                    u = max(u + dt * speed, -0.5)
             while True:
+                if count == AHEAD_ITERATIONS and not last:
+                    p, g, u = p_old, g_old, u_old
+                    if not closed:
+                        u = max(u + 0.5 * dt * speed, -0.5)
                 share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
                 root, root_d = flow_root(p - feed)
                 loss, loss_p, loss_f, loss_l, loss_h = leak_flow(p, feed, leak, growth)
@@ -151,9 +183,13 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 # as a balance of room instead of mass, whose iterations do not swing where vapour forms
                 if closed:
                     change = -f1 / (j11 + f1 * share_p / share)
-                    p = moved_pressure(p, change)
-                    if abs(change) < 1.0e-6 or count > 60:
+                    p_tried, p = p, moved_pressure(p, change)
+                    if last or count > MOST_ITERATIONS:
                         break
+                    if abs(change) < settled_change(p):
+                        if not want_tangents:
+                            break
+                        last = True
                     continue
                 shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
                 out, out_d = flow_root(p - g)
@@ -186,24 +222,38 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 dp = -(c11 * f1 - j12 * j33 * f2 + j12 * j23 * f3) / determinant
                 dg = -(-c12 * f1 + j11 * j33 * f2 - j11 * j23 * f3) / determinant
                 du = -(c13 * f1 - (j11 * j32 - j12 * j31) * f2 + (j11 * j22 - j12 * j12) * f3) / determinant
-                if count > 25:
+                if count > 25 + AHEAD_ITERATIONS:
                     dp, dg, du = 0.5 * dp, 0.5 * dg, 0.5 * du
-                if count > 6 and abs(du) > 2.0:
+                if count > 6 + AHEAD_ITERATIONS and abs(du) > 2.0:
                     du = 2.0 if du > 0.0 else -2.0
-                p = moved_pressure(p, dp)
-                g = moved_pressure(g, dg)
+                p_tried, p = p, moved_pressure(p, dp)
+                g_tried, g = g, moved_pressure(g, dg)
                 u += du
-                if (abs(dp) < 1.0e-6 and abs(dg) < 1.0e-6 and abs(du) < 1.0e-8) or count > 60:
+                if last or count > MOST_ITERATIONS:
                     break
+                if abs(dp) < settled_change(p) and abs(dg) < settled_change(g) and abs(du) < VOLUME_SETTLED:
+                    if not want_tangents:
+                        break
+                    last = True
+            settled = settled and count <= MOST_ITERATIONS
+            path[place, 0], path[place, 1], path[place, 2] = p, g, u
+            place += 1
+            p_step, g_step, dt_old = p - p_old, g - g_old, dt
             states[i, 2] += count
-            share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
+            if want_tangents or count > MOST_ITERATIONS:
+                share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
+            else:
+                share += share_p * (p - p_tried)
             mass = volume / share
             if closed:
                 speed = 0.0
                 u = 0.0
             else:
                 speed = (u - u_old) / dt
-                shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
+                if want_tangents or count > MOST_ITERATIONS:
+                    shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
+                else:
+                    shared += shared_p * (g - g_tried)
                 gallery = (v_gallery + u) / shared
             if sub == steps:
                 root, root_d = flow_root(p - feed)
@@ -317,4 +367,4 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
         states[i, 1] = u
         for j in range(n_all):
             tangents[i, j] = p_t[j]
-    return pressure, tangents, states, flows
+    return pressure, tangents, states, flows, path if settled else path[:0]

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from camtorque.laws.rows import parameter
@@ -79,14 +80,14 @@ class TwistBasis:
     ----------
     spectrum : (k,) harmonics of the shaft's torque, noise rolled off
     omega : (k,) their angular frequencies [rad/s]
-    edge : cam angle of the trigger edge, where the shift is zero [rad]
     n_theta : points of the grid
+    phase : (k,) factors whose products with the harmonics of a real signal sum to n_theta times its value at the edge
     """
 
     spectrum: NDArray[np.complex128]
     omega: Array
-    edge: float
     n_theta: int
+    phase: NDArray[np.complex128]
 
 
 def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> TwistBasis:
@@ -96,7 +97,9 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> Twis
     roll_off = 1.0 / np.sqrt(1.0 + (omega / (2.0 * np.pi * TWIST_BANDWIDTH_HZ)) ** 8)
     spectrum = np.fft.rfft(shaft_torque)[: highest + 1] * roll_off
     spectrum[0] = 0.0
-    return TwistBasis(spectrum, omega, trigger_angle, shaft_torque.size)
+    phase = np.exp(1j * np.arange(omega.size) * trigger_angle)
+    phase[1:] *= 2.0
+    return TwistBasis(spectrum, omega, shaft_torque.size, phase)
 
 
 COMPLIANCE_NAMES = (
@@ -104,6 +107,7 @@ COMPLIANCE_NAMES = (
     "drive_lag", "coupling_compliance", "coupling_resonance", "coupling_damping",
 )  # fmt: skip
 """Parameters of C(s), in the order of its derivatives."""
+COMPLIANCE_PLACE, RESONANCE_PLACE = (COMPLIANCE_NAMES.index(name) for name in ("shaft_compliance", "shaft_resonance"))
 
 
 def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
@@ -111,36 +115,47 @@ def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True)
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
-    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio = (
-        values[name] for name in COMPLIANCE_NAMES
-    )
-    s = 1j * omega
-    slowed = 1.0 + 2.0 * damping / ringing * s
+    both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), tangents)
+    return both[:, 0], both[:, 1:]
+
+
+@njit(cache=True, error_model="numpy")
+def inverse(value):  # type: ignore[no-untyped-def]
+    """Return one over a complex number far from overflow; a compiled division minds it, at ten times the cost."""
+    share = 1.0 / (value.real * value.real + value.imag * value.imag)
+    return complex(value.real * share, -value.imag * share)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
+    """Return C(s), then its derivatives where asked for, (k, 11) or (k, 1); values in the order of the names."""
+    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio = values
     band, reset, lag = np.exp(ln_band), np.exp(ln_reset), np.exp(ln_lag)
-    late = 1.0 / (1.0 + lag * s)
-    response = _response(s**2 + band * (s + reset) * late, s)
-    swing = _response(s**2 + 2.0 * ratio * resonance * s + resonance**2, s)
-    total = shaft / slowed + admittance * response + soft * resonance**2 * swing
-    if not tangents:
-        return total, np.zeros((omega.size, 0))
-    square = -admittance * response**2
-    by_resonance = -2.0 * (ratio * s + resonance) * swing**2
-    derivatives = (
-        1.0 / slowed, -2.0 * shaft / ringing * s / slowed**2, 2.0 * shaft * damping / ringing**2 * s / slowed**2,
-        response, square * band * (s + reset) * late,
-        square * band * reset * late, -square * band * (s + reset) * late**2 * lag * s, resonance**2 * swing,
-        soft * (2.0 * resonance * swing + resonance**2 * by_resonance),
-        -soft * resonance**2 * 2.0 * resonance * s * swing**2,
-    )  # fmt: skip
-    return total, np.stack(derivatives, axis=1)
-
-
-def _response(denominator: Any, s: Any) -> Any:
-    """Return the inverse, zero at s = 0, the first harmonic."""
-    denominator[0] = 1.0
-    result = 1.0 / denominator
-    result[0] = 0.0
-    return result
+    both = np.empty((omega.size, 11 if tangents else 1), dtype=np.complex128)
+    for k in range(omega.size):
+        s = 1j * omega[k]
+        slowed = inverse(1.0 + 2.0 * damping / ringing * s)
+        late = inverse(1.0 + lag * s)
+        driven = band * (s + reset) * late
+        response, swing = 0.0 * s, 0.0 * s
+        if k > 0:
+            response = inverse(s * s + driven)
+            swing = inverse(s * s + 2.0 * ratio * resonance * s + resonance * resonance)
+        row = both[k]
+        row[0] = shaft * slowed + admittance * response + soft * resonance * resonance * swing
+        if not tangents:
+            continue
+        square = -admittance * response * response
+        squared = swing * swing
+        by_resonance = -2.0 * (ratio * s + resonance) * squared
+        bent = 2.0 * shaft / ringing * s * slowed * slowed
+        row[1], row[2], row[3] = slowed, -bent, bent * damping / ringing
+        row[4], row[5], row[6] = response, square * driven, square * band * reset * late
+        row[7] = -square * driven * late * lag * s
+        row[8] = resonance * resonance * swing
+        row[9] = soft * (2.0 * resonance * swing + resonance * resonance * by_resonance)
+        row[10] = -soft * resonance * resonance * 2.0 * resonance * s * squared
+    return both
 
 
 def angle_shifts(basis: TwistBasis, both: Any) -> tuple[Array, Array, Array]:
@@ -154,16 +169,26 @@ def angle_shifts(basis: TwistBasis, both: Any) -> tuple[Array, Array, Array]:
     -------
     shift, rate, second : (n, m) each; column 0 the shift itself, then its derivatives by the parameters
     """
-    harmonic = np.arange(basis.omega.size)[:, None]
-    spectrum = -basis.spectrum[:, None] * both[: basis.omega.size]
-    turned = 1j * harmonic * spectrum
-    shift, rate, second = (
-        np.fft.irfft(part, basis.n_theta, axis=0) for part in (spectrum, turned, 1j * harmonic * turned)
-    )
-    phase = np.exp(1j * harmonic * basis.edge)
-    phase[1:] *= 2.0
-    at_edge = np.real(np.sum(spectrum * phase, axis=0)) / basis.n_theta
-    return shift - at_edge, rate, second
+    spectra, at_edge = shift_spectra(basis.spectrum, basis.phase, both)
+    parts = np.fft.irfft(spectra, basis.n_theta, axis=-1)
+    shift, rate, second = (np.ascontiguousarray(part.T) for part in parts)
+    return shift - at_edge / basis.n_theta, rate, second
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def shift_spectra(spectrum, phase, both):  # type: ignore[no-untyped-def]
+    """Return the harmonics of the twist and of its two angle derivatives, (3, m, k), and its sums at the edge, (m,)."""
+    m = both.shape[1]
+    out = np.empty((3, m, spectrum.size), dtype=np.complex128)
+    at_edge = np.zeros(m)
+    for j in range(m):
+        for k in range(spectrum.size):
+            value = -spectrum[k] * both[k, j]
+            out[0, j, k] = value
+            out[1, j, k] = 1j * k * value
+            out[2, j, k] = -float(k) * k * value
+            at_edge[j] += (value * phase[k]).real
+    return out, at_edge
 
 
 def cam_side_inertia(values: Mapping[str, float]) -> float:
@@ -176,15 +201,24 @@ def shaft_transfer(omega: Array, values: Mapping[str, float], both: Any) -> tupl
 
     ``both`` (at least k, m) holds C(s) in column 0, then its derivatives.
     """
-    total, derivatives = both[: omega.size, 0], both[: omega.size, 1:]
-    inertia = cam_side_inertia(values)
-    square = -(omega**2)
-    transfer = 1.0 / (1.0 + inertia * square * total)
-    factor = (-(transfer**2) * square)[:, None]
-    by = factor * inertia * derivatives
-    if derivatives.shape[1]:
-        through = (factor[:, 0] * total) * inertia
-        if values["shaft_compliance"] > RIGID:
-            by[:, COMPLIANCE_NAMES.index("shaft_compliance")] -= through / values["shaft_compliance"]
-        by[:, COMPLIANCE_NAMES.index("shaft_resonance")] -= 2.0 * through / values["shaft_resonance"]
+    return loaded(omega, cam_side_inertia(values), values["shaft_compliance"], values["shaft_resonance"], both)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def loaded(omega, inertia, soft, ringing, both):  # type: ignore[no-untyped-def]
+    """Return transfer and derivatives of `shaft_transfer` from inertia, the shaft's compliance and resonance."""
+    m = both.shape[1] - 1
+    transfer = np.empty(omega.size, dtype=np.complex128)
+    by = np.empty((omega.size, m), dtype=np.complex128)
+    for k in range(omega.size):
+        square = -omega[k] * omega[k]
+        transfer[k] = inverse(1.0 + inertia * square * both[k, 0])
+        factor = -inertia * square * transfer[k] * transfer[k]
+        for j in range(m):
+            by[k, j] = factor * both[k, j + 1]
+        if m > 0:
+            through = factor * both[k, 0]
+            if soft > RIGID:
+                by[k, COMPLIANCE_PLACE] -= through / soft
+            by[k, RESONANCE_PLACE] -= 2.0 * through / ringing
     return transfer, by

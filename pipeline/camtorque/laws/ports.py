@@ -55,7 +55,7 @@ def flow_root(difference):  # type: ignore[no-untyped-def]
     return difference / root, 1.0 / root - 0.5 * difference * difference / (square * square * root)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def opening(x, roundness):  # type: ignore[no-untyped-def]
     """Return s(x) between 0 and 1 and its derivatives by x and roundness."""
     if x <= -CORNER:

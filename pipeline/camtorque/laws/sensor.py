@@ -9,10 +9,10 @@ small error of the declared delay is fitted under its prior. So the delay is cou
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
+from camtorque.laws.driveline import inverse
 from camtorque.laws.rows import parameter
-from camtorque.records import Array
 
 ROWS = (
     parameter("gain_error", "g_T", "%", 0.01, (0.0, -3.0, 3.0, 0.1), (0.0, 0.25),
@@ -28,23 +28,27 @@ ROWS = (
 )  # fmt: skip
 
 
-def sensor_transfer(
-    omega: Array, cutoff_hz: float, damping: float, delay_error: float
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+@njit(cache=True, error_model="numpy", nogil=True)
+def sensor_transfer(omega, cutoff_hz, damping, delay_error):  # type: ignore[no-untyped-def]
     """Return shaft torque -> measured torque, (m,), and its derivatives by cut-off, damping, delay (m, 3).
 
     ``cutoff_hz`` is the -3 dB frequency; the natural frequency follows from it and the damping ratio.
     """
-    corner = 2.0 * np.pi * cutoff_hz
     a = 1.0 - 2.0 * damping**2
-    ratio = np.sqrt(a + np.sqrt(a * a + 1.0))  # corner / natural frequency for -3 dB
-    natural = corner / ratio
-    x = omega / natural
-    denominator = 1.0 - x**2 + 2j * damping * x
-    transfer = np.exp(2j * damping * x - 1j * omega * delay_error) / denominator
-    by_x = transfer * (2j * damping - (-2.0 * x + 2j * damping) / denominator)
-    by_damping = transfer * (2j * x - 2j * x / denominator)
-    ratio_by_damping = -2.0 * damping * (1.0 + a / np.sqrt(a * a + 1.0)) / ratio
-    x_by_damping = x * ratio_by_damping / ratio
-    derivatives = np.column_stack([by_x * (-x / cutoff_hz), by_damping + by_x * x_by_damping, -1j * omega * transfer])
+    wide = np.sqrt(a * a + 1.0)
+    ratio = np.sqrt(a + wide)  # corner / natural frequency for -3 dB
+    natural = 2.0 * np.pi * cutoff_hz / ratio
+    ratio_by_damping = -2.0 * damping * (1.0 + a / wide) / ratio
+    transfer = np.empty(omega.size, dtype=np.complex128)
+    derivatives = np.empty((omega.size, 3), dtype=np.complex128)
+    for k in range(omega.size):
+        x = omega[k] / natural
+        over = inverse(1.0 - x * x + 2j * damping * x)
+        turn = 2.0 * damping * x - omega[k] * delay_error
+        transfer[k] = (np.cos(turn) + 1j * np.sin(turn)) * over
+        by_x = transfer[k] * (2j * damping - (-2.0 * x + 2j * damping) * over)
+        by_damping = transfer[k] * (2j * x - 2j * x * over)
+        derivatives[k, 0] = by_x * (-x / cutoff_hz)
+        derivatives[k, 1] = by_damping + by_x * (x * ratio_by_damping / ratio)
+        derivatives[k, 2] = -1j * omega[k] * transfer[k]
     return transfer, derivatives

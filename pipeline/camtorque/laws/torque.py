@@ -115,3 +115,46 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
         by[3, i] = (y1 * (pump.area + extra_p) + pump.area * arm) / guide
         by[4, i] = top * share / (guide * guide)
     return torque, columns, by, load, least
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def torque_tangents(by_pressure, by, shifts, rates, seconds, speed, width, bins):  # type: ignore[no-untyped-def]
+    """Return bin means of the torque's derivatives by all that acts through pressure, cam angle and guide friction.
+
+    Parameters
+    ----------
+    by_pressure : (n, m) of the pressure on the plunger, the last k of them by parameters that move the cam angle
+    by : (5, n) of `cam_torque`
+    shifts, rates, seconds : (n, k) derivatives of the cam angle and of its first two angle derivatives
+    speed : mean cam speed [rad/s]
+    width : number of columns; the last but one is by the guide's friction
+    """
+    n, m = by_pressure.shape
+    k = shifts.shape[1]
+    each = n // bins
+    out = np.zeros((bins, width))
+    for i in range(n):
+        row = out[i // each]
+        angle, rate, second = by[0, i], speed * by[1, i], speed * speed * by[2, i]
+        for j in range(m):
+            row[j] += by[3, i] * by_pressure[i, j]
+        for j in range(k):
+            row[m - k + j] += angle * shifts[i, j] + rate * rates[i, j] + second * seconds[i, j]
+        row[width - 2] += by[4, i]
+    out /= each
+    return out
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def binned_columns(torque, columns, bins):  # type: ignore[no-untyped-def]
+    """Return bin means of the torque, then of its columns, (bins, k + 1)."""
+    n, k = columns.shape
+    each = n // bins
+    out = np.zeros((bins, k + 1))
+    for i in range(n):
+        row = out[i // each]
+        row[0] += torque[i]
+        for j in range(k):
+            row[j + 1] += columns[i, j]
+    out /= each
+    return out

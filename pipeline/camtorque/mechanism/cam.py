@@ -26,7 +26,13 @@ def _evaluate(knots, coefficients, theta, out):  # type: ignore[no-untyped-def]
         if not knots[piece] <= angle < knots[piece + 1]:
             piece = piece + 1 if piece + 1 < n_pieces else 0
             if not knots[piece] <= angle < knots[piece + 1]:
-                piece = min(max(np.searchsorted(knots, angle, side="right") - 1, 0), n_pieces - 1)
+                piece, above = 0, n_pieces
+                while above - piece > 1:
+                    middle = (piece + above) // 2
+                    if knots[middle] <= angle:
+                        piece = middle
+                    else:
+                        above = middle
         x = angle - knots[piece]
         c = coefficients[piece]
         y, first, second, third = c[0], 0.0, 0.0, 0.0
@@ -87,6 +93,8 @@ class CamLaw:
         if not 0 <= highest <= 3:
             raise ValueError(f"cam law: derivative {highest}, expected 0 to 3")
         angle = np.ascontiguousarray(theta, dtype=np.float64)
+        if not angle.flags.writeable:
+            angle = angle.copy()  # one compiled variant is enough
         out = np.empty((highest + 1, angle.size))
         _evaluate(self.knots, self._by_piece, angle.reshape(-1), out)
         return out.reshape((highest + 1, *angle.shape))
