@@ -177,11 +177,11 @@ def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core
         best = min(group[0].chi_square for group in result.values() if group)
         limit = KEEP_FACTOR * best + KEEP_MARGIN
         if smoothing < 5.0:
-            result = {
-                name: group
-                for name, group in result.items()
-                if group and (name == "line" or group[0].chi_square < 100.0 * limit)
-            }
+            # the line pressure alone may be ahead for a while: the nearest structure with a chamber stays
+            chambers = [group[0].chi_square for name, group in result.items() if group and name != "line"]
+            far = max(100.0 * limit, min(chambers, default=0.0))
+            result = {name: group for name, group in result.items()
+                      if group and (name == "line" or group[0].chi_square <= far)}  # fmt: skip
         last = len(smoothings) - 1 - rung
         result = {name: [s for k, s in enumerate(group) if k == 0 or s.chi_square < limit][: max(1, last)]
                   for name, group in result.items()}  # fmt: skip
@@ -196,17 +196,22 @@ def with_hub(item: FitData, hertz: float, soft: float) -> FitData:
     })  # fmt: skip
 
 
-def hubs(item: FitData, tried: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
-    """Return the best hubs of a scan, frequency [Hz] and compliance [rad/(N m)], by one rung of much smoothing."""
-    ends = [continued(with_hub(item, *hub), SMOOTHINGS_DEG[1], False) for hub in tried]
-    kept = sorted((end for end in ends if end), key=lambda end: end.chi_square)[:HUBS_KEPT]
-    return [(end.data.rows["coupling_resonance"].start / (2.0 * np.pi), end.data.rows["coupling_compliance"].start)
-            for end in kept]  # fmt: skip
+def hubs(item: FitData, tried: tuple[tuple[float, float], ...], unexplained: bool) -> list[tuple[float, float]]:
+    """Return the best hubs of a scan, frequency [Hz] and compliance [rad/(N m)], by one rung of much smoothing.
+
+    Where nothing explains the recording, that rung fits hubs of any frequency equally well, and a second one chooses.
+    """
+    starts = [with_hub(item, *hub) for hub in tried]
+    for smoothing in SMOOTHINGS_DEG[1:3] if unexplained else SMOOTHINGS_DEG[1:2]:
+        ends = [end for end in (continued(start, smoothing, False) for start in starts) if end]
+        starts = [end.data for end in sorted(ends, key=lambda end: end.chi_square)]
+    return [(start.rows["coupling_resonance"].start / (2.0 * np.pi), start.rows["coupling_compliance"].start)
+            for start in starts[:HUBS_KEPT]]  # fmt: skip
 
 
 def with_hubs(best: Start) -> list[FitData]:
     """Return the best start with the hubs that help it most."""
-    return [with_hub(best.data, *hub) for hub in hubs(best.data, HUBS[::2])]
+    return [with_hub(best.data, *hub) for hub in hubs(best.data, HUBS[::2], best.chi_square > UNEXPLAINED)]
 
 
 def with_hubs_alone(best: Start) -> list[FitData]:
@@ -215,9 +220,12 @@ def with_hubs_alone(best: Start) -> list[FitData]:
     A shaft that has bent itself to stand in for the hub does not let go of it: the scan is made on a stiff one.
     """
     item = with_starts(as_expected(best), {"drive_admittance": 1.0})
+    rows = best.data.rows
+    ringing = {name: rows[name].start for name in ("shaft_resonance", "shaft_damping_ratio")}
     shafts = [with_starts(item, {"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz})
               for soft, hertz in SHAFTS_WITH_HUB]  # fmt: skip
-    return [with_hub(shaft, *hub) for hub in hubs(shafts[0], HUBS) for shaft in shafts]
+    shafts.append(with_starts(item, {"shaft_compliance": COMPLIANCES[0], **ringing}))
+    return [with_hub(shaft, *hub) for hub in hubs(shafts[0], HUBS, True) for shaft in shafts]
 
 
 def with_ringing(best: Start) -> list[FitData]:
@@ -302,6 +310,23 @@ def of_the_best(more: Callable[[Start], list[FitData]]) -> Callable[[Starts, Fit
     return lambda result, _rough: {least(result).data.structure: more(least(result))}
 
 
+def of_each(more: Callable[[Start], list[FitData]]) -> Callable[[Starts, FitData], Items]:
+    """Return a move that changes the best start; that of every near structure where nothing explains the recording.
+
+    Which structure is ahead says little then, and what is missing may be found from one of them only.
+    """
+    best = of_the_best(more)
+
+    def moved(result: Starts, rough: FitData) -> Items:
+        if least(result).chi_square <= UNEXPLAINED:
+            return best(result, rough)
+        far = FAR * least(result).chi_square
+        near = [name for name in likely(result) if result[name] and result[name][0].chi_square < far]
+        return {name: more(result[name][0]) for name in near}
+
+    return moved
+
+
 @dataclass(frozen=True)
 class Move:
     """Further starts from what was found so far.
@@ -320,8 +345,8 @@ BEGINNING = "from the beginning"
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
-    "hub": Move(of_the_best(with_hubs), SMOOTHINGS_DEG[1:], DOUBTFUL),
-    "hub alone": Move(of_the_best(with_hubs_alone), SMOOTHINGS_DEG[1:], UNEXPLAINED),
+    "hub": Move(of_each(with_hubs), SMOOTHINGS_DEG[1:], DOUBTFUL),
+    "hub alone": Move(of_each(with_hubs_alone), SMOOTHINGS_DEG[1:], UNEXPLAINED),
     "as expected": Move(expected_again, SMOOTHINGS_DEG[1:], DOUBTFUL),
     "in parts": Move(of_the_best(in_parts), SMOOTHINGS_DEG[1:], DOUBTFUL),
     BEGINNING: Move(from_the_beginning, SMOOTHINGS_DEG, DISSATISFYING),
