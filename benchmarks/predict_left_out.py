@@ -2,13 +2,17 @@
 
     python benchmarks/predict_left_out.py OUT.csv CAMPAIGN_DIR ...
 
-One line per recording: whether its speed lies inside those of the others, rms error and band width as shares of the
-peak, share of the revolution inside the pointwise 95 % band.
+The line pressure is taken as the recording has it (`--load-of`), and from a file as a user would type or export it
+(`--pressure`), with a point every so many degrees. One line per recording and source of the load: whether its speed
+lies inside those of the others, rms error and band width as shares of the peak, share of the revolution inside the
+pointwise 95 % band.
 """
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +25,12 @@ from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
 from camtorque.ingest import read_recording
-from camtorque.predict_from import chain_of
+from camtorque.predict_from import chain_of, file_curve
 from camtorque.rehearsal import rigid_torque
+from camtorque.units import BAR
+
+STEPS_DEG = (0.0, 0.25, 1.0, 3.0)
+"""Steps of the file of the load; 0: as the recording has it."""
 
 
 def known_fit(used: Sequence[Prepared]) -> KnownFit:
@@ -39,10 +47,27 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
     return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, fit.covariance.matrix, tuple(recordings))
 
 
-def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared) -> dict[str, object]:
-    """Return how well a recording that is not in the fit is predicted."""
+def from_file(left: Prepared, step_deg: float) -> Curve:
+    """Return the line pressure of a recording as `predict --pressure` reads it from a file with such steps."""
+    angles = np.arange(0.0, 360.0, step_deg)
+    values = np.interp(np.radians(angles), left.cycles.theta, left.means.pressure_all / BAR, period=2.0 * np.pi)
+    rows = "".join(f"{angle:g},{value:.2f}\n" for angle, value in zip(angles, values, strict=True))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pressure.csv"
+        path.write_text(f"cam_angle_deg,pressure_bar\n{rows}", encoding="utf-8")
+        return replace(file_curve(path), speed=left.cycles.mean_speed)
+
+
+def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_deg: float) -> dict[str, object]:
+    """Return how well a recording that is not in the fit is predicted.
+
+    Parameters
+    ----------
+    step_deg : of the file with its line pressure; 0 for the line pressure as the recording has it
+    """
     speed = left.cycles.mean_speed
     curve = Curve(left.cycles.theta, left.means.pressure_all, speed)
+    curve = from_file(left, step_deg) if step_deg else curve
     source = known.nearest(speed)
     chain = chain_of(rig_of(left), speed, curve)
     templates = {
@@ -57,7 +82,8 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared) -> dict
     speeds = [one.speed for one in known.recordings]
     peak = float(np.max(measured))
     return {
-        "left_out": left.data.name, "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
+        "left_out": left.data.name, "load": f"file, {step_deg:g} deg" if step_deg else "recording",
+        "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
         "structure": source.structure, "rms_percent": round(100.0 * float(np.std(error)) / peak, 3),
         "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.torque_std**2))) / peak, 3),
         "covered_percent": round(100.0 * float(np.mean(np.abs(error) < 1.96 * item.torque_std)), 1),
@@ -71,8 +97,10 @@ def left_out_rows(prepared: Sequence[Prepared]) -> list[dict[str, object]]:
     rows = []
     for k, left in enumerate(prepared):
         used = [item for j, item in enumerate(prepared) if j != k]
-        rows.append(predicted(known_fit(used), used, left))
-        print(rows[-1], flush=True)
+        known = known_fit(used)
+        for step_deg in STEPS_DEG:
+            rows.append(predicted(known, used, left, step_deg))
+            print(rows[-1], flush=True)
     return rows
 
 
