@@ -200,6 +200,19 @@ def test_stamps_with_too_few_digits_follow_the_declared_rate(tmp_path: Path):
         both(file, rate=1e4)
 
 
+def test_stamps_that_pairs_of_samples_share_tell_the_whole_rate(tmp_path: Path):
+    file = write(tmp_path, "Time [s],Torque [Nm],Pressure [bar]", *rows(time="{:.4f}"))
+    assert channels(file)[0].sample_rate == pytest.approx(2e4, rel=0.01)
+    assert_read(both(file), "time_stamps_coarse")
+
+
+def test_a_column_that_counts_samples_shows_gaps(tmp_path: Path):
+    body = [f"{n + 5 * (n > 200)},{a},{b}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))]
+    raw = both(write(tmp_path, "x,Torque [Nm],Pressure [bar]", *body))
+    assert_read(raw, "samples_counted", "time_gap")
+    assert raw.channels[0].breaks == (201,)
+
+
 def test_a_header_rate_does_not_overrule_the_time_column(tmp_path: Path):
     file = write(tmp_path, "Sample rate: 40000 Hz", "Time [s],Torque [Nm],Pressure [bar]", *rows())
     assert_read(both(file), "header_rate_differs")

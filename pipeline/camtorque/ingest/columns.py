@@ -20,6 +20,8 @@ SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
 FOOTER_ROWS = 100_000
 """Rows at the end of a table that are looked at for a time."""
+MOST_ALIKE = 0.9
+"""Share of the steps that are alike where stamps have enough digits; the others are gaps."""
 RATE_SAMPLES = 10_000
 """Time stamps looked at to tell the rate of a file that nobody has described yet."""
 
@@ -133,7 +135,7 @@ def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:
     usual = float(np.median(steps)) if steps.size else 0.0
     near = steps[np.abs(steps - usual) < 0.5 * usual]
     # where several samples share a stamp only the whole span tells
-    steps = near if near.size > 0.5 * steps.size else steps
+    steps = near if near.size > MOST_ALIKE * steps.size else steps
     span = float(steps.sum())
     if not span > 0.0:
         return None
@@ -168,6 +170,11 @@ def _times(
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = time_base(times, spec.sample_rate, where, to_seconds=factor)
+    if not layout.units[column] and factor * spec.sample_rate == 1.0:
+        text = (
+            f"the column {layout.names[column]!r} counts samples; the declared {spec.sample_rate:g} Hz make times of it"
+        )
+        base = replace(base, findings=(*base.findings, Finding("samples_counted", "info", text, where)))
     if stated is not None and abs(stated / base.rate - 1.0) > RATE_NOTE:
         text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
         base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
@@ -185,6 +192,8 @@ def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) 
     for factor in (1.0, 1e-3, 1e-6, 1e-9, 86_400.0):
         if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
             return factor
+    if step == 1.0:
+        return 1.0 / spec.sample_rate  # sample numbers: the rate is the declared one, gaps show
     raise Refusal(
         f"{where}: the time column has no unit and its step of {step:.6g} fits neither s, ms, us, ns nor days at "
         f"{spec.sample_rate:g} Hz; write the unit into the header"
