@@ -346,7 +346,7 @@ MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
     "hub": Move(of_each(with_hubs), SMOOTHINGS_DEG[1:], DOUBTFUL),
-    "hub alone": Move(of_each(with_hubs_alone), SMOOTHINGS_DEG[1:], UNEXPLAINED),
+    "hub alone": Move(of_the_best(with_hubs_alone), SMOOTHINGS_DEG[1:], UNEXPLAINED),
     "as expected": Move(expected_again, SMOOTHINGS_DEG[1:], DOUBTFUL),
     "in parts": Move(of_the_best(in_parts), SMOOTHINGS_DEG[1:], DOUBTFUL),
     BEGINNING: Move(from_the_beginning, SMOOTHINGS_DEG, DISSATISFYING),
