@@ -6,6 +6,7 @@ Everything is SI and radians; a unit suffix marks a border value. Arrays are mad
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
@@ -122,7 +123,7 @@ class SensorCalibration:
     nonlinearity_std : rms residual of the certificate points in SI
     delay, delay_std : total signal delay and its standard uncertainty [s]
     cutoff_hz : -3 dB frequency of the low-pass, nan when there is none on the sheet
-    filter_order : order of the low-pass, 0 when none
+    filter_order, filter_damping : order of the low-pass, 0 when none; its damping ratio, nan where its kind is unknown
     range_min, range_max : nominal range in SI
     output_min_volts, output_max_volts : output range
     """
@@ -143,6 +144,7 @@ class SensorCalibration:
     range_max: float
     output_min_volts: float
     output_max_volts: float
+    filter_damping: float = math.nan
 
 
 class SampleSource(Protocol):

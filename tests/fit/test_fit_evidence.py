@@ -9,10 +9,11 @@ import pytest
 from camtorque.fit.evidence import LOSSES, NEEDED, Gaussian, log_box, loss_evidence, savage_dickey
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
-from camtorque.fit.single import chamber_evidence, structure_probabilities
+from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift
 from camtorque.fit.uncertainty import Covariance, covariance
+from camtorque.records import AngleError
 from fit_cases import bridged, quick
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal
 
 INFINITE = np.full(2, 1e9)
@@ -31,6 +32,12 @@ def test_box_of_mixed_parameters_is_that_of_scipy():
     # Pr(x > 0, y > 0) is a distribution function of the mirrored variable
     expected = multivariate_normal(-gaussian.mean, matrix).cdf(np.zeros(2))
     assert log_box(gaussian) == pytest.approx(np.log(expected), abs=0.06)  # 400 draws
+
+
+def test_a_box_far_out_in_either_tail_is_not_lost_to_rounding():
+    for mean, lower, upper in ((-9.0, 0.0, 50.0), (9.0, -50.0, 0.0), (-30.0, 0.0, 1.0)):
+        box = Gaussian(np.array([mean]), np.eye(1), np.array([lower]), np.array([upper]))
+        assert log_box(box) == pytest.approx(log_ndtr(-abs(mean)), rel=1e-6)
 
 
 def tiny_problem():
@@ -118,3 +125,11 @@ def test_probabilities_of_structures_follow_chi_square_under_inflation():
     assert best + other == pytest.approx(1.0)
     assert other / best == pytest.approx(np.exp(-4.0))
     assert structure_probabilities((found, worse), 4.0)[1] == pytest.approx(np.exp(-1.0) / (1.0 + np.exp(-1.0)))
+
+
+def test_what_the_switch_may_be_late_is_in_the_trigger_angle_alone():
+    problem, cycles = quick(("closed_volume", 0, 1000.0)).problem, bridged(("closed_volume",))[1]
+    late = replace(cycles, angle_errors=(AngleError("trigger switching delay", 0.03, ""),))
+    shift = switching_shift(problem, late)
+    assert shift[problem.index("trigger_offset")] == pytest.approx(np.radians(0.03))
+    assert np.count_nonzero(shift) == 1

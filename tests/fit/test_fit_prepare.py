@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.config import FluidSpec
-from camtorque.fit.prepare import rig_rows
+from camtorque.fit.prepare import USUAL_CAM, USUAL_PLUNGER, fit_data, rig_rows
 from camtorque.laws import ROWS
 from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
+from camtorque.laws.sensor import sensor_transfer
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged
 
@@ -18,10 +19,13 @@ ZERO = 273.15
 NOTHING = FluidSpec()
 
 
-def rows_of(fluid: FluidSpec = NOTHING, **channels: np.ndarray):
+def rows_of(fluid: FluidSpec = NOTHING, pump=None, torque=None, **channels: np.ndarray):
     recording, cycles, _ = bridged(KEY)
     sheets = [recording.of(quantity)[0].calibration for quantity in ("torque", "pressure")]
-    config = replace(recording.config, fluid=fluid)
+    sheets[0] = replace(sheets[0], **(torque or {}))
+    usual = {"plunger_diameter": USUAL_PLUNGER[1], "base_circle_radius": USUAL_CAM[1]}
+    sheet = replace(recording.config.pump, **(usual if pump is None else pump))
+    config = replace(recording.config, fluid=fluid, pump_sheet=sheet)
     law = spectral_law(recording.cam_table)
     return rig_rows(config, law, *sheets, replace(cycles, channels=channels))
 
@@ -82,3 +86,48 @@ def test_the_gallery_pressure_is_the_feed_pressure():
     assert row.source == "measured in the gallery"
     sucked = rows_of(FluidSpec(feed_pressure=-3e4))["feed_pressure"]
     assert sucked.lower < -3e4
+
+
+def test_a_larger_pump_is_expected_larger_and_a_smaller_one_no_better_known():
+    usual = rows_of()
+    large = rows_of(pump={"plunger_diameter": 2.0 * USUAL_PLUNGER[1], "base_circle_radius": 3.0 * USUAL_CAM[1]})
+    for name, factor in {"spill_width": 2.0, "port_span": 2.0, "retraction_volume": 8.0, "plunger_viscous": 4.0,
+                         "bearing_arm": 3.0, "shaft_drag": 9.0}.items():  # fmt: skip
+        assert large[name].prior == pytest.approx([factor * value for value in usual[name].prior])
+        assert large[name].upper == pytest.approx(factor * usual[name].upper)
+    small = rows_of(pump={"plunger_diameter": 0.5 * USUAL_PLUNGER[0]})
+    assert small["spill_width"].prior == pytest.approx(
+        (0.5 * usual["spill_width"].prior[0], usual["spill_width"].prior[1])
+    )
+    assert small["spill_width"].lower < usual["spill_width"].lower
+
+
+def test_the_kind_of_low_pass_on_the_sheet_is_the_one_that_is_fitted():
+    assert rows_of(torque={"filter_damping": 0.866})["filter_damping"].prior == (0.866, 0.05)
+    row = rows_of(torque={"filter_order": 1})["filter_damping"]
+    omega = 2.0 * np.pi * np.linspace(10.0, 3000.0, 50)
+    found = sensor_transfer(omega, 1000.0, row.prior[0], 0.0)[0]
+    lag = 1j * omega / (2.0 * np.pi * 1000.0)
+    expected = 1.0 / (1.0 + lag) * np.exp(lag)
+    assert found == pytest.approx(expected, abs=0.02)
+    assert row.lower < row.start < row.upper
+
+
+def torsion(torque_scale: float, **drive: float):
+    recording, cycles, _ = bridged(KEY)
+    law = spectral_law(recording.cam_table)
+    recording = replace(recording, config=replace(recording.config, drive=replace(recording.config.drive, **drive)))
+    torque = torque_scale * cycles.mean_torque
+    return fit_data(recording, cycles, law, torque, cycles.mean_pressure, 0.1).rows, float(np.max(np.abs(torque)))
+
+
+def test_a_shaft_is_expected_to_be_made_for_its_torque():
+    small, peak = torsion(0.1)
+    assert small["shaft_compliance"].prior[1] == pytest.approx(5e-3 / peak)
+    assert small["shaft_compliance"].upper > ROWS["shaft_compliance"].upper
+    assert small["drive_admittance"].prior[1] > ROWS["drive_admittance"].prior[1]
+    large, _ = torsion(10.0)
+    assert large["shaft_compliance"].start < ROWS["shaft_compliance"].start
+    assert large["shaft_compliance"].prior == ROWS["shaft_compliance"].prior
+    stated, _ = torsion(0.1, shaft_stiffness=5000.0)
+    assert stated["shaft_compliance"].prior == pytest.approx((2e-4, 3e-5))

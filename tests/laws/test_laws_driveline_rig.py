@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from camtorque.laws import ROWS
-from camtorque.laws.chain import angle_grid, filtered
+from camtorque.laws.chain import angle_grid, cam_motion, drive_response, filtered
 from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, twist_basis
 from camtorque.laws.sensor import sensor_transfer
+from laws_cases import chain_input, start_values
 from rigs.cycles import as_cycles, nominal_times
 from rigs.families import bare
 from rigs.rig import simulate
@@ -101,3 +104,18 @@ def test_shift_is_zero_at_the_trigger_edge():
     place = round(N * 20 / 360)
     assert angle_grid(N)[place] == pytest.approx(edge)
     np.testing.assert_allclose(shift[place], 0.0, atol=1e-12 * np.abs(shift).max())
+
+
+def test_a_wheel_leaves_to_the_twist_what_is_above_its_orders():
+    data = chain_input()
+    turned = 0.004 * np.cos(3.0 * data.theta)
+    wheel = replace(data, deviation=turned)
+    values = {**start_values(), "trigger_offset": 0.0}
+    plain, seen = (cam_motion(one, values, drive_response(one, values)) for one in (data, wheel))
+    # the grid is true angle as far as the wheel sees: up to its third order only the rates know of it
+    left, alone = (np.fft.rfft(motion.theta - data.theta) / data.theta.size for motion in (seen, plain))
+    assert np.max(np.abs(left[1:4])) < 1e-12
+    assert np.max(np.abs(alone[4:])) > 1e-6
+    assert left[4:] == pytest.approx(alone[4:], abs=1e-12)
+    rate = np.fft.rfft(seen.rate / data.speed) / data.theta.size
+    assert rate[3] == pytest.approx(3j * 0.002, rel=1e-9)

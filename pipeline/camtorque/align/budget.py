@@ -25,6 +25,8 @@ RESAMPLING_DEG = Threshold(
     "Largest shift of a known signal by resampling, 5 to 200 kHz and 300 to 1250 rpm; held by a test."
 )  # fmt: skip
 UNKNOWN = float("nan")
+SWITCHING_DELAY = "trigger switching delay"
+"""Row of the budget that the fit takes up in the trigger angle."""
 TWIST = {
     "cam": "not corrected here: torque over stiffness, in the driveline effect",
     "motor": "the trigger sits on the motor's side: the cam lags its angle by torque over stiffness, in the driveline "
@@ -61,7 +63,7 @@ def angle_error_budget(
             f"{1e6 * base.edge_noise:.2f} us: noise of the plateaus over the slope of the edge, or one sample",
         ),
         AngleError(
-            "trigger switching delay",
+            SWITCHING_DELAY,
             HALF_WIDTH_OF_TYPICAL * RECTANGULAR * spec.switching_delay * per_second,
             "the sheet gives a typical value without limits; half of it is assumed as half width",
         ),

@@ -9,7 +9,8 @@ and a fit without the loss gives it by Laplace's approximation,
 ``-2 ln Z = chi^2 + ln det H - ln det P^-1 - 2 ln Pr(box) + 2 ln Pr_prior(box)``.
 
 *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
-small whatever the data allow (a small K alone is not absence). Else the data cannot tell.
+small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
+absence). Else the data cannot tell.
 Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995); Genz, J. Comp. Graph. Stat. 1 (1992).
 """
 
@@ -18,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, ndtr, ndtri
+from scipy.special import log_ndtr, ndtri_exp
 
 from camtorque import laws
 from camtorque.fit.problem import Problem, build_problem
@@ -29,8 +30,10 @@ from camtorque.records import Array, LossEvidence
 
 NEEDED, NOT_NEEDED = 6.0, -2.0
 """Limits of 2 ln K (Kass & Raftery: 6 is strong evidence)."""
-SMALL_TORQUE = 10.0
-"""A loss is small below this many times odd against even cycles (rms)."""
+SMALL_TORQUE, SMALL_SHARE = 10.0, 0.15
+"""A loss is small below this many times odd against even cycles (rms), and below this share of the mean torque."""
+LEAST_FACTOR = -100.0
+"""2 ln K below which the Gaussian lies far outside the bounds and tells nothing: Occam's share is -10 to -50."""
 SMALL_ANGLE = np.radians(0.15)
 REFIT_BELOW = 30.0
 """A loss with more evidence than this is not refitted."""
@@ -71,12 +74,26 @@ def log_box(gaussian: Gaussian) -> float:
     weight = np.zeros(DRAWS)
     for k in range(tight.size):
         shift = drawn[:, :k] @ root[k, :k]
-        a, b = ndtr((low[k] - shift) / root[k, k]), ndtr((high[k] - shift) / root[k, k])
-        share = np.maximum(b - a, 1e-300)
-        weight += np.log(share)
-        drawn[:, k] = ndtri(np.clip(a + uniform[:, k] * share, 1e-15, 1.0 - 1e-15))
+        share, drawn[:, k] = _drawn_between(
+            (low[k] - shift) / root[k, k], (high[k] - shift) / root[k, k], uniform[:, k]
+        )
+        weight += share
     top = float(np.max(weight))
     return top + float(np.log(np.mean(np.exp(weight - top))))
+
+
+def _drawn_between(low: Array, high: Array, uniform: Array) -> tuple[Array, Array]:
+    """Return ln Pr(low < x < high) of a standard normal x, (n,), and x drawn within by uniform numbers.
+
+    In the lower tail, turned there where both ends are positive: at 8 standard deviations above the mean the normal
+    distribution is 1 to rounding.
+    """
+    turned = low > 0.0
+    a, b = np.where(turned, -high, low), np.where(turned, -low, high)
+    top, bottom = log_ndtr(b), log_ndtr(a)
+    share = top + np.log1p(-np.exp(np.minimum(bottom - top, -1e-12)))
+    drawn = np.clip(ndtri_exp(np.minimum(np.logaddexp(bottom, np.log(uniform) + share), -1e-300)), a, b)
+    return share, np.where(turned, -drawn, drawn)
 
 
 def unbounded_mean(problem: Problem, solution: Solution, cov: Covariance) -> Array:
@@ -134,12 +151,13 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
         if quick < REFIT_BELOW or name == "driveline":
             refit = _refitted(problem, solution, cov, members) - full
         factor = refit if name == "driveline" and not np.isnan(refit) else quick
-        limit = np.degrees(SMALL_ANGLE) if unit == "deg" else SMALL_TORQUE * odd_even
+        small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
+        limit = np.degrees(SMALL_ANGLE) if unit == "deg" else small
         highest = quick if np.isnan(refit) else max(quick, refit)
         verdict = "cannot tell"
         if factor > NEEDED:
             verdict = "needed"
-        elif highest < NOT_NEEDED and interval[1] < limit:
+        elif LEAST_FACTOR < highest < NOT_NEEDED and interval[1] < limit:
             verdict = "not needed"
         text = _sentence(name, verdict, factor, size, interval, unit)
         result.append(LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.config import FluidSpec, RecordingConfig
+from camtorque.config import FluidSpec, PumpData, RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, ChainInput, angle_grid, binned
@@ -31,6 +31,14 @@ LOAD_SHARE = 0.1
 STATED = "stated in recording.toml"
 CORRELATION = 6.0
 """Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
+FIRST_ORDER = 5.0
+"""Damping ratio at which two poles are one of first order: the other lies at a hundred times its frequency."""
+USUAL_PLUNGER, USUAL_CAM = (0.007, 0.011), (0.015, 0.03)
+"""Diameters and base circle radii of the pumps that the literature of the rows speaks of [m]."""
+USUAL_TWIST, COUPLING_TWIST = 5.0e-3, 15.0e-3
+"""Twist of shaft and of an elastic coupling at the peak torque: 2-10 mrad of a steel shaft at 30 MPa [rad]."""
+SPEED_SWING, LIGHTEST_DRIVE = 0.05, 60.0
+"""Swing of the speed within a revolution that a bench may allow [-]; 1/J of a light servo motor [1/(kg m^2)]."""
 LEAST_FEED_STD = 0.2e5
 """A gallery sensor's zero, and the way from it to the inlet port [Pa]."""
 INDEPENDENT = 360.0 / CORRELATION
@@ -95,10 +103,8 @@ def rig_rows(
     _set(rows, "torque_zero", prior=(0.0, max(torque.zero_std, 1e-4)))
     _set(rows, "pressure_zero", prior=(0.0, max(pressure.zero_std, 1e3)))
     _set(rows, "delay_error", prior=(0.0, max(torque.delay_std, 1e-7)))
-    if np.isfinite(torque.cutoff_hz):
-        cutoff = torque.cutoff_hz
-        _set(rows, "cutoff", start=cutoff, lower=0.5 * cutoff, upper=2.0 * cutoff, step=0.05 * cutoff,
-             prior=(cutoff, 0.05 * cutoff))  # fmt: skip
+    _set_filter(rows, torque)
+    _set_size(rows, pump)
     lift, slope = law.derivatives(np.linspace(0.0, 2.0 * np.pi, 721), 1)
     top = float(np.max(lift))
     _set(rows, "port_closing_lift", start=0.2 * top, lower=0.01 * top, upper=0.98 * top)
@@ -114,6 +120,68 @@ def rig_rows(
     _set_stated(rows, config)
     _set_gallery(rows, cycles)
     return rows
+
+
+def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
+    """Take the low-pass of the torque as the sheet states it; what it does not state is wide."""
+    cutoff = torque.cutoff_hz
+    if np.isfinite(cutoff):
+        _set(rows, "cutoff", start=cutoff, lower=0.5 * cutoff, upper=2.0 * cutoff, step=0.05 * cutoff,
+             prior=(cutoff, 0.05 * cutoff))  # fmt: skip
+    if torque.filter_order == 1:
+        ratio = FIRST_ORDER
+        _set(rows, "filter_damping", start=ratio, lower=0.5 * ratio, upper=2.0 * ratio, step=0.1 * ratio,
+             prior=(ratio, 0.1 * ratio), source="low-pass of first order: poles far apart")  # fmt: skip
+    elif np.isfinite(torque.filter_damping):
+        ratio = torque.filter_damping
+        _set(rows, "filter_damping", start=ratio, prior=(ratio, 0.05), source="kind of low-pass on the sheet")
+
+
+def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:
+    """Scale what literature knows of usual plungers and cams to those beyond.
+
+    Similar pumps: lengths go with the diameter, areas with its square. A smaller part is expected smaller, but known
+    no better.
+    """
+    plunger = pump.plunger_diameter / float(np.clip(pump.plunger_diameter, *USUAL_PLUNGER))
+    cam = pump.base_circle_radius / float(np.clip(pump.base_circle_radius, *USUAL_CAM))
+    for names, factor in (
+        (("port_width", "port_span", "spill_width", "spill_span", "packing_force"), plunger),
+        (("plunger_viscous",), plunger**2),
+        (("retraction_volume", "gallery_volume"), plunger**3),
+        (("bearing_arm",), cam),
+        (("shaft_drag",), cam**2),
+        (("shaft_viscous",), cam**3),
+    ):
+        for name in names:
+            row = rows[name]
+            mean, std = row.prior or (row.start, np.inf)
+            wider = max(factor, 1.0)
+            _set(rows, name, start=row.start * factor, prior=(mean * factor, std * wider), lower=row.lower * factor,
+                 upper=row.upper * wider, step=row.step * factor)  # fmt: skip
+
+
+def _set_torsion(rows: dict[str, ParameterRow], torque: Array, speed: float) -> None:
+    """Widen what is expected of shaft, coupling and drive to what this torque (n,) [N m] can have on its shaft.
+
+    Shafts and couplings are made for their torque, a drive for the speed that has to be held at [rad/s]: a small bench
+    has softer ones and a lighter motor than the literature's rigs of some 30 N m, and a large one stiffer ones.
+    """
+    peak = float(np.max(np.abs(torque)))
+    swing = float(np.ptp(np.cumsum(torque - np.mean(torque)))) * 2.0 * np.pi / torque.size
+    widths = {
+        "shaft_compliance": USUAL_TWIST / peak, "coupling_compliance": COUPLING_TWIST / peak,
+        "drive_admittance": min(SPEED_SWING * speed**2 / swing, LIGHTEST_DRIVE),
+    }  # fmt: skip
+    for name, width in widths.items():
+        row = rows[name]
+        mean, std = row.prior or (row.start, np.inf)
+        if row.source != STATED and width > std:
+            _set(rows, name, prior=(mean, width), upper=max(row.upper, 5.0 * width))
+    row = rows["shaft_compliance"]
+    if row.source != STATED:
+        _set(rows, "shaft_compliance", lower=min(row.lower, 0.02 * USUAL_TWIST / peak),
+             start=float(np.clip(0.5 * USUAL_TWIST / peak, 15.0e-6, row.start)))  # fmt: skip
 
 
 def _set_gallery(rows: dict[str, ParameterRow], cycles: CamCycles) -> None:
@@ -214,6 +282,7 @@ def fit_data(
     assert torque_sheet is not None
     assert pressure_sheet is not None
     rows = rig_rows(config, law, torque_sheet, pressure_sheet, cycles)
+    _set_torsion(rows, torque, cycles.mean_speed)
     closing = loaded_lift(cycles.theta, torque, law)
     _set(rows, "port_closing_lift", start=float(np.clip(closing, rows["port_closing_lift"].lower, None)))
     step = float(np.median(np.diff(table.theta)))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camtorque.align.budget import SWITCHING_DELAY
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
@@ -17,6 +18,7 @@ from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
+from camtorque.units import DEGREE
 
 POLISHED = 3
 """Starts that are followed to their minimum on the fine grid."""
@@ -180,6 +182,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     pressures.append(relaxed.solution.outputs[0].pressure - solution.outputs[0].pressure)
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.append(moved)
+    shifts["switching delay of the trigger"] = switching_shift(problem, prepared.cycles)
     odd_even = float(np.sqrt(np.mean((prepared.means.torque - prepared.means.held_torque) ** 2)))
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
@@ -193,6 +196,17 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
         problem, solution, cov, shifts, (np.array(pressures),), prepared.candidates, probabilities, evidence,
         (prepared.measured,), (gain,),
     )  # fmt: skip
+
+
+def switching_shift(problem: Problem, cycles: CamCycles) -> Array:
+    """Return how far one standard deviation of the trigger's switching delay moves each parameter, (k,) [SI].
+
+    The pulse comes that much later than the tooth, and the fit finds the pulse.
+    """
+    shift = np.zeros(problem.size)
+    known = [row.std_deg for row in cycles.angle_errors if row.source == SWITCHING_DELAY]
+    shift[problem.index("trigger_offset")] = known[0] * DEGREE if known else 0.0
+    return shift
 
 
 def pressure_gain_std(recording: Recording) -> float:

@@ -14,7 +14,9 @@ from camtorque.signal.scan import Scan, scan_channel
 from camtorque.units import BAR, RPM
 
 VACUUM = -1.5 * BAR
-"""Gauge pressure that no liquid line keeps up, with room for the zero error of a sensor [Pa]."""
+"""Gauge pressure that no liquid line keeps up [Pa]."""
+VACUUM_SHARE = 0.005
+"""Room below it for zero, noise and steps of the converter, as a share of the sensor's range."""
 SPEED_TOLERANCE = 0.1
 """Relative difference of pulse count and nominal speed that is worth a finding."""
 PERIOD_TOLERANCE = 0.3
@@ -171,11 +173,17 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
     return found
 
 
+def _range(recording: Recording) -> float:
+    """Return the range of the pressure sensor [Pa], 0 where nothing tells it."""
+    ends = [channel.calibration.range_max for channel in recording.of("pressure") if channel.calibration is not None]
+    return max((end for end in ends if np.isfinite(end)), default=0.0)
+
+
 def _swapped(recording: Recording, summaries: list[ChannelSummary]) -> list[Finding]:
     """Find swapped torque and pressure: a line has no deep vacuum, and a cam drives back."""
     by_quantity = {summary.quantity: summary for summary in summaries}
     torque, pressure = by_quantity.get("torque"), by_quantity.get("pressure")
-    if pressure is None or pressure.low > VACUUM:
+    if pressure is None or pressure.low > VACUUM - VACUUM_SHARE * _range(recording):
         return []
     where = f"{pressure.file} {pressure.name}"
     text = f"pressure goes down to {pressure.low / BAR:.3g} bar gauge, which no line can hold"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from camtorque.toml_table import Problems, Table, read_keys, read_toml
 DEFAULTS = {key.attribute: key.default for key in SHEET_KEYS}
 PERCENT = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)\s*%")
 ORDER = re.compile(r"(\d{1,2})(?:st|nd|rd|th)?[- ]?order", re.IGNORECASE)
+KINDS = {"bessel": 0.866, "butterworth": 0.7071}
+"""Damping ratio of a low-pass of second order by the kind that a sheet names."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,12 @@ class Sheet:
         """Order of the low-pass as the sheet names it, 0 where it does not."""
         found = ORDER.search(self.values["filter"])
         return int(found[1]) if found and self.values["cutoff_hz"] is not None else 0
+
+    @property
+    def filter_damping(self) -> float:
+        """Damping ratio of the kind of low-pass that the sheet names, nan where it names none."""
+        named = self.values["filter"].lower()
+        return next((ratio for kind, ratio in KINDS.items() if kind in named), math.nan)
 
 
 def read_sheet(reference: SensorRef) -> Sheet:

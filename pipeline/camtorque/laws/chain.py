@@ -48,6 +48,10 @@ assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_fr
 NO_PATH = np.zeros((0, 3))
 
 
+SEEN_ORDER = 1.0e-9
+"""Least share of the largest harmonic that is no rounding."""
+
+
 @dataclass(frozen=True)
 class ChainInput:
     """What one recording brings to the chain, on a uniform grid that a bin divides.
@@ -65,7 +69,8 @@ class ChainInput:
     uses_chamber : False feeds the line pressure to the plunger, as the source paper does
     substeps : (n,) time steps of the chamber per grid step
     deviation : (n,) cam angle less the angle of uniform running [rad] where a wheel on the cam measured it: the grid is
-        then true cam angle and no twist is rebuilt; empty where one pulse a revolution tells nothing of it
+        then true cam angle up to the highest order that the wheel sees, and twist is rebuilt above it only; empty where
+        one pulse a revolution tells nothing of it
     """
 
     theta: Array
@@ -87,7 +92,8 @@ class ChainInput:
     def __post_init__(self) -> None:
         if self.theta.size % BINS:
             raise ValueError(f"chain: {self.theta.size} angles, expected a multiple of {BINS}")
-        twist = driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle)
+        seen = highest_order(self.deviation)
+        twist = driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen)
         object.__setattr__(self, "twist", twist)
         object.__setattr__(self, "top_lift", float(np.max(self.law.evaluate(self.theta, 0))))
         if self.substeps.size == 0:
@@ -145,6 +151,14 @@ class ChainOutput:
     least_guide: float
 
 
+def highest_order(deviation: Array) -> int:
+    """Return the highest order in a measured deviation of the angle (n,), 0 where none was measured."""
+    if not deviation.size:
+        return 0
+    spectrum = np.abs(np.fft.rfft(deviation))
+    return int(np.max(np.flatnonzero(spectrum > SEEN_ORDER * np.max(spectrum)), initial=0))
+
+
 def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
     """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 11) or (k, 1)."""
     highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
@@ -159,11 +173,11 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
     """
     moved = driveline.angle_shifts(data.twist, response)
     if data.deviation.size:
-        moved = tuple(np.zeros_like(part) for part in moved)  # type: ignore[assignment]
+        # the grid has the measured part in it already: it moves no angle, only its rates
         spectrum = np.fft.rfft(data.deviation)
         harmonic = np.arange(spectrum.size)
         for order, part in enumerate(moved[1:], 1):
-            part[:, 0] = np.fft.irfft(spectrum * (1j * harmonic) ** order, data.theta.size)
+            part[:, 0] += np.fft.irfft(spectrum * (1j * harmonic) ** order, data.theta.size)
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
     lift = np.asarray(data.law.derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]

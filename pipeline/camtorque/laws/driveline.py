@@ -90,13 +90,16 @@ class TwistBasis:
     phase: NDArray[np.complex128]
 
 
-def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float) -> TwistBasis:
-    """Return the basis of a mean cycle of the shaft's torque (n,) [N m] at a speed [rad/s]."""
+def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: int = 0) -> TwistBasis:
+    """Return the basis of a mean cycle of the shaft's torque (n,) [N m] at a speed [rad/s].
+
+    A wheel on the camshaft has measured the angle up to the order ``seen``: only what is above is rebuilt.
+    """
     highest = min(shaft_torque.size // 2, int(np.ceil(2.0 * np.pi * HIGHEST_HZ / speed)))
     omega = np.asarray(np.arange(highest + 1) * speed, dtype=np.float64)
     roll_off = 1.0 / np.sqrt(1.0 + (omega / (2.0 * np.pi * TWIST_BANDWIDTH_HZ)) ** 8)
     spectrum = np.fft.rfft(shaft_torque)[: highest + 1] * roll_off
-    spectrum[0] = 0.0
+    spectrum[: seen + 1] = 0.0
     phase = np.exp(1j * np.arange(omega.size) * trigger_angle)
     phase[1:] *= 2.0
     return TwistBasis(spectrum, omega, shaft_torque.size, phase)
