@@ -166,6 +166,12 @@ def test_a_single_column_may_be_named_by_its_file(tmp_path: Path):
     assert [item.quantity for item in look_into(files)] == ["torque", "pressure", "trigger"]
 
 
+def test_a_unit_that_is_not_known_is_shown_with_what_to_do(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    file = log(tmp_path, **{"Torque__mV/V": 0.01 * torque, "p__bar": pressure, "trigger__V": trigger})
+    assert "# the file says 'mV/V', which is no known unit; that is a bridge's raw signal" in written(file)[0]
+
+
 def test_a_pressure_from_vacuum_says_so(tmp_path: Path):
     torque, pressure, trigger = signals()
     file = log(tmp_path, **{"T__Nm": torque, "p__bar abs": pressure + 1.0, "trigger__V": trigger})

@@ -105,9 +105,9 @@ def _repeating(rows: Array, sound: NDArray[np.bool_], stride: int, recording: Re
     trigger = recording.config.trigger
     now = trigger.revolutions_per_cycle
     text = (
-        f"a revolution is like the one {every} later, not like the next: where the pulses come from a shaft that turns {every * now} "
-        f"times per turn of the cam, or from {every * now} marks on it, write revolutions_per_cycle = {every * now} "
-        f"under [trigger] (it is {now})"
+        f"a revolution is like the one {every} later, not like the next: where the pulses come from a shaft that turns "
+        f"{every * now} times per turn of the cam, or from {every * now} marks on it, write revolutions_per_cycle = "
+        f"{every * now} under [trigger] (it is {now})"
     )
     return (Finding("revolutions_alternate", "error", text, f"{recording.config.path.name} [trigger]"),)
 

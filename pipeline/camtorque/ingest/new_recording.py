@@ -20,7 +20,7 @@ from camtorque.records import Refusal
 from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES
 from camtorque.toml_schema import UNKNOWN, Key, TableSchema
 from camtorque.toml_table import read_toml
-from camtorque.units import BORDER_UNITS, unit_factor
+from camtorque.units import BORDER_UNITS, HINTS, tidy_unit, unit_factor
 
 FASTEST = 6000.0
 """One pulse a turn at more than this [rpm] is more likely a wheel of several teeth."""
@@ -77,6 +77,9 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
         writer.table("[[loggers]]", RECORDING_TABLES["loggers"], {"id": name, "clock": _clock(loggers)})
     for item in used:
         writer.table("[[channels]]", RECORDING_TABLES["channels"], _channel(item, folder, loggers[item.path]))
+        if not item.unit and item.channel.unit.strip("-"):
+            hint = HINTS.get(tidy_unit(item.channel.unit), "")
+            writer.line(f"# the file says {item.channel.unit!a}, which is no known unit{hint}")
     for item in [item for item in proposals if not item.quantity and item.high > item.low and not open_ones]:
         writer.line(
             f"# not used: {item.path.name!a}, {item.channel.group!a}, {item.channel.name!a}, {item.channel.unit!a}"
