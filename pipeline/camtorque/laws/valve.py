@@ -35,7 +35,7 @@ LIFTED = 0.3
 ROWS = (
     parameter("valve_opening", "p_open", "bar", 1.0e5, (20.0, 1.0, 150.0, 3.0), (25.0, 20.0),
             "pressure difference at which the delivery valve opens", "catalogues of delivery valves: 5-50 bar"),
-    parameter("valve_area", "A_out", "mm^2", 1.0e-6, (2.0, 0.05, 60.0, 0.2), (3.0, 6.0),
+    parameter("valve_area", "A_out", "mm^2", 1.0e-6, (2.0, 0.3, 60.0, 0.2), (3.0, 6.0),
             "flow area between chamber and delivery valve (Cd = 0.7)", "bores of 1-4 mm"),
     parameter("valve_range", "w", "bar", 1.0e5, (5.0, 0.0, 150.0, 3.0), (5.0, 15.0),
             "flow force on the valve where seat and outlet area are equal", "spring and flow forces of such valves"),
