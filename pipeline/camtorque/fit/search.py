@@ -319,13 +319,13 @@ class Move:
 
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
-    "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
+    "load anew": Move(load_anew, SMOOTHINGS_DEG, DISSATISFYING),
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
     "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
     "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
-    "as expected": Move(expected_again, SMOOTHINGS_DEG[1:], DISSATISFYING),
+    "as expected": Move(expected_again, SMOOTHINGS_DEG[1:], DOUBTFUL),
 }
-"""Moves in the order in which they are tried; after one that helps much, all are tried again."""
+"""Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
 
 
 def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> dict[str, list[Start]]:
@@ -346,7 +346,7 @@ def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open"
         items = {structure: group for structure, group in move.starts(result, seen).items() if group}
         result = joined(result, descend(items, move.smoothings, False))
         if least(result).chi_square < HELPED * before:
-            pending = {key: one for key, one in MOVES.items() if key != name}
+            pending = dict(MOVES)
     return result
 
 
