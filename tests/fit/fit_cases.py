@@ -77,7 +77,8 @@ def quick(run_key: tuple, n_theta: int = 1800, iterations: int = 40) -> Candidat
     """Return the minimum next to the truth, without a search."""
     data = quick_data(run_key, n_theta)
     problem = build_problem([data])
-    return followed(data, Start(data, solve(problem, None, 1, lifts_at(problem, problem.start))), iterations)
+    lifts = lifts_at(problem, problem.start)
+    return followed(data, Start(data, lifts, solve(problem, None, 1, lifts).chi_square), iterations)
 
 
 def quick_prepared(*run_key) -> Prepared:

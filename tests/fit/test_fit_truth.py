@@ -7,11 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.derived import delivered_volume
-from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
+from camtorque.fit.problem import build_problem, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.search import SMOOTHINGS_DEG, candidates, coarse, continued, descend, least, rising_angles
+from camtorque.fit.search import (
+    SMOOTHINGS_DEG,
+    Start,
+    candidates,
+    coarse,
+    continued,
+    descend,
+    least,
+    load_anew,
+    rising_angles,
+    tempered,
+)
 from camtorque.fit.single import FitOptions, fit_prepared, followed
+from camtorque.fit.solver import lifts_at, try_at
 from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts
@@ -200,6 +213,28 @@ def test_search_finds_the_structure_and_the_truth_from_nothing():
     trigger = ended.problem.index("trigger_offset")
     assert ended.solution.z[trigger] == pytest.approx(rig(*SPILL).truth.trigger.angle_offset, abs=np.radians(0.12))
     assert all(start.chi_square > 10.0 * best.chi_square for start in found.get("land", []))
+
+
+def test_weights_of_the_search_are_as_large_as_the_residual():
+    data = with_starts(quick_data(LAND), {"dead_volume": 2.0e-6, "shaft_compliance": 400.0e-6})
+    problem = build_problem([data])
+    lifts = lifts_at(problem, problem.start)
+    far = try_at(problem, problem.start, lifts)
+    assert far.data_chi_square > 100.0 * INDEPENDENT
+    weighed = tempered(problem, far)
+    again = try_at(weighed, far.z, lifts)  # the linear parameters give way to their priors a little
+    assert INDEPENDENT <= again.data_chi_square < 1.5 * INDEPENDENT
+    near = quick(LAND)
+    trial = try_at(near.problem, near.solution.z, near.solution.lifts)
+    assert tempered(near.problem, trial).data[0].weight == pytest.approx(near.data.weight)
+
+
+def test_the_load_is_begun_anew_on_the_shaft_that_was_found():
+    data = coarse(with_starts(quick_data(LAND), {"coupling_resonance": 365.0, "dead_volume": 2.0e-6}))
+    begun = load_anew({"land": [Start(data, (), 1.0)], "spill": [], "line": []}, coarse(quick_data(LAND)))
+    assert set(begun) == {"land", "spill"}
+    assert {item.rows["coupling_resonance"].start for group in begun.values() for item in group} == {365.0}
+    assert all(item.rows["dead_volume"].start != 2.0e-6 for group in begun.values() for item in group)
 
 
 def unknown_rows(case):

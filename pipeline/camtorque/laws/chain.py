@@ -24,7 +24,7 @@ from camtorque.records import Array, freeze_arrays
 
 BINS = 600
 """Bins of a revolution in which measured and modelled torque are compared."""
-LARGEST_STEP = 16.0e-6
+LARGEST_STEP = 8.0e-6
 """Time step while the delivery valve moves [s]."""
 MOST_SUBSTEPS = 10
 ACTIVE_MARGIN = 30.0
