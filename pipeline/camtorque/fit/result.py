@@ -90,15 +90,23 @@ def modelled(
     lost = item.chain.shaft_torque - measured
     substeps = item.chain.substeps
     chain = replace(
-        item.chain, theta=angle_grid(n), line_pressure=pressure,
-        shaft_torque=torque + on_grid(lost, n), substeps=_finer(substeps, n, grid),
-        deviation=on_grid(item.chain.deviation, n) if item.chain.deviation.size else item.chain.deviation,
+        item.chain, theta=angle_grid(n), line_pressure=as_fitted(pressure, n, grid),
+        shaft_torque=as_fitted(on_grid(torque, grid) + lost, n, grid), substeps=_finer(substeps, n, grid),
+        deviation=as_fitted(item.chain.deviation, n, grid) if item.chain.deviation.size else item.chain.deviation,
     )  # fmt: skip
     output = evaluate(chain, values, coefficients, tangents=True)
     basis = item.lift_basis
     cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
     by_cause = measured_torques(chain, values, cam, float(coefficients[-1]))
     return Modelled(chain, output, values, cam, by_cause, basis.correction(output.motion.theta, lifts))
+
+
+def as_fitted(values: Array, n: int, grid: int) -> Array:
+    """Return a mean cycle as the fit saw it, straight between the points of its grid, on another grid (n,).
+
+    A delivery valve that is near to chattering answers to noise between them, and the report would show another model.
+    """
+    return np.asarray(np.interp(angle_grid(n), angle_grid(grid), on_grid(values, grid), period=2.0 * np.pi))
 
 
 def _finer(substeps: NDArray[np.int64], n: int, grid: int) -> NDArray[np.int64]:
