@@ -20,9 +20,9 @@ from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import modelled, parameter_estimates, prior_findings
-from camtorque.fit.search import SCAN_SHARES, rising_angles
+from camtorque.fit.search import SCAN_SHARES, begun, ends_at
 from camtorque.fit.single import Fit
-from camtorque.fit.solver import Solution, lifts_at, solve, try_at
+from camtorque.fit.solver import Solution, lifts_at, solve
 from camtorque.laws.chain import BINS
 from camtorque.records import Array, Finding, Metrics, ParameterEstimate, Refusal
 from camtorque.threads import Each, in_turn, side_by_side
@@ -225,25 +225,16 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     fitted, each with its own.
     """
     held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
-    lifts = lifts_at(*_begun(item, held))
+    problem = build_problem([item], held)
+    lifts = lifts_at(problem, problem.start)
     tried: list[FitData] = []
     for structure in structures:
         other = replace(item, structure=structure)
-        angles, lift = rising_angles(other, SCAN_SHARES)
-        name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lift)
         tried += [item] if structure == item.structure else []
-        tried += [with_starts(other, {name: float(place)}) for place in places] if structure != "open" else [other]
-    values = [try_at(*_begun(trial, held), lifts).chi_square for trial in tried]
+        tried += [other] if structure == "open" else [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)]
+    values = [begun(trial, lifts, held) for trial in tried]
     fitted = [own_fitted(tried[k], 12) for k in np.argsort(values, kind="stable")[:4]]
-    begun = [_begun(trial, held) for trial in fitted]
-    ends = [try_at(*start, lifts_at(*start)).chi_square for start in begun]
-    return fitted[int(np.argmin(ends))]
-
-
-def _begun(item: FitData, held: Mapping[str, float]) -> tuple[Problem, Array]:
-    """Return the problem of a recording's own parameters and their starts."""
-    problem = build_problem([item], held)
-    return problem, problem.start
+    return min(fitted, key=lambda trial: begun(trial, None, held))
 
 
 def fit_joint(inputs: Sequence[JointInput], threads: int = 1) -> CampaignFit:

@@ -3,6 +3,7 @@
 The residual over the angle has many minima in the end of delivery, the volumes and the valve: an edge of the model a
 few degrees off gains nothing by a small move. Smoothed by half a stroke it does, so every start walks down a ladder of
 smoothings; starts that fall behind leave. The first rung frees only what places the load, the others everything.
+Weights are as large as the residual, so that what is usual counts from the first step on.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ ITERATIONS, TEMPERINGS = 8, 2
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
 DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, INDEPENDENT, 5.0 * INDEPENDENT
-"""Chi-square above which the best start is moved on, all is begun again, and nothing found so far is believed."""
+"""Chi-square above which the best start is moved on, the load is begun anew, and nothing found so far is believed."""
 HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
 HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
@@ -94,6 +95,23 @@ def rising_angles(data: FitData, shares: tuple[float, ...]) -> tuple[Array, Arra
     return np.interp(wanted, np.maximum.accumulate(lift[: top + 1]), data.chain.theta[: top + 1]), wanted
 
 
+def ends_at(item: FitData, shares: tuple[float, ...]) -> list[dict[str, float]]:
+    """Return the end of delivery of a structure with a land or a spill port at shares of the full lift [SI]."""
+    angles, lifts = rising_angles(item, shares)
+    name, places = ("end_of_delivery", angles) if item.structure == "land" else ("spill_lift", lifts)
+    return [{name: float(place)} for place in places]
+
+
+def begun(item: FitData, lifts: tuple[LiftModes, ...] | None, held: Mapping[str, float] | None = None) -> float:
+    """Return the chi-square of a recording where it starts.
+
+    ``lifts`` is its lift correction, None for that of the start; ``held`` as in `build_problem`.
+    """
+    problem = build_problem([item], held)
+    modes = lifts_at(problem, problem.start) if lifts is None else lifts
+    return try_at(problem, problem.start, modes).chi_square
+
+
 def candidates(data: FitData, structure: str) -> list[FitData]:
     """Return the recording with the starts of one structure."""
     item = replace(data, structure=structure)
@@ -103,9 +121,7 @@ def candidates(data: FitData, structure: str) -> list[FitData]:
     if structure == "open":
         pairs = [(v, {"retraction_volume": r}) for v in VOLUMES for r in RETRACTIONS]
     else:
-        angles, lifts = rising_angles(data, END_SHARES)
-        name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)
-        pairs = [(v, {name: float(place)}) for v in VOLUMES for place in places]
+        pairs = [(v, end) for v in VOLUMES for end in ends_at(item, END_SHARES)]
     return [with_starts(item, {"dead_volume": v * swept, **rest}) for v, rest in pairs]
 
 
@@ -239,8 +255,7 @@ def with_ringing(best: Start) -> list[FitData]:
     scored = []
     for hertz, ratio in RINGINGS:
         item = with_starts(best.data, {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio})
-        problem = build_problem([item])
-        scored.append((try_at(problem, problem.start, best.lifts).chi_square, hertz, item))
+        scored.append((begun(item, best.lifts), hertz, item))
     kept: list[tuple[float, FitData]] = []
     for _, hertz, item in sorted(scored, key=lambda one: one[0]):
         if len(kept) < RINGINGS_KEPT and all(max(hertz / f, f / hertz) > APART for f, _ in kept):
@@ -253,17 +268,11 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
     item = replace(start.data, structure=structure)
     if structure == "open":
         return [with_starts(item, {"retraction_volume": volume}) for volume in RETRACTIONS]
-    angles, lifts = rising_angles(item, SCAN_SHARES)
-    name, places = ("end_of_delivery", angles) if structure == "land" else ("spill_lift", lifts)
     rest: dict[str, float] = {}
     if structure == "spill" and start.data.structure != "spill":
         rest = expected(item, ("spill_width", "spill_span"))
-    tried = [with_starts(item, {name: float(place), **rest}) for place in places]
-    scored = []
-    for number, trial in enumerate(tried):
-        problem = build_problem([trial])
-        scored.append((try_at(problem, problem.start, (no_lift(),)).chi_square, number))
-    return [tried[number] for _, number in sorted(scored)[:SCAN_KEPT]]
+    tried = [with_starts(item, {**end, **rest}) for end in ends_at(item, SCAN_SHARES)]
+    return sorted(tried, key=lambda trial: begun(trial, (no_lift(),)))[:SCAN_KEPT]
 
 
 def expected(data: FitData, names: Iterable[str]) -> dict[str, float]:
