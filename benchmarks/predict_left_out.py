@@ -3,9 +3,10 @@
     python benchmarks/predict_left_out.py OUT.csv CAMPAIGN_DIR ...
 
 The line pressure is taken as the recording has it (`--load-of`), and from a file as a user would type or export it
-(`--pressure`), with a point every so many degrees. One line per recording and source of the load: whether its speed
-lies inside those of the others, rms error and band width as shares of the peak, share of the revolution inside the
-pointwise 95 % band.
+(`--pressure`), with a point every so many degrees. The constant zero is that of the angles where the prediction is
+sure: weighted by the band, so that an error in one place is not spread over the revolution. One line per recording
+and source of the load: whether its speed lies inside those of the others, rms error and band width as shares of the
+peak, share of the revolution inside the pointwise 95 % band.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from benches import plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import Prepared, joint_input, prepare
 from camtorque.fit.ends import Curve, ends_for
-from camtorque.fit.forecast import FittedAt, KnownFit, forecast
+from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
@@ -29,7 +30,7 @@ from camtorque.predict_from import chain_of, file_curve
 from camtorque.rehearsal import rigid_torque
 from camtorque.units import BAR
 
-STEPS_DEG = (0.0, 0.25, 1.0, 3.0)
+STEPS_DEG = (0.0, 0.25, 1.0, 2.0, 3.0)
 """Steps of the file of the load; 0: as the recording has it."""
 
 
@@ -74,17 +75,17 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_de
         item.data.name: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed) for item in used
     }
     ends = ends_for(known, source, templates, chain, curve)
-    item = forecast(known, chain, source, ends, {})
+    item = forecast(known, chain, source, Load(ends, curve.std), {})
     measured = on_grid(left.means.torque_all, item.theta.size)
     error = measured - item.torque
-    zero = float(np.mean(error))
+    zero = float(np.average(error, weights=item.torque_std**-2.0))
     error = error - zero
     speeds = [one.speed for one in known.recordings]
     peak = float(np.max(measured))
     return {
         "left_out": left.data.name, "load": f"file, {step_deg:g} deg" if step_deg else "recording",
         "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
-        "structure": source.structure, "rms_percent": round(100.0 * float(np.std(error)) / peak, 3),
+        "structure": source.structure, "rms_percent": round(100.0 * float(np.sqrt(np.mean(error**2))) / peak, 3),
         "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.torque_std**2))) / peak, 3),
         "covered_percent": round(100.0 * float(np.mean(np.abs(error) < 1.96 * item.torque_std)), 1),
         "peak_error_percent": round(100.0 * float(np.max(item.torque) + zero - peak) / peak, 3),

@@ -12,16 +12,18 @@ import h5py
 import numpy as np
 
 from camtorque.fit.forecast import KnownFit
-from camtorque.fit.planning import Step, chamber_peak, plan, point_of
+from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, chamber_peak, plan, point_of, weighed
 from camtorque.laws import ROWS
+from camtorque.plain import now as created
 from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.records import Array, Refusal
 from camtorque.threads import on_one_thread
 from camtorque.units import BAR, RPM, did_you_mean
+from camtorque.version import __version__
 
 CHAMBER_PEAK = "chamber_peak"
 SPEED_FACTORS = (0.7, 0.85, 1.0, 1.2, 1.45)
-"""Speeds on offer, as shares of the middle of the fitted ones."""
+"""Speeds on offer where none are named, as shares of the middle of the fitted ones."""
 DURATIONS = (20.0, 60.0, 180.0)
 MOST_LOADS = 3
 
@@ -58,7 +60,7 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
 
 
 @on_one_thread
-def plan_runs(fit: Path | str, target: str, tooth: bool = True) -> dict[str, Any]:
+def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequence[float] = ()) -> dict[str, Any]:
     """Return the next recordings that bring a number of a fit to a wanted standard uncertainty, as a document.
 
     Parameters
@@ -66,6 +68,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True) -> dict[str, Any
     fit : campaign.json, result.json, or the folder that holds one
     target : such as ``chamber_peak 0.5 %``
     tooth : whether a second tooth may be asked for
+    speeds_rpm : that the rig can run; none: `SPEED_FACTORS` times the middle of the fitted ones
 
     Raises
     ------
@@ -77,14 +80,17 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True) -> dict[str, Any
     reports = {row["id"]: folder / row["folder"] for row in rows}
     goal = _target(known, reports, name, size, relative)
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
+    speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
     points = []
     for item in _loads(known):
         rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
-        for factor in SPEED_FACTORS:
-            chain = chain_of(rig, middle * factor, curve)
+        for speed in speeds:
+            chain = chain_of(rig, speed, curve)
             points.append(point_of(known, chain, item, item.id, _scatter(reports[item.id])))
-    steps = plan(known, goal.gradient, goal.wanted, points, DURATIONS, (False, True) if tooth else (False,))
-    return _document(known, goal, steps)
+    teeth = (False, True) if tooth else (False,)
+    steps = plan(known, goal.gradient, goal.wanted, points, DURATIONS, teeth)
+    alone = weighed(known, goal.gradient, [(p, Offer(p.speed, p.load, DURATIONS[0], t)) for t in teeth for p in points])
+    return _document(known, goal, steps, alone)
 
 
 def _loads(known: KnownFit) -> list[Any]:
@@ -112,20 +118,22 @@ def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float
     return Target(name, unit, value, per, wanted, gradient)
 
 
-def _document(known: KnownFit, goal: Target, steps: Sequence[Step]) -> dict[str, Any]:
+def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Sequence[Step]) -> dict[str, Any]:
     now = float(np.sqrt(goal.gradient @ known.covariance @ goal.gradient))
     last = steps[-1].std if steps else now
     return {
-        "schema": "camtorque.plan/1", "target": goal.name, "unit": goal.unit, "value": goal.value / goal.per_unit,
+        "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,
+        "unit": goal.unit, "value": goal.value / goal.per_unit,
         "stderr_now": now / goal.per_unit, "stderr_wanted": goal.wanted / goal.per_unit,
-        "reached": last <= goal.wanted,
-        "runs": [
-            {
-                "speed_rpm": step.offer.speed / RPM, "load_of": step.offer.load, "duration_s": step.offer.duration,
-                "second_tooth": step.offer.tooth, "minutes": step.offer.minutes,
-                "stderr_after": step.std / goal.per_unit,
-            }
-            for step in steps
-        ],
-        "minutes": sum(step.offer.minutes for step in steps),
+        "reached": last <= goal.wanted, "runs": [_row(step, goal) for step in steps],
+        "minutes": sum(step.minutes for step in steps), "on_offer": [_row(step, goal) for step in alone],
+        "setup_minutes": SETUP_MINUTES, "tooth_minutes": TOOTH_MINUTES, "durations_s": DURATIONS,
+        "fitted_speeds_rpm": sorted(item.speed / RPM for item in known.recordings),
+    }  # fmt: skip
+
+
+def _row(step: Step, goal: Target) -> dict[str, Any]:
+    return {
+        "speed_rpm": step.offer.speed / RPM, "load_of": step.offer.load, "duration_s": step.offer.duration,
+        "second_tooth": step.offer.tooth, "minutes": step.minutes, "stderr_after": step.std / goal.per_unit,
     }  # fmt: skip

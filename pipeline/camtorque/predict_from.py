@@ -18,10 +18,10 @@ import h5py
 import numpy as np
 
 from camtorque.align import align
-from camtorque.config_pump import PumpConfig
+from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.ends import FINE_STEP, Curve, ends_for
-from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, forecast
+from camtorque.fit.ends import Curve, ends_for
+from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, Load, forecast
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
 from camtorque.ingest import read_recording
@@ -47,6 +47,13 @@ CLEARANCE = 4.0e-6
 CYCLES = "cycles.h5"
 LOADED = 0.1
 """Share of the highest line pressure above which the points of a file matter."""
+BETWEEN = 0.5
+"""What is missed between points as a share of what is missed where every second one is left out; 0.3 to 0.9 of it was
+seen on recordings thinned to 1 to 3 degrees."""
+MOST_GUESSED = 0.1
+"""Uncertainty between the points, as a share of the highest pressure, above which a file is refused."""
+WIDEST_STEP = np.radians(6.0)
+"""Distance of points under load above which nothing tells what the points missed."""
 SAME_ENDING = (
     "A line pressure does not tell whether a land or a spill ended delivery: if this load ends the other way, the "
     "return stroke is wrong."
@@ -163,12 +170,42 @@ def load_curve(path: Path) -> Curve:
 
 
 def file_curve(path: Path) -> Curve:
-    """Return the line pressure of a CSV file on the grid of a fit; its speed is not known (nan)."""
+    """Return the line pressure of a CSV file on the grid of a fit, with how well; its speed is not known (nan).
+
+    Raises
+    ------
+    Refusal : so few points that what lies between them is a guess
+    """
     theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
     file = read_pressure_curve(path)
-    loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * np.max(file.pressure)
+    top = float(np.max(file.pressure))
+    loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * top
     step = float(np.max(np.diff(file.theta)[loaded], initial=0.0))
-    return Curve(theta, pressure_at(file, theta), float("nan"), step)
+    known = between_points(file)
+    worst = float(np.sqrt(np.mean(np.square(known[file.pressure > LOADED * top])))) / top
+    if worst > MOST_GUESSED or step > WIDEST_STEP:
+        raise Refusal(
+            f"{path}: found points {step / DEGREE:.2g} deg apart under load, between which the pressure is known to "
+            f"{100.0 * worst:.0f} % of its highest only, expected {100.0 * MOST_GUESSED:.0f} % or better; give a point "
+            "every half degree, or name the recording itself with --load-of"
+        )
+    std = np.interp(theta, file.theta, known, period=2.0 * np.pi)
+    return Curve(theta, pressure_at(file, theta), float("nan"), step, file.theta, std)
+
+
+def between_points(file: PressureCurve) -> Array:
+    """Return the standard uncertainty of the pressure between the points of a file, at each of them, (k,) [Pa].
+
+    Every second point is left out and looked for between the others; half of what is missed then, among neighbours, is
+    what is missed between points twice as close.
+    """
+    missed = np.zeros(file.theta.size)
+    for first in (0, 1):
+        left = np.arange(file.theta.size) % 2 == first
+        others = PressureCurve(file.theta[~left], file.pressure[~left])
+        missed[left] = file.pressure[left] - pressure_at(others, file.theta[left])
+    near = np.convolve(np.pad(missed**2, 2, mode="wrap"), np.ones(5) / 5.0, mode="valid")
+    return np.asarray(BETWEEN * np.sqrt(near))
 
 
 def leakage_factor(text: str) -> float:
@@ -210,7 +247,7 @@ def predict_from(
 
     Raises
     ------
-    Refusal : see `read_fit`, `rig_of`, `load_curve`, `leakage_factor`
+    Refusal : see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
     """
     known, folder, rows = read_fit(Path(fit))
     changes = {"leakage": leakage_factor(clearance)} if clearance else {}
@@ -222,7 +259,7 @@ def predict_from(
         source = known.nearest(value * RPM)
         rig = rig_of(reports[source.id], pump, cam)
         item, force, ends = _predicted(known, source, templates, rig, value * RPM, given, changes)
-        load = _load_text(source, Path(pressure or load_of or "").name, given)
+        load = _load_text(source, Path(pressure or load_of or "").name, given, value * RPM)
         assumed = _assumptions(source, load, clearance, pump or cam)
         items.append(replace(item, assumed=(*assumed, *_end_text(ends, source, value))))
         forces.append(force)
@@ -247,7 +284,7 @@ def _predicted(
     chain = chain_of(rig, speed, curve)
     shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
     ends = {} if given is None else ends_for(known, source, templates, chain, shaped)
-    item = forecast(known, chain, source, ends, changes)
+    item = forecast(known, chain, source, Load(ends, curve.std), changes)
     places = known.own(source.id)
     arms = [
         float(known.values[places[n]]) if n in places else 0.0 for n in ("guide_friction", "bearing_arm", "pin_arm")
@@ -283,18 +320,25 @@ def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     )  # fmt: skip
 
 
-def _load_text(source: FittedAt, name: str, given: Curve | None) -> str:
+def _load_text(source: FittedAt, name: str, given: Curve | None, speed: float) -> str:
     """Return what was taken as the load; ``name`` of the recording or file that was given."""
     if given is None:
         return f"the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle as it was recorded"
     if np.isfinite(given.speed):
         return f"the line pressure of {name}"
     text = f"the line pressure of {name}, at every speed, over the cam angle that the trigger's nominal angle counts"
-    if given.step > FINE_STEP:
+    at_speed = replace(given, speed=speed)
+    if at_speed.coarse:
         text += (
-            f"; its points are {given.step / DEGREE:.2g} deg apart under load, which widens the band; 1 deg is enough"
+            f"; its points are {given.step / DEGREE:.2g} deg apart under load, which widens the band; "
+            f"{_rounded(at_speed.fine_step / DEGREE):g} deg would do at {speed / RPM:.0f} rpm"
         )
     return text
+
+
+def _rounded(step_deg: float) -> float:
+    """Return a step that one can type, not larger."""
+    return next((step for step in (1.0, 0.5, 0.25, 0.2) if step <= step_deg), 0.1)
 
 
 def _assumptions(source: FittedAt, load: str, clearance: str, other: Path | None) -> tuple[str, ...]:

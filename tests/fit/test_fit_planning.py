@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from camtorque.commands.plan import plan_table
 from camtorque.fit.forecast import FittedAt, KnownFit
-from camtorque.fit.planning import MOST_RUNS, Offer, Point, information, plan
+from camtorque.fit.planning import (
+    MOST_RUNS,
+    SETUP_MINUTES,
+    TOOTH_MINUTES,
+    Offer,
+    Point,
+    information,
+    needed,
+    plan,
+    weighed,
+)
 from camtorque.laws.chain import BINS
 from camtorque.plan import wanted_number
 from camtorque.records import Refusal
@@ -46,6 +56,30 @@ def test_a_tooth_is_bought_where_the_torque_tells_nothing() -> None:
     steps = plan(KNOWN, LEAKAGE, 0.5, [point(100.0, 0.0, tooth=0.01)], (20.0,))
     assert [step.offer.tooth for step in steps] == [True]
     assert plan(KNOWN, LEAKAGE, 0.5, [point(100.0, 0.0, tooth=0.01)], (20.0,), teeth=(False,)) == ()
+
+
+def test_the_cheapest_run_that_suffices_is_taken_not_the_one_that_narrows_most() -> None:
+    points = [point(50.0, 0.3), point(150.0, 0.9)]
+    steps = plan(KNOWN, LEAKAGE, 0.5, points, (20.0, 180.0))
+    assert [(step.offer.speed, step.offer.duration) for step in steps] == [(150.0, 20.0)]
+    costs = plan(KNOWN, LEAKAGE, 0.5, [point(150.0, 0.3)], (180.0, 20.0))
+    assert costs[0].minutes == pytest.approx(SETUP_MINUTES + 20.0 / 60.0)
+
+
+def test_a_run_that_a_later_one_made_needless_is_not_in_the_plan() -> None:
+    weak, tooth = point(100.0, 0.008), point(100.0, 0.0, tooth=0.01)
+    before = weighed(KNOWN, LEAKAGE, [(weak, Offer(100.0, "a", 20.0, False))])
+    both = [*before, *weighed(KNOWN, LEAKAGE, [(tooth, Offer(100.0, "a", 20.0, True))], before)]
+    assert both[0].std > 0.5 > both[1].std
+    assert [step.offer.tooth for step in needed(KNOWN, LEAKAGE, 0.5, both)] == [True]
+    assert len(needed(KNOWN, LEAKAGE, both[1].std, both)) == 2, "both are needed for what both reach"
+
+
+def test_a_second_tooth_is_paid_for_once() -> None:
+    offer = (point(100.0, 0.0, tooth=0.003), Offer(100.0, "a", 20.0, True))
+    first = weighed(KNOWN, LEAKAGE, [offer])
+    second = weighed(KNOWN, LEAKAGE, [offer], first)
+    assert first[0].minutes - second[0].minutes == pytest.approx(TOOTH_MINUTES)
 
 
 def test_a_number_that_no_run_tells_of_has_no_plan() -> None:

@@ -12,10 +12,12 @@ from typing import Any
 
 import pytest
 from camtorque.report import ComparePage, write_alignment, write_compare, write_run
+from camtorque.report.plan_page import plan_page
 from camtorque.report.predict_page import prediction_page
 from report_cases import run_result
 from test_report_campaign import page_of_many
 from test_report_compare import document, pair
+from test_report_plan_page import plan_document
 from test_report_predict_page import paper_prediction
 
 webdriver = pytest.importorskip("selenium.webdriver")
@@ -66,12 +68,14 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     case = run_result()
     write_alignment(case.recording, case.cycles, case.created, folder / "align")
     (folder / "predict.html").write_text(prediction_page(paper_prediction(), "pump"), encoding="utf-8")
+    (folder / "plan.html").write_text(plan_page(plan_document(), "plan"), encoding="utf-8")
     (folder / "campaign" / "campaign.html").write_text(page_of_many(7), encoding="utf-8")
     for name in ("0" * 15 + str(k) for k in range(7)):
         (folder / "campaign" / "runs" / name).mkdir(parents=True)
         (folder / "campaign" / "runs" / name / "report.html").write_text("<title>opened</title>", encoding="utf-8")
     return {
         "align": folder / "align" / "align.html", "predict": folder / "predict.html",
+        "plan": folder / "plan.html",
         "campaign": folder / "campaign" / "campaign.html",
         "run": folder / "run" / "report.html", "unexplained": folder / "unexplained" / "report.html",
         "compare": folder / "compare" / "compare.html",
@@ -90,7 +94,7 @@ def opened(browser: Any, path: Path, width: int = 1280, dark: bool = False) -> A
     return browser
 
 
-@pytest.mark.parametrize("name", ["run", "unexplained", "compare", "campaign", "align", "predict"])
+@pytest.mark.parametrize("name", ["run", "unexplained", "compare", "campaign", "align", "predict", "plan"])
 def test_nothing_is_requested_and_nothing_is_forbidden(browser: Any, pages: dict[str, Path], name: str) -> None:
     opened(browser, pages[name])
     assert browser.get_log("browser") == []
@@ -192,7 +196,7 @@ def test_no_barrier_and_no_overflow(browser: Any, pages: dict[str, Path], name: 
     assert serious == []
 
 
-@pytest.mark.parametrize("name", ["align", "predict"])
+@pytest.mark.parametrize("name", ["align", "predict", "plan"])
 def test_the_smaller_pages_have_no_barrier(browser: Any, pages: dict[str, Path], name: str) -> None:
     opened(browser, pages[name], 375)
     assert browser.execute_script("return document.documentElement.scrollWidth") <= 375

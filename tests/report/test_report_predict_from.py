@@ -82,10 +82,10 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     speeds = {"a": 50.0, "b": 60.0, "c": 75.0}
     recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
 
-    def taught(ends: list[float], width: float = 1e-3) -> float:
+    def taught(ends: list[float], width: float = 1e-3, step: float = 0.0) -> float:
         fit = KnownFit(names, np.array(ends), width**2 * np.eye(3), recordings)
         known_ends = [KnownEnd(n, end, falling(0.8, speeds[n])) for n, end in zip("abc", ends, strict=True)]
-        return float(np.sqrt(end_variance(fit, "land", known_ends, RISING, RISING)))
+        return float(np.sqrt(end_variance(fit, "land", known_ends, RISING, RISING, step)))
 
     assert taught([0.8, 0.8, 0.8]) == pytest.approx(LEAST_STD, abs=0.004)
     assert taught([0.8, 0.85, 0.8]) > 0.02, "an end that the shape does not show is in the band"
@@ -93,16 +93,28 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     alone = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
     fit = KnownFit(names[:1], np.array([0.8]), np.eye(1), recordings[:1])
     assert end_variance(fit, "land", alone, RISING, RISING) == pytest.approx(UNKNOWN_STD**2)
+    coarse = np.radians(6.0)
+    assert end_variance(fit, "land", alone, RISING, RISING, coarse) == pytest.approx(UNKNOWN_STD**2 + coarse**2 / 12.0)
+    assert taught([0.8, 0.8, 0.8], step=coarse) > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
+
+
+def of_file(folder: Path, step_deg: float, curve: Curve | None = None) -> Curve:
+    """Return a line pressure written with a point every so many degrees and read back."""
+    angles = np.arange(0.0, 360.0, step_deg)
+    pressure = np.interp(np.radians(angles), THETA, (curve or falling(0.8, 50.0)).pressure) / 1e5
+    rows = "".join(f"{a:g},{p:.2f}\n" for a, p in zip(angles, pressure, strict=True))
+    (folder / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
+    return replace(file_curve(folder / "p.csv"), speed=50.0)
+
+
+def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_path: Path) -> None:
+    known_ends = [KnownEnd("a", 0.7, falling(0.7, 60.0))]
+    for step_deg in (1.5, 3.0, 4.0):
+        found = matched_end(known_ends, of_file(tmp_path, step_deg), RISING)
+        assert found == pytest.approx(0.8, abs=np.radians(0.4 * step_deg))
 
 
 def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(tmp_path: Path) -> None:
-    def of_file(step_deg: float) -> Curve:
-        angles = np.arange(0.0, 360.0, step_deg)
-        pressure = np.interp(np.radians(angles), THETA, falling(0.8, 50.0).pressure) / 1e5
-        rows = "".join(f"{a:g},{p:.2f}\n" for a, p in zip(angles, pressure, strict=True))
-        (tmp_path / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
-        return replace(file_curve(tmp_path / "p.csv"), speed=50.0)
-
     names = ("end_of_delivery__a",)
     source = FittedAt("a", 50.0, "land", 0.01, True)
     fit = KnownFit(names, np.array([0.8]), 1e-8 * np.eye(1), (source,))
@@ -112,10 +124,37 @@ def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(
     def end(curve: Curve) -> Estimate:
         return ends_for(fit, source, {"a": falling(0.8, 50.0)}, chain, curve)["end_of_delivery"]  # type: ignore[arg-type]
 
-    assert of_file(3.0).step == pytest.approx(np.radians(3.0))
-    assert end(of_file(0.25)).value == pytest.approx(0.8, abs=0.01)
-    assert end(of_file(0.25)).stderr == pytest.approx(float(UNKNOWN_STD))
-    assert end(of_file(3.0)).stderr == pytest.approx(np.hypot(UNKNOWN_STD, np.radians(3.0) / np.sqrt(12.0)))
+    assert of_file(tmp_path, 3.0).step == pytest.approx(np.radians(3.0))
+    fine, coarse = end(of_file(tmp_path, 0.25)), end(of_file(tmp_path, 5.0))
+    assert [of_file(tmp_path, step).coarse for step in (0.5, 1.0)] == [False, True]
+    assert not replace(of_file(tmp_path, 1.0), speed=75.0).coarse, "what is fine goes with the time between points"
+    assert fine.value == pytest.approx(0.8, abs=0.01)
+    assert fine.stderr == pytest.approx(float(UNKNOWN_STD))
+    assert coarse.stderr > 1.5 * fine.stderr
+    assert abs(coarse.value - 0.8) < 2.0 * coarse.stderr
+
+
+def ringing() -> Curve:
+    """Return a line pressure with a wave that points 4 degrees apart cannot follow."""
+    wave = np.where((THETA > 0.4) & (THETA < 1.6), 2e7 * (1.0 + 0.5 * np.sin(75.0 * THETA)), 1e6)
+    return Curve(THETA, wave, 50.0)
+
+
+def test_what_a_file_misses_between_its_points_is_told(tmp_path: Path) -> None:
+    truth = ringing()
+    curve = of_file(tmp_path, 1.0, truth)
+    missed = np.abs(np.interp(curve.theta, truth.theta, truth.pressure) - curve.pressure)[100:450]
+    told = curve.std[100:450]
+    assert np.mean(missed < 2.0 * told) > 0.85
+    assert np.sqrt(np.mean(told**2)) < 4.0 * np.sqrt(np.mean(missed**2))
+    smooth = of_file(tmp_path, 1.0)
+    assert np.max(smooth.std) < 0.02 * np.max(smooth.pressure)
+
+
+@pytest.mark.parametrize("step_deg", [3.0, 8.0])
+def test_a_file_that_leaves_its_pressure_to_guesses_is_refused(tmp_path: Path, step_deg: float) -> None:
+    with pytest.raises(Refusal, match=f"found points {step_deg:g} deg apart .* give a point every half degree"):
+        of_file(tmp_path, step_deg, ringing())
 
 
 def test_clearance_changes_leakage_by_its_third_power() -> None:

@@ -227,6 +227,10 @@ def plan(parser: argparse.ArgumentParser) -> None:
     text = "number and wanted standard uncertainty, such as 'chamber_peak 0.5 %%' or 'leakage 0.05'"
     parser.add_argument("--target", required=True, metavar="TEXT", help=text)
     parser.add_argument("--no-tooth", action="store_true", help="a second tooth cannot be fitted")
+    speeds = number(0.0, FASTEST_RPM, above=True)
+    text = "speeds that the rig can run (default: 0.7 to 1.45 times the middle of the fitted ones)"
+    parser.add_argument("--speed", type=speeds, nargs="+", default=[], metavar="RPM", help=text)
+    _out(parser, required=False, otherwise="none: the table alone")
 
 
 def study(parser: argparse.ArgumentParser) -> None:

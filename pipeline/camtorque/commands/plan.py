@@ -8,15 +8,29 @@ from typing import Any
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.fit.planning import MOST_RUNS
+from camtorque.plain import plain
 from camtorque.plan import plan_runs
+from camtorque.report import check_output, output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
+from camtorque.report.plan_page import run_text, write_plan
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
-    """Tell which recordings to make next."""
+    """Tell which recordings to make next; write a page where a folder is given."""
+    if arguments.out is not None:
+        check_output(arguments.out)
     tell("weighing runs that could be made")
-    doc = plan_runs(arguments.fit, arguments.target, tooth=not arguments.no_tooth)
-    return Outcome(plan_table(doc), doc)
+    doc = plain(
+        plan_runs(
+            arguments.fit, arguments.target, tooth=not arguments.no_tooth, speeds_rpm=sorted(set(arguments.speed))
+        )
+    )
+    lines = [plan_table(doc)]
+    if arguments.out is not None:
+        with output_folder(arguments.out) as folder:
+            write_plan(doc, f"What to record next for {arguments.fit.name}", folder)
+        lines.append(str(arguments.out / "plan.html"))
+    return Outcome("\n".join(lines), doc)
 
 
 def plan_table(doc: Mapping[str, Any]) -> str:
@@ -27,11 +41,8 @@ def plan_table(doc: Mapping[str, Any]) -> str:
         f"{unit}, wanted ± {plus_minus(doc['stderr_wanted'])} {unit}"
     ]
     for number, run in enumerate(doc["runs"], 1):
-        tooth = ", a second tooth on the wheel" if run["second_tooth"] else ""
-        lines.append(
-            f"{number}. {run['speed_rpm']:.0f} rpm, load of {run['load_of']}, {run['duration_s']:.0f} s{tooth}: "
-            f"then ± {plus_minus(run['stderr_after'])} {unit} ({run['minutes']:.0f} min)"
-        )
+        after = f"then ± {plus_minus(run['stderr_after'])} {unit}"
+        lines.append(f"{number}. {run_text(run)}: {after} ({run['minutes']:.0f} min)")
     if doc["reached"]:
         end = (
             "nothing to record: it is known well enough" if not doc["runs"] else f"reached in {doc['minutes']:.0f} min"

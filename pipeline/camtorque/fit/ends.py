@@ -1,14 +1,15 @@
 """Where a delivery ends that was not fitted: found by the shape of the line pressure, and how well.
 
 Slope and level of the line pressure around the ends of delivery of fitted recordings are looked for in the other line
-pressure. The level tells the first fall from that of the wave which returns. How far that misses is learnt on the
-fitted recordings themselves, each looked for by the others.
+pressure. The level tells the first fall from that of the wave which returns. A file with few points is compared at its
+points alone: between them it knows nothing. How far all that misses is learnt on the fitted recordings themselves, each
+looked for by the others, as coarse as the file is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,8 +23,12 @@ LEAST_STD, UNKNOWN_STD = np.radians(0.06), np.radians(1.0)
 """Standard deviation of an end found by shape: where the fitted recordings never miss, where none can tell."""
 LEVEL = 2.0
 """Weight of a square difference of level (share of the highest) against one of slope (share of the steepest)."""
-FINE_STEP = np.radians(1.05)
-"""Points of a file that are further apart blur the end of delivery; closer ones cost nothing that can be seen."""
+FINE_POINTS = 4
+"""A file with fewer points within `MATCH_WINDOW` is coarse: it blurs the end of delivery."""
+COARSE_WINDOW, COARSE_POINTS = 2.0e-3, 3
+"""Time [s], and points of a coarse file if that is more, before and after an end over which its shape is compared."""
+SHIFTS = 4
+"""Places of the points against the end of delivery with which coarse files are rehearsed."""
 MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
 END_OF = {"land": "end_of_delivery", "spill": "spill_lift"}
@@ -36,16 +41,36 @@ PLACES = 2000
 class Curve:
     """Line pressure over cam angle, (n,) [rad], [Pa], and the speed that it was taken at [rad/s].
 
-    ``step`` : between the points that it was made from where it is loaded [rad], 0 for a recording
+    Attributes
+    ----------
+    step : between the points of a file where it is loaded [rad], 0 for a recording
+    points : (k,) angles of a file's points [rad], empty for a recording
+    std : (n,) standard uncertainty of the pressure between the points [Pa], empty for a recording
     """
 
     theta: Array
     pressure: Array
     speed: float
     step: float = 0.0
+    points: Array = field(default_factory=lambda: np.zeros(0))
+    std: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
+
+    @property
+    def fine_step(self) -> float:
+        """Distance of points up to which they show the end of delivery as a recording does [rad]."""
+        return MATCH_WINDOW * self.speed / FINE_POINTS
+
+    @property
+    def coarse(self) -> bool:
+        """True for a file whose points blur the end of delivery."""
+        return self.step > self.fine_step
+
+    def at(self, angles: Array) -> Array:
+        """Return the pressure at angles as a share of the highest."""
+        return np.interp(angles, self.theta, self.pressure, period=2.0 * np.pi) / np.max(self.pressure)
 
 
 @dataclass(frozen=True)
@@ -61,8 +86,29 @@ def shape_around(curve: Curve, angles: Array) -> Array:
     """Return slope (over its greatest size there) and level of the line pressure around angles, (m, 2 MATCH_POINTS)."""
     places = angles[:, None] + np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS) * curve.speed
     slope = np.interp(places, curve.theta, np.gradient(curve.pressure, curve.theta), period=2.0 * np.pi)
-    level = np.interp(places, curve.theta, curve.pressure, period=2.0 * np.pi) / np.max(curve.pressure)
-    return np.hstack([slope / (np.max(np.abs(slope), axis=1, keepdims=True) + 1e-12), np.sqrt(LEVEL) * level])
+    return np.hstack([_shares(slope), np.sqrt(LEVEL) * curve.at(places)])
+
+
+def _shares(slope: Array) -> Array:
+    return np.asarray(slope / (np.max(np.abs(slope), axis=1, keepdims=True) + 1e-12))
+
+
+def misfit(curve: Curve, end: KnownEnd, rising: Array) -> Array:
+    """Return how far a line pressure differs from that around a known end if its own were at each angle, (m,)."""
+    if not curve.coarse:
+        miss = shape_around(curve, rising) - shape_around(end.curve, np.array([end.angle]))
+        return np.asarray(np.sum(miss**2, axis=1))
+    reach = max(COARSE_WINDOW * curve.speed, COARSE_POINTS * curve.step)
+    offset = np.mod(curve.points - rising[:, None] + np.pi, 2.0 * np.pi) - np.pi
+    near = np.abs(offset) <= reach
+    kept = np.flatnonzero(near.any(axis=0))
+    offset, near = offset[:, kept], near[:, kept]
+    pair = near[:, 1:] & near[:, :-1]
+    own = np.broadcast_to(curve.at(curve.points[kept]), offset.shape)
+    other = end.curve.at(end.angle + offset * end.curve.speed / curve.speed)
+    slopes = _shares(np.where(pair, np.diff(own, axis=1), 0.0)) - _shares(np.where(pair, np.diff(other, axis=1), 0.0))
+    level = LEVEL * np.sum(near * (own - other) ** 2, axis=1) / np.maximum(np.sum(near, axis=1), 1)
+    return np.asarray(level + np.sum(slopes**2, axis=1) / np.maximum(np.sum(pair, axis=1), 1))
 
 
 def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> float:
@@ -73,9 +119,7 @@ def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> float
     rising : (m,) angles among which the end is [rad]
     """
     near = sorted(known, key=lambda end: abs(np.log(end.curve.speed / curve.speed)))[:MOST_TEMPLATES]
-    found = shape_around(curve, rising)
-    errors = [np.sum((found - shape_around(end.curve, np.array([end.angle]))) ** 2, axis=1) for end in near]
-    return float(rising[int(np.argmin(np.sum(errors, axis=0)))])
+    return float(rising[int(np.argmin(np.sum([misfit(curve, end, rising) for end in near], axis=0)))])
 
 
 def rising_angles(chain: ChainInput) -> Array:
@@ -103,25 +147,42 @@ def ends_for(
     alike = [item for item in known.recordings if item.structure == source.structure and item.id in templates]
     ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike]
     place = matched_end(ends, curve, rising)
-    coarse = curve.step if curve.step > FINE_STEP else 0.0
-    std = float(np.hypot(np.sqrt(end_variance(known, source.structure, ends, rising, lift)), coarse / np.sqrt(12.0)))
+    step = curve.step if curve.coarse else 0.0
+    std = float(np.sqrt(end_variance(known, source.structure, ends, rising, lift, step)))
     if source.structure == "land":
         return {"end_of_delivery": Estimate(place, std)}
     slope = float(np.interp(place, rising, np.gradient(lift, rising)))
     return {"spill_lift": Estimate(float(np.interp(place, rising, lift)), std * slope)}
 
 
-def end_variance(known: KnownFit, structure: str, ends: Sequence[KnownEnd], rising: Array, lift: Array) -> float:
-    """Return the variance of ends found by shape about fitted ones, less what the fit itself leaves open [rad^2]."""
+def _seen(curve: Curve, step: float) -> list[Curve]:
+    """Return a recording's line pressure as files with points so far apart would give it, itself for a step of 0."""
+    if not step:
+        return [curve]
+    first = step * np.arange(SHIFTS) / SHIFTS
+    return [replace(curve, step=step, points=np.arange(shift, 2.0 * np.pi, step)) for shift in first]
+
+
+def end_variance(
+    known: KnownFit, structure: str, ends: Sequence[KnownEnd], rising: Array, lift: Array, step: float = 0.0
+) -> float:
+    """Return the variance of ends found by shape about fitted ones, less what the fit itself leaves open [rad^2].
+
+    Parameters
+    ----------
+    step : between the points of the file that is looked through [rad], 0 for a recording
+    """
+    if len(ends) < 2:
+        return float(UNKNOWN_STD) ** 2 + step**2 / 12.0
     beyond = []
     for end in ends:
         others = [other for other in ends if other is not end]
-        if others:
-            near = min(others, key=lambda other: abs(np.log(other.curve.speed / end.curve.speed)))
-            miss = matched_end(others, end.curve, rising) - end.angle
-            per = 1.0 if structure == "land" else float(np.interp(end.angle, rising, np.gradient(lift, rising)))
-            beyond.append(miss**2 - _difference_variance(known, END_OF[structure], (end.id, near.id)) / per**2)
-    return max(float(np.mean(beyond)), float(LEAST_STD) ** 2) if beyond else float(UNKNOWN_STD) ** 2
+        near = min(others, key=lambda other: abs(np.log(other.curve.speed / end.curve.speed)))
+        misses = [matched_end(others, seen, rising) - end.angle for seen in _seen(end.curve, step)]
+        per = 1.0 if structure == "land" else float(np.interp(end.angle, rising, np.gradient(lift, rising)))
+        own = _difference_variance(known, END_OF[structure], (end.id, near.id)) / per**2
+        beyond.append(float(np.mean(np.square(misses))) - own)
+    return max(float(np.mean(beyond)), float(LEAST_STD) ** 2)
 
 
 def _difference_variance(known: KnownFit, name: str, recordings: tuple[str, str]) -> float:

@@ -70,6 +70,23 @@ class KnownFit:
 
 
 @dataclass(frozen=True)
+class Load:
+    """What is known of the load of a run that was not made, beside its line pressure.
+
+    Attributes
+    ----------
+    ends : own parameters that are known otherwise, such as the end of delivery, with how well [SI]
+    pressure_std : (n,) standard uncertainty of the line pressure on the chain's grid [Pa], empty for none
+    """
+
+    ends: Mapping[str, Estimate]
+    pressure_std: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
 class Forecast:
     """A predicted run at one speed.
 
@@ -133,7 +150,7 @@ def law_std(torque: Array, share: float) -> Array:
 
 
 def forecast(
-    known: KnownFit, chain: ChainInput, source: FittedAt, ends: Mapping[str, Estimate], changes: Mapping[str, float]
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]
 ) -> Forecast:
     """Return a run at the speed and line pressure of a chain.
 
@@ -141,20 +158,23 @@ def forecast(
     ----------
     chain : pump, cam, speed and line pressure; its torque is ignored
     source : fitted recording whose own parameters stand in
-    ends : own parameters that are known otherwise, such as the end of delivery, with how well [SI]
+    load : what is known of the load beside the line pressure of the chain
     changes : parameter -> factor, such as a leakage after wear
     """
     places = known.own(source.id)
     mean = {name: float(known.values[k]) for name, k in places.items()}
-    mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in ends.items()}})
+    mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in load.ends.items()}})
     best = values_of(mean, source, changes)
     chain = settled(chain, best)
     center = _parts(chain, best)
-    drawn = [_parts(chain, values_of(item, source, changes)) for item in _draws(known, places, mean, ends)]
+    drawn = [_parts(chain, values_of(item, source, changes)) for item in _draws(known, places, mean, load.ends)]
     std = {
         name: np.sqrt(np.mean([(item[name] - center[name]) ** 2 for item in drawn], axis=0)) / FRACTION
         for name in center
     }
+    if load.pressure_std.size:
+        moved = _parts(replace(chain, line_pressure=chain.line_pressure + FRACTION * load.pressure_std), best)
+        std = {name: np.hypot(std[name], (moved[name] - center[name]) / FRACTION) for name in center}
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
     total = np.hypot(std["torque"], law_std(torque, share))

@@ -25,7 +25,7 @@ SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
 """What it costs to set a point and to fit a second tooth."""
 MOST_RUNS = 6
 LEAST_GAIN = 0.02
-"""A run that narrows the number by less than this share is not worth making."""
+"""A run that narrows the number by less than this share for what one setting of the bench costs is not worth making."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,6 @@ class Offer:
     load: str
     duration: float
     tooth: bool
-
-    @property
-    def minutes(self) -> float:
-        """What it costs, with a tooth that is not there yet."""
-        return SETUP_MINUTES + self.duration / 60.0 + (TOOTH_MINUTES if self.tooth else 0.0)
 
 
 @dataclass(frozen=True)
@@ -61,9 +56,11 @@ class Point:
 
 @dataclass(frozen=True)
 class Step:
-    """A chosen run and the standard uncertainty expected after it (and those before it)."""
+    """A run with what it costs and the standard uncertainty expected after it and those before it."""
 
+    point: Point
     offer: Offer
+    minutes: float
     std: float
 
 
@@ -132,23 +129,56 @@ def plan(
     durations : that may be chosen [s]
     teeth : whether runs without and with a second tooth may be chosen
     """
-    total = inverse(known.covariance)
-    std, steps = float(np.sqrt(target @ known.covariance @ target)), list[Step]()
-    offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
-    while std > wanted and len(steps) < MOST_RUNS:
-        runs = len(known.recordings) + len(steps) + 1
-        tried = []
-        for point, offer in offers:
-            after = inverse(total + information(point, offer, runs))
-            new = float(np.sqrt(target @ after @ target))
-            if new <= (1.0 - LEAST_GAIN) * std:
-                tried.append((np.log(std / new) / offer.minutes, new, point, offer))
+    chosen: list[Step] = []
+    std = float(np.sqrt(target @ known.covariance @ target))
+    while std > wanted and len(chosen) < MOST_RUNS:
+        offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
+        worth = weighed(known, target, offers, chosen)
+        tried = [row for row in worth if row.std <= (1.0 - LEAST_GAIN) ** (row.minutes / SETUP_MINUTES) * std]
         if not tried:
             break
-        _, new, point, offer = max(tried, key=lambda item: item[0])
-        total, std = total + information(point, offer, runs), new
-        steps.append(Step(offer, new))
-    return tuple(steps)
+        best = _best(tried, std, wanted)
+        chosen, std = [*chosen, best], best.std
+    return tuple(chosen if std > wanted else needed(known, target, wanted, chosen))
+
+
+def _best(tried: Sequence[Step], std: float, wanted: float) -> Step:
+    """Return the cheapest run that suffices, else the one that narrows most per minute."""
+    enough = [row for row in tried if row.std <= wanted]
+    if enough:
+        return min(enough, key=lambda row: (row.minutes, row.std))
+    return max(tried, key=lambda row: float(np.log(std / row.std)) / row.minutes)
+
+
+def weighed(
+    known: KnownFit, target: Array, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
+) -> list[Step]:
+    """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
+    runs = len(known.recordings) + len(made) + 1
+    before = inverse(known.covariance)
+    for number, row in enumerate(made, len(known.recordings) + 1):
+        before = before + information(row.point, row.offer, number)
+    fitted = any(row.offer.tooth for row in made)
+    found = []
+    for point, offer in offers:
+        after = inverse(before + information(point, offer, runs))
+        tooth = TOOTH_MINUTES if offer.tooth and not fitted else 0.0
+        minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
+        found.append(Step(point, offer, minutes, float(np.sqrt(target @ after @ target))))
+    return found
+
+
+def needed(known: KnownFit, target: Array, wanted: float, chosen: Sequence[Step]) -> list[Step]:
+    """Return the runs without those that later ones made needless, the dearest of these first."""
+    kept = list(chosen)
+    for row in sorted(chosen, key=lambda item: -item.minutes):
+        rest: list[Step] = []
+        for item in kept:
+            if item.offer is not row.offer:
+                rest += weighed(known, target, [(item.point, item.offer)], rest)
+        if rest and rest[-1].std <= wanted:
+            kept = rest
+    return kept
 
 
 def chamber_peak(known: KnownFit, chain: ChainInput, source: FittedAt) -> tuple[float, Array]:

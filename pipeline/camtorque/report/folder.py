@@ -27,7 +27,7 @@ try:
 except ImportError:  # not on Windows: two runs into one folder are then not told apart
     fcntl = None  # type: ignore[assignment]
 
-MARKERS = ("result.json", "align.json", "predict.json", "design.json", "compare.json", "entry.json")
+MARKERS = ("result.json", "align.json", "predict.json", "design.json", "compare.json", "plan.json", "entry.json")
 """A folder that holds one of these with a schema of this product may be replaced."""
 LEAST_SPACE = 20_000_000
 """Free bytes below which nothing is begun: a report needs a few megabytes, twice for a moment."""

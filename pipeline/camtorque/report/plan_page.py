@@ -1,0 +1,161 @@
+"""The page of a plan: which recordings come next, what each is expected to bring, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from camtorque.report.chart import HALF, Chart, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.drawings import svg_of
+from camtorque.report.files import write_json
+from camtorque.report.numbers import near, plus_minus, unit_text, words
+from camtorque.report.page import ESCAPED, Drawing, render
+from camtorque.report.tones import CYCLE
+
+TOOTH = "a second tooth on the wheel"
+MOST_CURVES = 6
+"""Lines of the chart of runs on offer; so many can be told apart."""
+
+
+def write_plan(document: Mapping[str, Any], title: str, folder: Path) -> None:
+    """Write plan.json and plan.html into an existing folder."""
+    (folder / "plan.html").write_text(plan_page(document, title), encoding="utf-8", errors=ESCAPED)
+    write_json(folder / "plan.json", document)
+
+
+def plan_page(document: Mapping[str, Any], title: str) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    document : see `camtorque.plan.plan_runs`
+    """
+    return render(
+        "plan.html", {}, title=title, doc=document, answer=plan_answer(document), unit=unit_text(document["unit"]),
+        name=words(document["target"]), rows=run_rows(document), drawings=plan_drawings(document),
+        assumed=assumptions(document),
+    )  # fmt: skip
+
+
+def plan_answer(document: Mapping[str, Any]) -> str:
+    """Return what to record next and what it is expected to bring, in sentences."""
+    unit, runs = unit_text(document["unit"]), document["runs"]
+    now, wanted = (f"± {plus_minus(document[key])} {unit}".strip() for key in ("stderr_now", "stderr_wanted"))
+    value = f"{near(document['value'], document['stderr_now'])} {now}"
+    known = f"{words(document['target'])} is known as {value}, wanted {wanted}."
+    if not runs:
+        end = "Nothing needs to be recorded." if document["reached"] else (
+            "No run on offer narrows it: a better sheet, sensor or certificate is needed; the report's How sure names "
+            "which."
+        )  # fmt: skip
+        return f"{known} {end}"
+    after = f"± {plus_minus(runs[-1]['stderr_after'])} {unit}".strip()
+    first = f"{'Record' if len(runs) == 1 else 'Begin with'} {run_text(runs[0])}."
+    count = "1 run is" if len(runs) == 1 else f"{len(runs)} runs are"
+    brought = f"{count} expected to bring {after} in {document['minutes']:.0f} minutes."
+    short = "" if document["reached"] else (
+        " That is short of what is wanted: no further run on offer does more; a better sheet, sensor or certificate is "
+        "needed, too."
+    )  # fmt: skip
+    return f"{known} {first} {brought}{short}"
+
+
+def run_text(run: Mapping[str, Any]) -> str:
+    """Return one run in words."""
+    tooth = f", with {TOOTH}" if run["second_tooth"] else ""
+    return f"{run['speed_rpm']:.0f} rpm, load of {run['load_of']}, {run['duration_s']:.0f} s{tooth}"
+
+
+def run_rows(document: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return a row of texts per proposed run."""
+    return [
+        {
+            "number": str(number), "speed": f"{run['speed_rpm']:.0f}", "load": run["load_of"],
+            "duration": f"{run['duration_s']:.0f}", "tooth": "yes" if run["second_tooth"] else "no",
+            "minutes": f"{run['minutes']:.0f}", "after": plus_minus(run["stderr_after"]),
+            "share": f"{100.0 * run['stderr_after'] / document['stderr_now']:.0f}",
+        }
+        for number, run in enumerate(document["runs"], 1)
+    ]  # fmt: skip
+
+
+def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what the plan takes for granted."""
+    durations = ", ".join(f"{value:.0f}" for value in document["durations_s"])
+    speeds = sorted({run["speed_rpm"] for run in document["on_offer"]})
+    beyond = [f"{v:.0f}" for v in speeds if not _inside(v, document["fitted_speeds_rpm"])]
+    texts = [
+        f"On offer: {', '.join(f'{value:.0f}' for value in speeds)} rpm, the loads of recordings that were fitted "
+        f"(their line pressure over cam angle), {durations} s. Other speeds: --speed.",
+        f"Cost: {document['setup_minutes']:.0f} minutes for each setting of the bench, "
+        f"{document['tooth_minutes']:.0f} for fitting a second tooth once.",
+        "Expected: the present values are taken as right. The error of the model is the same in all runs, so more "
+        "cycles at one point soon bring nothing.",
+    ]
+    if beyond:
+        texts.append(
+            f"{' and '.join(beyond)} rpm lie{'' if len(beyond) > 1 else 's'} beyond the fitted speeds: that rig and "
+            "pump bear them is for you to know, and the model is less sure there."
+        )
+    return tuple(texts)
+
+
+def _inside(speed: float, fitted: Sequence[float]) -> bool:
+    return 0.98 * fitted[0] <= speed <= 1.02 * fitted[-1]
+
+
+def plan_drawings(document: Mapping[str, Any]) -> list[Drawing]:
+    """Return what is expected after each run, and what each run on offer would bring alone."""
+    found = []
+    if document["runs"]:
+        found.append(_drawing("expected", "Expected uncertainty after each run",
+                              "Shaded: as wanted.", _expected(document)))  # fmt: skip
+    if len({run["speed_rpm"] for run in document["on_offer"]}) > 1:
+        caption = f"One run of {document['on_offer'][0]['duration_s']:.0f} s, after what is there now."
+        found.append(_drawing("offer", "What each run on offer would bring alone", caption, _offer(document)))
+    return found
+
+
+def _drawing(name: str, title: str, caption: str, chart: Chart) -> Drawing:
+    return Drawing(name, title, caption, "plan", False, chart, Markup(svg_of(chart, f"{title}. {caption}")))
+
+
+def _abscissa(document: Mapping[str, Any]) -> str:
+    unit = unit_text(document["unit"])
+    return f"standard uncertainty of {words(document['target'])}" + (f" [{unit}]" if unit else "")
+
+
+def _expected(document: Mapping[str, Any]) -> Rows:
+    values = [document["stderr_now"], *(run["stderr_after"] for run in document["runs"])]
+    labels = ("now", *(f"after run {k}" for k in range(1, len(values))))
+    tones = ("c7", *(len(values) - 1) * ("c1",))
+    marks = Marks("", tuple(values), tones)
+    notes = tuple(f"± {plus_minus(value)}" for value in values)
+    panel = RowPanel(_abscissa(document), (marks,), shaded=(0.0, document["stderr_wanted"]), notes=notes)
+    return Rows(labels, (panel,), HALF)
+
+
+def _offer(document: Mapping[str, Any]) -> Curves:
+    """Return the expected uncertainty over speed, a line per load, dashed with a second tooth."""
+    rows = document["on_offer"]
+    speeds = sorted({run["speed_rpm"] for run in rows})
+    lines = []
+    loads = list(dict.fromkeys(run["load_of"] for run in rows))
+    for tooth in (False, True):
+        for number, load in enumerate(loads):
+            after = {r["speed_rpm"]: r["stderr_after"] for r in rows
+                     if r["load_of"] == load and r["second_tooth"] is tooth}  # fmt: skip
+            if after:
+                label = f"load of {load}" + (", second tooth" if tooth else "")
+                values = np.array([after.get(speed, np.nan) for speed in speeds])
+                lines.append(Line(label, values, CYCLE[number % len(CYCLE)], 1.6, "6 4" if tooth else ""))
+    now, wanted = (np.full(len(speeds), document[key]) for key in ("stderr_now", "stderr_wanted"))
+    ends = (Line("now", now, "muted", 1.2, "2 3"), Line("wanted", wanted, "good", 1.2, "2 3"))
+    limits = (0.0, 1.08 * max(document["stderr_now"], document["stderr_wanted"]))
+    unit = unit_text(document["unit"])
+    panel = Panel(f"± [{unit}]" if unit else "±", (*lines[:MOST_CURVES], *ends), height=220.0, limits=limits)
+    return Curves(np.array(speeds), "speed [rpm]", (panel,), full_turn=False, width=HALF, live=False)
