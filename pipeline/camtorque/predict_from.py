@@ -62,10 +62,9 @@ SAME_ENDING = (
 
 @dataclass(frozen=True)
 class Found:
-    """Predicted runs with their forces, and the document of them."""
+    """Predicted runs, and the document of them."""
 
     items: tuple[Forecast, ...]
-    forces: tuple[Forces, ...]
     document: Mapping[str, Any]
 
 
@@ -264,7 +263,7 @@ def predict_from(
         items.append(replace(item, assumed=(*assumed, *_end_text(ends, source, value))))
         forces.append(force)
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
-    return Found(tuple(items), tuple(forces), forecast_document(items, forces, origin))
+    return Found(tuple(items), forecast_document(items, forces, origin))
 
 
 def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:

@@ -206,6 +206,13 @@ def test_an_angle_in_coarse_steps_has_no_clock_jumps() -> None:
     assert counted.edges.noise == pytest.approx(quantum, rel=0.3)
 
 
+def test_missing_samples_of_an_angle_are_told() -> None:
+    angle = np.linspace(0.0, 12.0 * np.pi, 4001)
+    angle[100:103] = np.nan
+    found = counter_train(Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")).findings
+    assert [(item.code, item.text.split()[0]) for item in found] == [("trigger_drop_out", "3")]
+
+
 def test_a_counter_states_its_counts_a_revolution() -> None:
     assert unit_factor("rev/1024", "angle", "") == pytest.approx(TWO_PI / 1024)
     with pytest.raises(Refusal, match=r"unknown unit 'counts'.*rev/1024 for a counter"):

@@ -143,15 +143,13 @@ def joint_of(view: CampaignView) -> CampaignFit:
     case, ids = run_result(), tuple(f"id {name}" for name in view.names)
     found = case.fitted.metrics
     held = tuple(
-        HeldOut(name, mode, ("torque_zero",), found["fitted"], False)
-        for name in ids
-        for mode in ("own_zero_and_end", "blind")
+        HeldOut(name, mode, ("torque_zero",), found["fitted"]) for name in ids for mode in ("own_zero_and_end", "blind")
     )
     speeds = tuple(view.conditions[0].values.tolist())
     values, errors = (tuple(row.tolist()) for row in (view.quantities[0].values, view.quantities[0].stderr))
     drifts = tuple(Drift(f"parameter_{k}", "bar", ids, speeds, values, errors, 0.1, 0.2) for k in range(45))
     one = JointRecording((), "land", found, True)
-    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros((0, 0)), held, drifts, (), (), 1.0)
+    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros((0, 0)), held, drifts, (), ())
 
 
 def page_of_many(count: int) -> str:

@@ -226,7 +226,6 @@ class Line:
     stderr_middle: float
     stderr_slope: float
     residual_std: float
-    weights: Array
 
 
 def robust_line(x: Array, y: Array) -> Line:
@@ -248,11 +247,5 @@ def robust_line(x: Array, y: Array) -> Line:
     centre = float(mean_y - slope * mean_u)
     # Tukey's biweight has an efficiency of 95 % for normal noise.
     grow = 1.0 / np.sqrt(0.95)
-    return Line(
-        centre - float(slope) * middle,
-        float(slope),
-        grow * std / np.sqrt(n),
-        grow * std / np.sqrt(spread),
-        std,
-        weights,
-    )
+    stderr_middle, stderr_slope = grow * std / np.sqrt(n), grow * std / np.sqrt(spread)
+    return Line(centre - float(slope) * middle, float(slope), stderr_middle, stderr_slope, std)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from camtorque.align.pulses import PulseTrain
 from camtorque.records import Array, Channel, Finding, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
-from camtorque.signal.edges import Edges
+from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.threshold import Threshold
 
@@ -61,7 +61,7 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
         The angle does not turn, or swings to and fro.
     """
     where = f"{channel.path.name}, channel {channel.name!r}"
-    time, angle, n_nan = _changes(channel, where)
+    time, angle, n_missing = _changes(channel, where)
     back = float(np.mean(np.diff(angle) < 0.0))
     turned = back > 0.5
     if turned:
@@ -87,13 +87,16 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
         phase_open=revolutions_per_cycle > 1,
     )  # fmt: skip
     text = "the recorded angle decreases: it is read in the direction of running"
-    findings = (Finding("angle_turned", "info", text, where),) if turned else ()
-    edges = Edges(at, 0.0, float(np.ptp(angle)), noise, "", n_nan, np.empty(0))
+    findings = (
+        *missing_finding(n_missing, where),
+        *((Finding("angle_turned", "info", text, where),) if turned else ()),
+    )
+    edges = Edges(at, 0.0, float(np.ptp(angle)), noise, "", np.empty(0))
     return Counted(edges, train, n * revolutions_per_cycle, findings)
 
 
 def _changes(channel: Channel, where: str) -> tuple[Array, Array, int]:
-    """Return time and unwrapped angle in the middle between samples that differ."""
+    """Return time and unwrapped angle in the middle between samples that differ, and how many are no numbers."""
     every = max(1, channel.n_samples // MOST_SAMPLES)
     blocks = range(0, channel.n_samples, every << 20)
     raw = np.concatenate([channel.read(a, min(a + (every << 20), channel.n_samples))[::every] for a in blocks])

@@ -123,7 +123,7 @@ def _ends(problem: Problem, tell: Tell) -> list[Solution]:
 def _best_of(problem: Problem, scale: Scale, starts: list[Array], aim: int) -> Solution:
     """Return the best design of one aim from several starts; the first one keeps all limits."""
     here = starts[0]
-    found = [Solution(here, scaled_aims(problem, scale, here), violation(problem, here), 0)]
+    found = [Solution(here, scaled_aims(problem, scale, here), violation(problem, here))]
     for start in starts:
         solution = solve(problem, scale, start, single=aim)
         # a second run forgets the curvature that led the first one astray

@@ -7,7 +7,6 @@ B-spline, which do not decrease (so that the flank does not turn back).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from camtorque.design.evaluate import Design, Evaluated
 from camtorque.design.profile import Family
 from camtorque.design.responses import RESPONSES
 from camtorque.design.task import Limit, Task
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array
 
 STEP = 1.0e-6
 """Step of the forward differences, of the width of the bounds: truncation and rounding both below 1e-5."""
@@ -23,15 +22,8 @@ LEAST_RADIUS, LARGEST_LOBE, LARGEST_JAM = 0.05, 359.0, 0.9
 """Always asked for: no undercut [mm], a rest on the base circle [deg], mu tan(phi) of the guide short of jamming."""
 
 
-@dataclass(frozen=True)
-class Values:
-    """Response name -> tuple of value arrays at one design, and its variables."""
-
-    variables: Array
-    parts: Mapping[str, tuple[Array, ...]]
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
+Values = Mapping[str, tuple[Array, ...]]
+"""Response name -> its values at one design."""
 
 
 class Problem:
@@ -45,7 +37,7 @@ class Problem:
         self.limits = self._all_limits()
         self.names = tuple(dict.fromkeys((*task.aims, *(limit.response for limit in self.limits))))
         self._seen: dict[bytes, Values] = {}
-        self._slopes: dict[bytes, Mapping[str, tuple[Array, ...]]] = {}
+        self._slopes: dict[bytes, Values] = {}
 
     def _all_limits(self) -> tuple[Limit, ...]:
         """Return the limits of the task, and those that every cam has to keep, where the task has none of its own."""
@@ -94,15 +86,15 @@ class Problem:
             if len(self._seen) > 8:
                 self._seen.clear()
             design = self.evaluated(variables)
-            self._seen[key] = Values(variables.copy(), {name: RESPONSES[name].values(design) for name in self.names})
+            self._seen[key] = {name: RESPONSES[name].values(design) for name in self.names}
         return self._seen[key]
 
-    def slopes(self, variables: Array) -> Mapping[str, tuple[Array, ...]]:
+    def slopes(self, variables: Array) -> Values:
         """Return the derivatives of all values, (k, n) in the place of (k,), by forward differences."""
         key = variables.tobytes()
         if key not in self._slopes:
             self._slopes.clear()
-            base = self.values(variables).parts
+            base = self.values(variables)
             columns = []
             for k in range(self.size):
                 moved = variables.copy()

@@ -61,7 +61,7 @@ class Programme:
 
     def __init__(self, problem: Problem, scale: Scale, reference: Array | None, relaxed: bool = False) -> None:
         self.problem, self.scale, self.reference, self.relaxed = problem, scale, reference, relaxed
-        parts = problem.values(problem.start()).parts
+        parts = problem.values(problem.start())
         self.aims: tuple[str, ...] = () if relaxed else problem.task.aims
         self.ranges = [name for name in problem.names if RESPONSES[name].extreme == "range"]
         self.floors = {(name, k): i for i, (name, k) in enumerate(
@@ -75,7 +75,7 @@ class Programme:
         """Return what has to be 0 or more as (values, rows, labels); no rows without ``slopes``."""
         n = self.problem.size
         variables = np.ascontiguousarray(vector[:n])
-        parts = self.problem.values(variables).parts
+        parts = self.problem.values(variables)
         tangents = self.problem.slopes(variables) if slopes else parts
         found = [*self._aims(vector, parts, tangents), *self._floors(vector, parts, tangents),
                  *self._limits(vector, parts, tangents)]  # fmt: skip
@@ -138,7 +138,7 @@ class Programme:
                 row[:, : self.problem.size] = self.problem.slopes(variables)[limit.response][0] / size
                 found.append(row)
             else:
-                found.append((self.problem.values(variables).parts[limit.response][0] - limit.value) / size)
+                found.append((self.problem.values(variables)[limit.response][0] - limit.value) / size)
         return np.concatenate(found) if found else np.zeros((0, self.size) if slopes else 0)
 
     def objective(self) -> Array:
@@ -153,7 +153,7 @@ class Programme:
         """Return the vector of some variables, everything else where it just fits."""
         vector = np.zeros(self.size)
         vector[: self.problem.size] = variables
-        parts = self.problem.values(variables).parts
+        parts = self.problem.values(variables)
         for (name, k), i in self.floors.items():
             vector[self.at_floors + i] = np.min(parts[name][2 * k + 1]) / self.floor_scale[name]
         if self.aims:

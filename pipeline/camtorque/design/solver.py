@@ -33,12 +33,11 @@ ACTIVE = 1.0e-4
 
 @dataclass(frozen=True)
 class Solution:
-    """One solved programme: variables, scaled aims, scaled violation, and the full vector with its multipliers."""
+    """One solved programme: variables, scaled aims and scaled violation."""
 
     variables: Array
     aims: Array
     violation: float
-    steps: int
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -81,7 +80,7 @@ def solve(
         options={"maxiter": ITERATIONS if between else END_ITERATIONS, "ftol": TOLERANCE if between else END_TOLERANCE},
     )  # fmt: skip
     variables = np.clip(np.nan_to_num(found.x[: problem.size]), 0.0, 1.0)
-    return Solution(variables, scaled_aims(problem, scale, variables), violation(problem, variables), int(found.nit))
+    return Solution(variables, scaled_aims(problem, scale, variables), violation(problem, variables))
 
 
 def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Array | None, relaxed: bool = False

@@ -99,7 +99,6 @@ class CampaignFit:
     drifts: tuple[Drift, ...]
     left_aside: tuple[str, ...]
     findings: tuple[Finding, ...]
-    chi_square: float
 
 
 def common_error(item: FitData, count: int) -> FitData:
@@ -273,7 +272,7 @@ def _fit_joint(inputs: Sequence[JointInput], each: Each) -> CampaignFit:
     std = fit.covariance.std
     return CampaignFit(
         tuple(item.name for item in used), (), shared, fitted, tuple(slot.name for slot in problem.slots),
-        fit.covariance.matrix / np.outer(std, std), held, drifts, tuple(aside), findings, solution.chi_square,
+        fit.covariance.matrix / np.outer(std, std), held, drifts, tuple(aside), findings,
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def joint_input(prepared: Prepared) -> JointInput:
     }
     means, rigid = prepared.means, prepared.rigid
     return JointInput(
-        prepared.recording.config.pump_id, best.data, replace(means, torque_std=np.zeros(0), pressure_all=np.zeros(0)),
+        prepared.recording.config.pump_id, best.data, replace(means, pressure_all=np.zeros(0)),
         rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured, pressure_gain_std(prepared.recording), alone,
         found.inflation,
     )  # fmt: skip

@@ -41,7 +41,6 @@ class HeldOut:
     mode: str
     fitted_on_held_out: tuple[str, ...]
     metrics: Metrics
-    mean_removed: bool
 
 
 @dataclass(frozen=True)
@@ -118,11 +117,10 @@ def _prediction(item: JointInput, fit: Fit, data: FitData, held: dict[str, float
     alone = replace(fit, problem=problem, solution=solution, measured=(item.measured,))
     means = item.means
     torque = model_on_grid(alone, 0, means.held_torque, means.held_pressure).torque
-    removed = mode == "blind" and _zero_unknown(item)
-    if removed:
+    if mode == "blind" and _zero_unknown(item):
         torque = torque + float(np.mean(means.held_torque) - np.mean(torque))
     scored = metrics(means.held_torque, torque, item.rigid_torque, item.lift, item.lift_velocity)
-    return HeldOut(data.name, mode, tuple(slot.name for slot in problem.slots), scored, removed)
+    return HeldOut(data.name, mode, tuple(slot.name for slot in problem.slots), scored)
 
 
 def _evaluated(problem: Problem) -> Solution:

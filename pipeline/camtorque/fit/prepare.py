@@ -50,7 +50,7 @@ class MeanCycles:
     """Mean cycles of the fitted and of the held-out half, on the fine grid.
 
     torque, pressure : (n_theta,) of the fitted cycles [N m, Pa]; held_torque, held_pressure : of the held-out ones;
-    torque_all, pressure_all, torque_std : of all used cycles; scatter_of_mean : rms of the mean's standard error
+    torque_all, pressure_all : of all used cycles; scatter_of_mean : rms of the mean's standard error
     """
 
     torque: Array
@@ -59,7 +59,6 @@ class MeanCycles:
     held_pressure: Array
     torque_all: Array
     pressure_all: Array
-    torque_std: Array
     scatter_of_mean: float
 
     def __post_init__(self) -> None:
@@ -86,7 +85,7 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
     fit, held = ~cycles.held_out, cycles.held_out
     torque, pressure = ([mean_of(values, half) for half in (fit, held)] for values in (cycles.torque, cycles.pressure))
     return MeanCycles(
-        torque[0], pressure[0], torque[1], pressure[1], cycles.mean_torque, cycles.mean_pressure, cycles.torque_std,
+        torque[0], pressure[0], torque[1], pressure[1], cycles.mean_torque, cycles.mean_pressure,
         float(np.sqrt(np.mean(cycles.torque_std**2) / fit.sum())),
     )  # fmt: skip
 

@@ -67,11 +67,6 @@ class Prepared:
     candidates: tuple[Candidate, ...]
     measured: Array
 
-    @property
-    def data(self) -> FitData:
-        """The recording in its best structure, started at the minimum."""
-        return self.candidates[0].data
-
 
 @dataclass(frozen=True)
 class Fit:

@@ -26,7 +26,7 @@ class CertificateLine:
     gain : SI per volt
     gain_relative_std : standard uncertainty of the fit alone
     zero_volts : volts at zero load, from the line
-    residual_rms, hysteresis : rms residual, and largest difference loading - unloading, both in SI
+    residual_rms : in SI
     reference_relative_std : stated uncertainty of the certificate over its range, k=1; nan where it states none
     """
 
@@ -34,7 +34,6 @@ class CertificateLine:
     gain_relative_std: float
     zero_volts: float
     residual_rms: float
-    hysteresis: float
     reference_relative_std: float
 
 
@@ -83,6 +82,4 @@ def _fit(path: Path, applied: np.ndarray, volts: np.ndarray, relative: float) ->
         raise Refusal(f"{path}: the points scatter by {scatter:.3g} (SI) about a line, more than 5 % of their range")
     # std of the slope over the slope: the residuals are in units of the load
     fit_std = scatter / float(np.sqrt(np.sum((applied - applied.mean()) ** 2)))
-    loads = np.unique(applied)
-    hysteresis = max(float(np.ptp(residual[applied == load])) for load in loads)
-    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, hysteresis, relative)
+    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative)

@@ -89,7 +89,7 @@ def _line(sheet: Sheet, quantity: str) -> CertificateLine:
             "with sensitivity_V_per_unit (not 0), or with nominal_range and output_range_V, which belong together"
         )
     factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
-    return CertificateLine(factor / sensitivity, 0.0, zero or 0.0, 0.0, 0.0, math.nan)
+    return CertificateLine(factor / sensitivity, 0.0, zero or 0.0, 0.0, math.nan)
 
 
 def _dimension(quantity: str) -> str:

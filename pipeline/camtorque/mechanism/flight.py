@@ -40,11 +40,10 @@ class Flight:
 
 @dataclass(frozen=True)
 class Airborne:
-    """All flights of a revolution; over the grid, where the follower is in the air, and its height over the cam [m]."""
+    """All flights of a revolution, and where over the grid the follower is in the air."""
 
     flights: tuple[Flight, ...]
     mask: NDArray[np.bool_]
-    gap: Array
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -91,7 +90,7 @@ def fly(
     flights = tuple(
         Flight(float(fine[int(a)]), float(fine[int(b)]), float(v), float(c.mass * v)) for a, b, v, _ in rows
     )
-    return Airborne(flights, gap[::SUBSTEPS] > 0.0, gap[::SUBSTEPS].copy())
+    return Airborne(flights, gap[::SUBSTEPS] > 0.0)
 
 
 def flights_at(

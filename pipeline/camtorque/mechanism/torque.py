@@ -28,7 +28,7 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss, hertz_factor, hertz_pressure, jump_speed
 from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain, guide_share, refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, base_height, kinematics, path_at
-from camtorque.mechanism.mounting import Mounting, Roller, assumed_roller, moving_mass
+from camtorque.mechanism.mounting import Mounting, assumed_roller, moving_mass
 from camtorque.records import Array, freeze_arrays
 
 OUTPUTS = (
@@ -208,7 +208,6 @@ class ClosedForm:
     kinematics: Kinematics
     outputs: Mapping[str, Array]
     hertz_factor: Array
-    roller: Roller
     mounting: Mounting
     friction: Friction
     constants: Constants
@@ -300,7 +299,7 @@ def closed_form_tables(
     _tables(constants, np.stack([path.lift, path.velocity, path.acceleration]), out)
     factor = hertz_factor(pump, path.relative_radius)
     outputs = dict(zip(OUTPUTS, out, strict=True))
-    return ClosedForm(path, outputs, factor, assumed_roller(pump), mounting, friction, constants)
+    return ClosedForm(path, outputs, factor, mounting, friction, constants)
 
 
 def solve_lift(constants: Constants, lift: Array, pressure: Array, speed: Array, acceleration: Array) -> Array:

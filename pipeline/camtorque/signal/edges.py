@@ -56,7 +56,6 @@ class Edges:
     height : median height of the pulses [V]
     noise : standard error of one edge time: noise of the plateaus over the slope of the flank, and too few samples [s]
     edge : the voltage edge that was taken
-    n_nan : samples that are no numbers
     opposite : (m,) sample times of the other edges, to one sample [s]
     """
 
@@ -65,7 +64,6 @@ class Edges:
     height: float
     noise: float
     edge: str
-    n_nan: int
     opposite: Array
     findings: tuple[Finding, ...] = ()
 
@@ -223,7 +221,7 @@ def _edges(channel: Channel, declared: str, rising: EdgeSamples, falling: EdgeSa
     findings = (*_turned(inverted, high, width, where), *missing_finding(n_nan, where))
     edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
     time, opposite = sample_times(channel, crossing.position), sample_times(channel, other.before.astype(np.float64))
-    return Edges(time, width, height, edge_noise, edge, n_nan, opposite, findings)
+    return Edges(time, width, height, edge_noise, edge, opposite, findings)
 
 
 def _turned(inverted: bool, high: float, width: float, where: str) -> tuple[Finding, ...]:
@@ -240,7 +238,7 @@ def missing_finding(n_missing: int, where: str) -> tuple[Finding, ...]:
     """Return the finding of samples that are no numbers."""
     if not n_missing:
         return ()
-    return (Finding("trigger_drop_out", "warning", f"{n_missing} trigger samples are missing (not a number)", where),)
+    return (Finding("trigger_drop_out", "warning", f"{n_missing} samples are missing (not a number)", where),)
 
 
 def _no_pulses(channel: Channel, where: str, count: int, height: float) -> Refusal:

@@ -85,7 +85,7 @@ def find_crossings(channel: Channel, declared: str, block_samples: int = 1 << 20
     opposite = sample_times(channel, waves.begin[other].astype(np.float64))
     width = 0.5 * float(np.median(np.diff(time)))
     edge_noise = float(np.sqrt(np.median(variance))) / channel.sample_rate
-    return Edges(time, width, height, edge_noise, declared, n_missing, opposite, missing_finding(n_missing, where))
+    return Edges(time, width, height, edge_noise, declared, opposite, missing_finding(n_missing, where))
 
 
 def _level_and_noise(channel: Channel) -> tuple[float, float]:
