@@ -185,9 +185,9 @@ def test_refusals_say_what_to_do():
     with pytest.raises(Refusal, match="expected a positive step"):
         smoothing_law(replace(table, resolution=0.0))
     with pytest.raises(ValueError, match="over exactly one revolution"):
-        CamLaw(np.array([0.0, 1.0]), np.zeros((4, 1)), "short")
+        CamLaw(np.array([0.0, 1.0]), np.zeros((4, 1)))
     with pytest.raises(ValueError, match="do not belong"):
-        CamLaw(np.array([0.0, TURN]), np.zeros((4, 2)), "odd")
+        CamLaw(np.array([0.0, TURN]), np.zeros((4, 2)))
 
 
 def test_angles_beyond_the_table_go_on_by_a_revolution():

@@ -86,11 +86,10 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
         at, steps.astype(np.int64), none, none.copy(), 0.0, {}, offset_std=quantum / np.sqrt(12.0) / pitch,
         phase_open=revolutions_per_cycle > 1,
     )  # fmt: skip
-    text = "the recorded angle decreases: it is read in the direction of running"
-    findings = (
-        *missing_finding(n_missing, where),
-        *((Finding("angle_turned", "info", text, where),) if turned else ()),
-    )
+    findings = missing_finding(n_missing, where)
+    if turned:
+        text = "the recorded angle decreases: it is read in the direction of running"
+        findings = (*findings, Finding("angle_turned", "info", text, where))
     edges = Edges(at, 0.0, float(np.ptp(angle)), noise, "", np.empty(0))
     return Counted(edges, train, n * revolutions_per_cycle, findings)
 

@@ -191,5 +191,4 @@ class Lobe:
         if dwell <= 0.0:
             del blocks[1]
         knots = np.concatenate([block[1] for block in blocks])
-        name = f"design: {self.family.name}"
-        return CamLaw(start + np.append(knots, TURN), np.concatenate([block[0] for block in blocks], axis=1), name)
+        return CamLaw(start + np.append(knots, TURN), np.concatenate([block[0] for block in blocks], axis=1))

@@ -58,13 +58,11 @@ class CamLaw:
     ----------
     knots : (m + 1,) breakpoints over exactly one revolution [rad]
     coefficients : (order, m) of each piece in powers of (theta - left knot), highest power first [m/rad^k]
-    name : how the law came about
     lift_std : standard uncertainty of the table that it was made from [m], 0 for an analytic law
     """
 
     knots: Array
     coefficients: Array
-    name: str
     lift_std: float = 0.0
 
     def __post_init__(self) -> None:

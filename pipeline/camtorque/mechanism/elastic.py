@@ -52,7 +52,6 @@ class ElasticShaft:
     section_torque : (n_pumps, n_theta) in each piece of shaft, drive end first [N m]
     twist : (n_pumps, n_theta) angle of each lobe ahead of the drive end, less than 0 where it lags [rad]
     speed, acceleration : (n_pumps, n_theta) of each lobe [rad/s, rad/s^2]
-    iterations : evaluations of the loads
     """
 
     torque: Array
@@ -60,7 +59,6 @@ class ElasticShaft:
     twist: Array
     speed: Array
     acceleration: Array
-    iterations: int
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -92,13 +90,12 @@ def solve_by_harmonics(
 ) -> ElasticShaft:
     """Return the same by harmonics, for any number of lobes; ``load`` (n_pumps, n_theta), see `solve_elastic`."""
     shaft = _Shaft(units, load, speed, np.asarray(stiffness, dtype=np.float64), np.asarray(damping, dtype=np.float64))
-    twist, steps = _fixed_point(shaft)
+    twist = _fixed_point(shaft)
     if twist is None:
-        twist, more = _newton(shaft)
-        steps += more
+        twist = _newton(shaft)
     if np.min(_derivative(twist, shaft.frequency, 1)) <= -speed:
         raise _unsettled(shaft)
-    return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping, steps)
+    return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping)
 
 
 def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft | None:
@@ -113,7 +110,7 @@ def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping:
     values = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
     curves = CubicSpline(np.append(drive, drive[0] + TURN), np.vstack([values, values[:1]]), bc_type="periodic")
     torque, lead, rate, acceleration = curves(theta).T
-    return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None], 1)
+    return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None])
 
 
 def _elements(unit: PumpUnit) -> Array:
@@ -149,25 +146,25 @@ class _Shaft:
         return np.fft.irfft(solved, self.shape[1])
 
 
-def _fixed_point(shaft: _Shaft) -> tuple[Array | None, int]:
-    """Return the twist and the steps taken; None where the steps stop shrinking.
+def _fixed_point(shaft: _Shaft) -> Array | None:
+    """Return the twist; None where the steps stop shrinking.
 
     They do where the shaft is soft, and where it resonates: there the varying part of the inertia, times the
     amplification, is more than the mean part that the linear answer knows.
     """
     twist, least = np.zeros(shaft.shape), np.inf
-    for iteration in range(1, ITERATIONS + 1):
+    for _ in range(ITERATIONS):
         change = shaft.answer(twist) - twist
         twist, size = twist + change, float(np.max(np.abs(change)))
         if size <= TOLERANCE * np.max(np.abs(twist)):
-            return twist, iteration
+            return twist
         if not size < GROWTH * least or np.max(np.abs(twist)) > 1.0:
-            return None, iteration
+            return None
         least = min(least, size)
-    return None, ITERATIONS
+    return None
 
 
-def _newton(shaft: _Shaft) -> tuple[Array, int]:
+def _newton(shaft: _Shaft) -> Array:
     """Return the twist by collocation and Newton's method."""
     with np.errstate(all="ignore"):
         found = solve_periodic(
@@ -239,11 +236,9 @@ def _solve_harmonics(rest: Complex, frequency: Array, inertia: Array, stiffness:
     return twist
 
 
-def _result(
-    twist: Array, frequency: Array, speed: float, stiffness: Array, damping: Array, iterations: int
-) -> ElasticShaft:
+def _result(twist: Array, frequency: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft:
     """Return the record; the shaft torque follows from the twist of each piece."""
     rate = _derivative(twist, frequency, 1)
     across, across_rate = (np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1]))) for x in (twist, rate))
     section = -(stiffness[:, None] * across + damping[:, None] * across_rate)
-    return ElasticShaft(section[0], section, twist, speed + rate, _derivative(twist, frequency, 2), iterations)
+    return ElasticShaft(section[0], section, twist, speed + rate, _derivative(twist, frequency, 2))

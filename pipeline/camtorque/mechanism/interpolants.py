@@ -27,14 +27,14 @@ def cubic_law(table: CamTable) -> CamLaw:
     """
     theta, lift = _closed(table)
     spline = CubicSpline(theta, lift, bc_type="periodic")
-    return CamLaw(spline.x, spline.c, "cubic", _table_std(table))
+    return CamLaw(spline.x, spline.c, _table_std(table))
 
 
 def quintic_law(table: CamTable) -> CamLaw:
     """Return the periodic quintic interpolant: y'' is smooth, and the rounding still enters with 4.8 sigma / step^2."""
     theta, lift = _closed(table)
     pieces = PPoly.from_spline(make_interp_spline(theta, lift, k=5, bc_type="periodic"))
-    return _trimmed(pieces, theta, "quintic", _table_std(table))
+    return _trimmed(pieces, theta, _table_std(table))
 
 
 def smoothing_law(table: CamTable) -> CamLaw:
@@ -56,11 +56,11 @@ def smoothing_law(table: CamTable) -> CamLaw:
         )
     theta, lift = _closed(table)
     pieces = smoothing_spline(theta, lift, step)
-    return _trimmed(pieces, theta, "smoothing", table_error(theta, table.lift, step))
+    return _trimmed(pieces, theta, table_error(theta, table.lift, step))
 
 
-def _trimmed(pieces: PPoly, theta: Array, name: str, lift_std: float) -> CamLaw:
+def _trimmed(pieces: PPoly, theta: Array, lift_std: float) -> CamLaw:
     """Return the law of the pieces inside one revolution (a B-spline carries empty pieces at its ends)."""
     inside = (pieces.x[:-1] >= theta[0] - 1e-12) & (pieces.x[1:] <= theta[-1] + 1e-12) & (np.diff(pieces.x) > 1e-12)
     knots = np.append(pieces.x[:-1][inside], theta[-1])
-    return CamLaw(knots, np.ascontiguousarray(pieces.c[:, inside]), name, lift_std)
+    return CamLaw(knots, np.ascontiguousarray(pieces.c[:, inside]), lift_std)

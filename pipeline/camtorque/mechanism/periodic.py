@@ -45,8 +45,8 @@ class Shaft:
     damping: Array
 
 
-def solve_periodic(shaft: Shaft, size: int) -> tuple[Array, int] | None:
-    """Return the twist of every lobe on a uniform grid of the drive angle (n_pumps, size), and the Newton steps.
+def solve_periodic(shaft: Shaft, size: int) -> Array | None:
+    """Return the twist of every lobe on a uniform grid of the drive angle (n_pumps, size).
 
     None where Newton's method does not settle, or a cam would turn back.
     """
@@ -55,7 +55,7 @@ def solve_periodic(shaft: Shaft, size: int) -> tuple[Array, int] | None:
     angle = (width * (np.arange(ELEMENTS)[:, None] + nodes)).ravel()
     state = np.zeros((ELEMENTS, STAGES, 2 * count))
     start = np.zeros((ELEMENTS, 2 * count))
-    for number in range(1, ROUNDS + 1):
+    for _ in range(ROUNDS):
         rate, slope = (part.reshape(ELEMENTS, STAGES, *part.shape[1:]) for part in _motion(shaft, angle, state))
         steps = _newton_step(start, state, rate, slope, (width * matrix, width * weights))
         longest = float(np.max(np.abs(steps[1][..., :count])))
@@ -65,7 +65,7 @@ def solve_periodic(shaft: Shaft, size: int) -> tuple[Array, int] | None:
             return None
         if longest <= CLOSED * np.max(np.abs(state[..., :count])):
             rate, _ = (part.reshape(ELEMENTS, STAGES, *part.shape[1:]) for part in _motion(shaft, angle, state))
-            return _on_grid(start, rate, nodes, width, size)[:, :count].T, number
+            return _on_grid(start, rate, nodes, width, size)[:, :count].T
     return None
 
 

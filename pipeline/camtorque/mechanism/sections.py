@@ -168,17 +168,15 @@ def section_law(sections: Sequence[Section], start: float = 0.0) -> CamLaw:
         raise Refusal(
             f"cam sections: their angles add up to {np.rad2deg(total):.6f} deg, expected 360; adjust the last dwell"
         )
-    lift, widths, blocks, names = 0.0, [], [], []
+    lift, widths, blocks = 0.0, [], []
     for section in sections:
         width, block = _pieces(section, lift)
         widths.append(width)
         blocks.append(block)
-        names.append(section.name)
         lift += float(section.lift(np.array(section.angle)))
     knots = start + np.append(0.0, np.cumsum(np.concatenate(widths)))
     knots[-1] = start + TURN
-    law = CamLaw(knots, np.concatenate(blocks, axis=1), "sections: " + ", ".join(names))
-    return _checked(law)
+    return _checked(CamLaw(knots, np.concatenate(blocks, axis=1)))
 
 
 def _checked(law: CamLaw) -> CamLaw:

@@ -56,7 +56,7 @@ def spectral_law(table: CamTable) -> CamLaw:
     derivatives = [_harmonic_sum(spectrum, harmonic, order, knots - theta[0], theta.size) for order in range(3)]
     pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, np.column_stack(derivatives)))
     spread = table_error(np.append(theta, theta[0] + TURN), table.lift, table.resolution)
-    return CamLaw(knots, np.ascontiguousarray(pieces.c), "spectral", spread)
+    return CamLaw(knots, np.ascontiguousarray(pieces.c), spread)
 
 
 def _harmonic_sum(spectrum: Any, harmonic: Any, order: int, theta: Array, size: int) -> Array:
