@@ -11,7 +11,7 @@ from camtorque.design.page import label_of
 from camtorque.design.responses import RESPONSES
 from camtorque.plain import plain
 from camtorque.report import check_output, output_folder
-from camtorque.report.files import write_json
+from camtorque.report.files import write_json, write_page
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -29,7 +29,7 @@ def _written(answer: Answer, folder: Path) -> dict[str, object]:
     chosen = answer.chosen
     read_back = write_chosen(chosen.problem.evaluated(chosen.variables), folder)
     document = answer_document(answer, read_back)
-    (folder / "design.html").write_text(design_page(answer, read_back), encoding="utf-8")
+    write_page(folder / "design.html", design_page(answer, read_back))
     write_json(folder / "design.json", plain(document))
     return document
 

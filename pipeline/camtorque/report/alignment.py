@@ -13,16 +13,12 @@ from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import CamCycles, Recording
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.cycles_file import write_aligned
-from camtorque.report.drawings import FigureSpec, drawn, write_figures
-from camtorque.report.files import findings_document, inputs_document, write_json
-from camtorque.report.page import ESCAPED, align_page
+from camtorque.report.drawings import drawn, write_figures
+from camtorque.report.files import findings_document, inputs_document, write_json, write_page
+from camtorque.report.page import align_page
 from camtorque.stacks import mean_of, std_of
 from camtorque.units import BAR, DEGREE
 from camtorque.version import __version__
-
-ALIGNED = FigureSpec(
-    "One revolution", "Mean over the used cycles and their scatter.", lambda result: None, "curves", True
-)
 
 
 def write_alignment(recording: Recording, cycles: CamCycles, created: str, folder: Path) -> dict[str, Any]:
@@ -34,11 +30,10 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
         "schema": "camtorque.align/1", "version": __version__, "created": created, "name": recording.config.id,
         "inputs": inputs_document(recording), **summary, "findings": findings,
     })  # fmt: skip
-    drawings = [drawn("aligned_cycles", ALIGNED, aligned_cycles(cycles))]
+    caption = "Mean over the used cycles and their scatter."
+    drawings = [drawn("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]
     write_figures(drawings, folder / "figures", lambda name: True)
-    (folder / "align.html").write_text(
-        align_page(doc, drawings, recording.config.text), encoding="utf-8", errors=ESCAPED
-    )
+    write_page(folder / "align.html", align_page(doc, drawings, recording.config.text))
     write_json(folder / "align.json", doc)
     return doc
 

@@ -12,10 +12,10 @@ from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
 from camtorque.report.campaign_view import campaign_view
 from camtorque.report.document import parameters_document
-from camtorque.report.files import findings_document, write_json
+from camtorque.report.drawings import write_figures
+from camtorque.report.files import findings_document, write_json, write_page
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import campaign_fit_document
-from camtorque.report.page import ESCAPED
 from camtorque.version import __version__
 
 
@@ -31,12 +31,8 @@ def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = 
     view = campaign_view(result.entries, reports or folder)
     drawings = campaign_drawings(result, view)
     thumbnails = {entry.name: entry.thumbnail for entry in result.entries if entry.status == "ok"}
-    figures = folder / "figures"
-    for item in drawings:
-        figures.mkdir(exist_ok=True)
-        (figures / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
-    page = campaign_page(doc, view, thumbnails, drawings)
-    (folder / "campaign.html").write_text(page, encoding="utf-8", errors=ESCAPED)
+    write_figures(drawings, folder / "figures", lambda name: False)
+    write_page(folder / "campaign.html", campaign_page(doc, view, thumbnails, drawings))
     fit = campaign_fit_document(result)
     if fit is not None:
         write_json(folder / FIT_NAME, plain(fit))

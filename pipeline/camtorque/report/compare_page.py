@@ -8,17 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.plain import plain
 from camtorque.records import Array, freeze_arrays
-from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.drawings import png_of, svg_of
-from camtorque.report.files import write_json
+from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.drawings import drawn, write_figures
+from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, unit_text, words
-from camtorque.report.page import ESCAPED, Drawing, live_charts, render
-from camtorque.report.phases import phases
+from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.phases import phases, strokes
 from camtorque.units import BAR, DEGREE
 
 EVENTS: dict[str, str] = {
@@ -94,17 +93,14 @@ def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
     """Write compare.json, compare.html and figures/ into an existing folder; return the content of the first."""
     document = plain(page.document)
     drawings = compare_drawings(page, document)
-    (folder / "figures").mkdir(exist_ok=True)
-    for item in drawings:
-        (folder / "figures" / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
-        (folder / "figures" / f"{item.name}.png").write_bytes(png_of(item.svg))
-    strokes = phases(page.curves[0].theta, page.curves[0].lift) if page.curves else ()
+    write_figures(drawings, folder / "figures", lambda name: True)
+    named = phases(page.curves[0].theta, page.curves[0].lift) if page.curves else ()
     html = render(
-        "compare.html", live_charts(drawings), strokes, title=_title(document), doc=document, drawings=drawings,
+        "compare.html", live_charts(drawings), named, title=_title(document), doc=document, drawings=drawings,
         tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
         answer=compare_answer(document), events=compare_events(document),
     )  # fmt: skip
-    (folder / "compare.html").write_text(html, encoding="utf-8", errors=ESCAPED)
+    write_page(folder / "compare.html", html)
     write_json(folder / "compare.json", document)
     return document
 
@@ -177,20 +173,16 @@ def compare_drawings(page: ComparePage, document: Mapping[str, Any]) -> list[Dra
     found = []
     for number, pair in enumerate(page.curves):
         title = "Torque, difference and pressure" + (f": {pair.name}" if len(page.curves) > 1 else "")
-        found.append(_drawing(f"overlay_{number + 1}", title, _overlay(pair, document), "curves",
-                              "Difference = after − before, with twice its standard uncertainty; errors that both "
-                              "share are left out."))  # fmt: skip
+        found.append(drawn(f"overlay_{number + 1}", _overlay(pair, document), title,
+                           "Difference = after − before, with twice its standard uncertainty; errors that both "
+                           "share are left out."))  # fmt: skip
     rows = {**document["losses"], **document["parameters"]}
     told = {name: row for name, row in rows.items() if row["difference"] is not None and row["stderr"]}
     if told:
-        found.append(_drawing("changes", "Changes in standard errors", _changes(told), "changes",
-                              "Bars of ±1.96 standard errors: a change is stated where the whole list of names would "
-                              "rarely do so by chance."))  # fmt: skip
+        found.append(drawn("changes", _changes(told), "Changes in standard errors",
+                           "Bars of ±1.96 standard errors: a change is stated where the whole list of names would "
+                           "rarely do so by chance.", "changes"))  # fmt: skip
     return found
-
-
-def _drawing(name: str, title: str, chart: Curves | Rows, section: str, caption: str) -> Drawing:
-    return Drawing(name, title, caption, section, True, chart, Markup(svg_of(chart, f"{title}. {caption}")))
 
 
 def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
@@ -216,8 +208,7 @@ def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
         Panel("pressure [bar]", tuple(pressure), height=150.0),
         Panel("lift [mm]", (Line("lift", 1e3 * pair.lift, "c2"),), height=60.0),
     )
-    strokes = tuple(span for span in phases(pair.theta, pair.lift) if "stroke" in span.label)
-    return Curves(pair.theta / DEGREE, CAM_ANGLE, panels, spans=strokes)
+    return Curves(pair.theta / DEGREE, CAM_ANGLE, panels, spans=strokes(pair.theta, pair.lift))
 
 
 def _changes(rows: Mapping[str, Mapping[str, Any]]) -> Rows:
@@ -226,4 +217,4 @@ def _changes(rows: Mapping[str, Mapping[str, Any]]) -> Rows:
                   tuple((ratio - COVERAGE).tolist()), tuple((ratio + COVERAGE).tolist()))  # fmt: skip
     notes = tuple(row["verdict"] for row in rows.values())
     panel = RowPanel("difference over its standard uncertainty", (marks,), shaded=(-COVERAGE, COVERAGE), notes=notes)
-    return Rows(tuple(words(name) for name in rows), (panel,), 960.0)
+    return Rows(tuple(words(name) for name in rows), (panel,), WIDE)

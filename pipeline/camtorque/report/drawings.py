@@ -66,16 +66,18 @@ def _font() -> Path:
     return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
 
 
-def drawn(name: str, spec: FigureSpec, chart: Chart) -> Drawing:
-    """Return a chart as a figure of a page."""
-    svg = Markup(svg_of(chart, f"{spec.title}. {spec.caption}"))
-    return Drawing(name, spec.title, spec.caption, spec.section, spec.wide, chart, svg)
+def drawn(
+    name: str, chart: Chart, title: str, caption: str = "", section: str = "curves", wide: bool = True
+) -> Drawing:
+    """Return a chart as a figure of a page, see `FigureSpec`."""
+    svg = Markup(svg_of(chart, f"{title}. {caption}" if caption else title))
+    return Drawing(name, title, caption, section, wide, chart, svg)
 
 
 def write_figures(drawings: list[Drawing], folder: Path, wants_png: Callable[[str], bool]) -> None:
-    """Write every figure as SVG, the main ones as PNG too."""
-    folder.mkdir(exist_ok=True)
+    """Write every figure as SVG, some as PNG too; without figures there is no folder."""
     for item in drawings:
+        folder.mkdir(exist_ok=True)
         (folder / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
         if wants_png(item.name):
             (folder / f"{item.name}.png").write_bytes(png_of(item.svg))

@@ -13,13 +13,20 @@ from camtorque.plain import plain
 from camtorque.records import Finding, Recording
 from camtorque.report.numbers import typeset
 
+ESCAPED = "backslashreplace"
+"""A path may hold bytes that are no text; what is written shows them escaped."""
+
+
+def write_page(path: Path, html: str) -> None:
+    """Write a page."""
+    path.write_text(html, encoding="utf-8", errors=ESCAPED)
+
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
     """Write a document under a temporary name, then rename it; NaN is never written."""
     partial = path.with_name(f".{path.name}.partial")
     text = json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False)
-    # a path may hold bytes that are no text; escaped, they are JSON again
-    partial.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+    partial.write_text(text + "\n", encoding="utf-8", errors=ESCAPED)
     os.replace(partial, path)
 
 

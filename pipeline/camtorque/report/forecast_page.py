@@ -8,17 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.plain import now, plain
 from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
-from camtorque.report.drawings import svg_of
-from camtorque.report.files import write_json
+from camtorque.report.drawings import drawn
+from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import near, num, plus_minus, words
-from camtorque.report.page import ESCAPED, Drawing, live_charts, render
+from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
@@ -111,7 +110,7 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
         "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer, beyond=bool(beyond),
         assumed=document["assumed"], sweep=[(TITLES[key], [_cell(row[key]) for row in rows]) for key in TITLES],
     )  # fmt: skip
-    (folder / "predict.html").write_text(html, encoding="utf-8", errors=ESCAPED)
+    write_page(folder / "predict.html", html)
     write_json(folder / "predict.json", document)
 
 
@@ -142,6 +141,4 @@ def _drawing(name: str, item: Forecast) -> Drawing:
         Panel("other causes [N m]", causes, height=140.0),
         panel("chamber [bar]", "pressure on the plunger", item.pressure / BAR, item.pressure_std / BAR, 120.0),
     )
-    chart = Curves(item.theta / DEGREE, CAM_ANGLE, panels)
-    heading = f"Torque at {num(item.speed / RPM, 4)} rpm"
-    return Drawing(name, heading, "", "curves", True, chart, Markup(svg_of(chart, heading)))
+    return drawn(name, Curves(item.theta / DEGREE, CAM_ANGLE, panels), f"Torque at {num(item.speed / RPM, 4)} rpm")

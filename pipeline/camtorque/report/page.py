@@ -35,8 +35,6 @@ from camtorque.report.tones import tone_css
 
 VERSIONS_OF = ("numpy", "scipy", "h5py", "lmfit", "numba", "pandas")
 HERE = Path(__file__).parent
-ESCAPED = "backslashreplace"
-"""A path may hold bytes that are no text; pages show them escaped."""
 SCRIPTS = ("vendor/uPlot.iife.min.js", "live.js")
 EXPLORER = "explore.js"
 ZOOM_HINT = (

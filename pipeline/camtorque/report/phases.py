@@ -45,6 +45,11 @@ def phases(theta: Array, lift: Array) -> tuple[Span, ...]:
     )
 
 
+def strokes(theta: Array, lift: Array) -> tuple[Span, ...]:
+    """Return the phases that are strokes."""
+    return tuple(span for span in phases(theta, lift) if "stroke" in span.label)
+
+
 def _first(share: Array, limit: float) -> int:
     """Return the first place below a limit."""
     return int(np.argmax(share < limit)) if np.any(share < limit) else share.size

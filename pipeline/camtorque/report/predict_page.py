@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from camtorque.mechanism.predict import Prediction, prediction_document, sweep_rows
 from camtorque.plain import plain
-from camtorque.report.chart import CAM_ANGLE, HALF, Curves, Line, Panel
-from camtorque.report.drawings import svg_of
-from camtorque.report.files import write_json
+from camtorque.report.chart import CAM_ANGLE, HALF, WIDE, Curves, Line, Panel
+from camtorque.report.drawings import drawn
+from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import output_folder
 from camtorque.report.numbers import num, words
-from camtorque.report.page import ESCAPED, Drawing, live_charts, render
-from camtorque.report.phases import phases
+from camtorque.report.page import live_charts, render
+from camtorque.report.phases import phases, strokes
 from camtorque.report.tones import CYCLE
 from camtorque.report.torque_figures import DASHES
 from camtorque.units import BAR, DEGREE, RPM
@@ -104,9 +103,8 @@ FIGURES: dict[str, tuple[str, bool, Callable[[Prediction], tuple[Panel, ...]]]] 
 def chart_of(name: str, prediction: Prediction) -> Curves:
     """Return one of `FIGURES` over cam angle."""
     _, wide, panels = FIGURES[name]
-    strokes = phases(prediction.theta, prediction.kinematics.lift) if wide else ()
-    spans = tuple(span for span in strokes if "stroke" in span.label)
-    width = 960.0 if wide else HALF
+    spans = strokes(prediction.theta, prediction.kinematics.lift) if wide else ()
+    width = WIDE if wide else HALF
     return Curves(prediction.theta / DEGREE, CAM_ANGLE, panels(prediction), spans=spans, width=width)
 
 
@@ -143,10 +141,9 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     title : heading, such as the name of the pump file
     """
     rows = sweep_rows(prediction)
-    drawings = []
-    for name, (heading, wide, _) in FIGURES.items():
-        chart = chart_of(name, prediction)
-        drawings.append(Drawing(name, heading, "", "curves", wide, chart, Markup(svg_of(chart, heading))))
+    drawings = [
+        drawn(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide, _) in FIGURES.items()
+    ]
     steep, back = (value / DEGREE for value in prediction.flat_pressure_angles)
     return render(
         "predict.html", live_charts(drawings), phases(prediction.theta, prediction.kinematics.lift), title=title,
@@ -160,5 +157,5 @@ def prediction_page(prediction: Prediction, title: str) -> str:
 def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
     """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
     with output_folder(target) as folder:
-        (folder / "predict.html").write_text(prediction_page(prediction, title), encoding="utf-8", errors=ESCAPED)
+        write_page(folder / "predict.html", prediction_page(prediction, title))
         write_json(folder / "predict.json", plain(prediction_document(prediction)))

@@ -9,7 +9,7 @@ from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel, Span
 from camtorque.report.numbers import words
-from camtorque.report.phases import bump_spans, phases
+from camtorque.report.phases import bump_spans, strokes
 from camtorque.report.svg import padded
 from camtorque.report.tones import CYCLE
 from camtorque.stacks import mean_of
@@ -28,8 +28,7 @@ def measured_mean(result: RunResult) -> tuple[Array, Array]:
 
 def spans(result: RunResult) -> tuple[Span, ...]:
     """Return the strokes, and over them where the residual stands out."""
-    strokes = [span for span in phases(result.rigid.theta, result.rigid.lift) if "stroke" in span.label]
-    return (*strokes, *bump_spans(result.fitted.bumps))
+    return (*strokes(result.rigid.theta, result.rigid.lift), *bump_spans(result.fitted.bumps))
 
 
 def full_cycle(result: RunResult) -> Curves:

@@ -12,10 +12,10 @@ from camtorque.report.cycles_file import write_cycles
 from camtorque.report.document import result_document
 from camtorque.report.drawings import drawn, write_figures
 from camtorque.report.figures import FIGURES
-from camtorque.report.files import write_json
+from camtorque.report.files import write_json, write_page
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.page import ESCAPED, run_page
+from camtorque.report.page import run_page
 from camtorque.report.phases import phases
 
 
@@ -29,14 +29,17 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     """
     start = time.perf_counter()
     write_cycles(folder / "cycles.h5", result)
-    charts = {name: (spec, spec.draw(result)) for name, spec in FIGURES.items()}
-    drawings = [drawn(name, spec, chart) for name, (spec, chart) in charts.items() if chart is not None]
+    drawings = [
+        drawn(name, chart, spec.title, spec.caption, spec.section, spec.wide)
+        for name, spec in FIGURES.items()
+        if (chart := spec.draw(result)) is not None
+    ]
     write_figures(drawings, folder / "figures", lambda name: FIGURES[name].png)
     doc = result_document(result)
     correlation = (result.fitted.correlation_names, result.fitted.correlation)
     strokes = phases(result.rigid.theta, result.rigid.lift)
     page = run_page(doc, drawings, result.recording.config.text, strokes, correlation)
-    (folder / "report.html").write_text(page, encoding="utf-8", errors=ESCAPED)
+    write_page(folder / "report.html", page)
     spent = time.perf_counter() - start
     timing = {**result.timing, "report": spent, "total": sum(result.timing.values()) + spent}
     doc["timing_s"] = plain(timing)
