@@ -142,21 +142,15 @@ def _assumed(channel: Channel) -> Finding:
 
 
 def _config(pump: PumpConfig, channels: tuple[Channel, ...], mark: Mark, name: str) -> RecordingConfig:
-    trigger = next((channel for channel in channels if channel.quantity == "trigger"), None)
-    level = float(np.ptp(trigger.read_volts())) if trigger is not None else 0.0
     specs = (ChannelSpec(c.quantity, IN_MEMORY, "", c.name, "", c.logger, c.sample_rate, "") for c in channels)
     sampled = ", ".join(f"{c.quantity} {c.sample_rate:g} Hz" for c in channels)
     text = f"# arrays, sampled at {sampled}; pump file:\n{pump.text}"
+    trigger = TriggerSpec(mark.angle_deg * DEGREE, mark.tolerance_deg * DEGREE, switching_delay=mark.delay)
     return RecordingConfig(
         path=IN_MEMORY, text=text, id=name, pump_id=pump.path.stem, nominal_speed=mark.speed_rpm * RPM,
-        file_format="arrays", csv_dialect="", acquisition="arrays on one clock", rotation=pump.rotation, note="",
-        pump_sheet=pump.pump, trigger=_trigger(mark, level), sensors={}, loggers=(LoggerSpec("arrays", "single"),),
-        channels=tuple(specs),
+        file_format="arrays", csv_dialect="", rotation=pump.rotation, pump_sheet=pump.pump, trigger=trigger, sensors={},
+        loggers=(LoggerSpec("arrays", "single"),), channels=tuple(specs),
     )  # fmt: skip
-
-
-def _trigger(mark: Mark, level: float) -> TriggerSpec:
-    return TriggerSpec(mark.angle_deg * DEGREE, mark.tolerance_deg * DEGREE, "rising", 1, level, mark.delay)
 
 
 def _table(pump: PumpConfig) -> CamTable:

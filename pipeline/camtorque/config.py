@@ -59,7 +59,6 @@ class TriggerSpec:
     installation_tolerance : half width of the mounting tolerance [rad]
     edge : ``rising`` or ``falling``
     pulses_per_rev : teeth, missing teeth counted as if present
-    level_volts : height of the pulse, not a threshold; None where it is not stated
     switching_delay : [s]
     missing_teeth : teeth left out at the mark (0 for a plain trigger)
     double_tooth : True where one extra tooth marks the revolution
@@ -74,7 +73,6 @@ class TriggerSpec:
     installation_tolerance: float
     edge: str = "rising"
     pulses_per_rev: int = 1
-    level_volts: float | None = None
     switching_delay: float = 0.0
     missing_teeth: int = 0
     double_tooth: bool = False
@@ -107,7 +105,6 @@ class SensorRef:
     calibration_path: Path | None
     zero_before_volts: float | None
     zero_after_volts: float | None
-    location: str = ""
     idle_from: float | None = None
     idle_to: float | None = None
     zero_before: float | None = None
@@ -120,14 +117,13 @@ class FluidSpec:
     """What the bench says of the fuel; None where it says nothing.
 
     temperature [K]; bulk_modulus [Pa] at feed pressure and bulk_modulus_slope its rise per rise of pressure [-];
-    density [kg/m^3]; feed_pressure [Pa, gauge].
+    feed_pressure [Pa, gauge].
     """
 
     name: str = ""
     temperature: float | None = None
     bulk_modulus: float | None = None
     bulk_modulus_slope: float | None = None
-    density: float | None = None
     feed_pressure: float | None = None
 
 
@@ -196,9 +192,7 @@ class RecordingConfig:
     nominal_speed: float
     file_format: str
     csv_dialect: str
-    acquisition: str
     rotation: int
-    note: str
     pump_sheet: PumpData | None
     trigger: TriggerSpec
     sensors: Mapping[str, SensorRef]

@@ -8,7 +8,7 @@ read by `camtorque.ingest.pump_file.read_pump`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from camtorque.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import did_you_mean
 
-PUMP_FIELDS = frozenset(item.name for item in fields(PumpData))
 ONCE = ("pump", "cam", "mounting", "shaft", "friction")
 """Tables that are there once or not at all."""
 
@@ -94,11 +93,10 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     if (pump["cam_table_path"] is None) == (not sections):
         raise Refusal(f"{file}: expected either cam_table in [pump] or [[cam.sections]]; give one of them")
     pump["cam_table_path"] = pump["cam_table_path"] or file
-    known = {name: value for name, value in pump.items() if name in PUMP_FIELDS}
     return PumpConfig(
         path=file,
         text=text,
-        pump=PumpData(**known),
+        pump=PumpData(**pump),
         sections=sections,
         **tables["cam"],
         **tables["mounting"],

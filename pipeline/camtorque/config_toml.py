@@ -66,7 +66,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         path=file,
         text=text,
         **recording,
-        pump_sheet=PumpData(**_without(single["pump"], "follower_mass_note")) if root.has("pump") else None,
+        pump_sheet=PumpData(**single["pump"]) if root.has("pump") else None,
         trigger=TriggerSpec(**single["trigger"]),
         sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
         loggers=loggers,
@@ -92,10 +92,6 @@ def _one(root: Table, name: str, problems: Problems) -> dict[str, Any]:
         table = root.table(name, optional=not schema.required)
         return read_keys(table, schema, problems if schema.required or root.has(name) else Problems())
     return {}
-
-
-def _without(values: dict[str, Any], *names: str) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if name not in names}
 
 
 def _loggers(root: Table, problems: Problems) -> tuple[LoggerSpec, ...]:
@@ -146,8 +142,8 @@ def _sensor(quantity: str, values: dict[str, Any], idle: dict[str, Any], file: P
             f"found {start} and {stop}"
         )
     sheet = {name: value for name, value in values.items() if name in SHEET_ATTRIBUTES}
-    rest = _without(values, *SHEET_ATTRIBUTES)
-    return SensorRef(quantity=quantity, **rest, idle_from=start, idle_to=stop, sheet=dict(sheet))
+    rest = {name: value for name, value in values.items() if name not in SHEET_ATTRIBUTES}
+    return SensorRef(quantity=quantity, **rest, idle_from=start, idle_to=stop, sheet=sheet)
 
 
 def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: float | None) -> ChannelSpec:

@@ -41,10 +41,10 @@ RECORDING = TableSchema("[recording]", "what was recorded", (
         band=Band(1.0, 60_000.0, "slower or faster turns no pump")),
     Key("file_format", "text", "format of the logs; found by their content where left out", default=""),
     Key("csv_dialect", "text", 'a hint such as "semicolon, decimal comma"; the file decides', default=""),
-    Key("acquisition", "text", "how it was logged", default=""),
+    Key("acquisition", "text", "how it was logged", default="", used=False),
     Key("rotation", "choice", "sense of rotation; negative turns the sign of the torque", default=1,
         choices=ROTATIONS),
-    Key("note", "text", "anything", default=""),
+    Key("note", "text", "anything", default="", used=False),
     Key("group", "text", "recordings of one group are fitted together (before and after are two)", default="",
         own=True),
     Key("date", "date", "day of the recording, where the logs do not tell", default=None, own=True),
@@ -73,7 +73,7 @@ PUMP = TableSchema("[pump]", "catalogue values of the pump; `run` needs them, `a
         band=Band(1e-9, 20.0, "a ship's camshaft has less")),
     Key("follower_mass_kg", "number", "all sliding parts, roller and a third of the spring included", "kg",
         band=Band(1e-4, 300.0, "a ship's follower weighs less")),
-    Key("follower_mass_note", "text", "what the mass holds", default=""),
+    Key("follower_mass_note", "text", "what the mass holds", default="", used=False),
     Key("spring_stiffness_N_per_m", "number", "rate of the return spring", "N_per_m",
         band=Band(200.0, 2e7, "return springs have 0.2 to 20 000 N/mm", or_zero=True)),
     Key("spring_preload_N", "number", "its force at zero lift", "N",
@@ -99,8 +99,8 @@ TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
     Key("edge", "choice", "the edge that counts", default="rising", choices=words("rising", "falling")),
     Key("pulses_per_rev", "whole", "teeth, missing ones counted as if present", default=1,
         band=Band(1, 100_000, "encoders have fewer lines")),
-    Key("level_V", "number", "height of the pulse; the logs tell it where left out", "V", None,
-        Band(0.0, 500.0, "sensors give fewer volts"), attribute="level_volts"),
+    Key("level_V", "number", "height of the pulse; the logs tell it", "V", None,
+        Band(0.0, 500.0, "sensors give fewer volts"), used=False),
     Key("switching_delay_typ_s", "number", "delay of the switch", "s", 0.0,
         Band(0.0, 5e-3, "proximity switches take microseconds to a few milliseconds"), attribute="switching_delay"),
     Key("missing_teeth", "whole", "teeth left out at the mark of a tooth wheel", default=0,
@@ -157,7 +157,7 @@ SHEET = TableSchema("[sensor]", "the sheet of a sensor", (
 SENSOR = TableSchema("[sensors.*]", "a sensor: its sheet by `calibration`, or the sheet's keys right here", (
     Key("serial", "text", "serial number", default=""),
     Key("calibration", "path", "sheet of the sensor", default=None, attribute="calibration_path"),
-    Key("location", "text", "where it sits", default=""),
+    Key("location", "text", "where it sits", default="", used=False),
     Key("zero_before_V", "number", "reading at standstill before the run", "V", None, Band(-15.0, 15.0, SENSE),
         attribute="zero_before_volts"),
     Key("zero_after_V", "number", "reading at standstill after the run", "V", None, Band(-15.0, 15.0, SENSE),
@@ -201,8 +201,6 @@ FLUID = TableSchema("[fluid]", "the fuel or oil, where known", (
     Key("bulk_modulus_Pa", "number", "at feed pressure", "Pa", None, Band(1e8, 6e9, "of liquids"), own=True),
     Key("bulk_modulus_slope", "number", "its rise per rise of pressure", default=None,
         band=Band(3.0, 30.0, "of liquids: 8 to 14"), own=True),
-    Key("density_kg_per_m3", "number", "at feed pressure", "kg_per_m3", None, Band(300.0, 2000.0, "of liquids"),
-        own=True),
     Key("feed_pressure_bar", "number", "gauge", "bar", None, Band(-1.0, 200.0, "of feed pumps"), own=True),
 ), required=False)  # fmt: skip
 DRIVE = TableSchema("[drive]", "what turns the pump, where known", (
@@ -239,8 +237,8 @@ SECTION = TableSchema("[[cam.sections]]", "the cam in sections along the directi
 ), many=True)  # fmt: skip
 PUMP_FILE_TABLES: dict[str, TableSchema] = {
     "pump": TableSchema("[pump]", PUMP.meaning, (
-        Key("id", "text", "name of the pump", default=""),
-        Key("note", "text", "anything", default=""),
+        Key("id", "text", "name of the pump", default="", used=False),
+        Key("note", "text", "anything", default="", used=False),
         *(replace(key, default=None) if key.name == "cam_table" else key for key in PUMP.keys),
     )),
     "cam": TableSchema("[cam]", "the cam by its law, in place of a lift table", (

@@ -29,7 +29,6 @@ KEY_UNITS: dict[str, tuple[float, float]] = {
     "hz": (1.0, 0.0),
     "kg": (1.0, 0.0),
     "kg_m2": (1.0, 0.0),
-    "kg_per_m3": (1.0, 0.0),
     "m": (1.0, 0.0),
     "m_per_s2": (1.0, 0.0),
     "mm": (1.0e-3, 0.0),
@@ -51,7 +50,6 @@ SLIPS: dict[str, dict[str, float]] = {
     "hz": {"kHz": 1.0e3, "MHz": 1.0e6},
     "kg": {"g": 1.0e-3, "lb": 0.45359},
     "kg_m2": {"kg mm2": 1.0e-6, "kg cm2": 1.0e-4, "g mm2": 1.0e-9, "g cm2": 1.0e-7},
-    "kg_per_m3": {"kg/l": 1.0e3, "g/cm3": 1.0e3},
     "m": {"mm": 1.0e-3, "um": 1.0e-6, "cm": 1.0e-2, "in": 0.0254},
     "mm": {"m": 1.0e3, "um": 1.0e-3, "in": 25.4},
     "rpm": {"Hz": 60.0, "rad/s": 9.5493},
@@ -107,6 +105,7 @@ class Key:
     choices : allowed words -> value
     attribute : field of the record; the name without its unit where not given
     own : True where the product adds the key to the bench's schema
+    used : False for what people note down: checked, but nothing is computed from it
     """
 
     name: str
@@ -118,6 +117,7 @@ class Key:
     choices: Mapping[str, Any] = field(default_factory=dict)
     attribute: str = ""
     own: bool = False
+    used: bool = True
 
     def __post_init__(self) -> None:
         ending = f"_{self.unit}" if self.unit in KEY_UNITS else ""
@@ -175,6 +175,7 @@ def markdown_rows(schema: TableSchema) -> list[str]:
         else:
             allowed = {"flag": "`true`, `false`", "date": "2025-01-31"}.get(key.kind, "text")
         needed = "**required**" if key.required else f"*{_default(key)}*" + (", own" if key.own else "")
+        needed += "" if key.used else ", not used"
         table = f"`{schema.header}`" if number == 0 and schema.header else ""
         rows.append(f"| {table} | `{key.name}` | {key.meaning} | {allowed} | {needed} |")
     return rows

@@ -160,11 +160,13 @@ class Table:
 
 
 def read_keys(table: Table, schema: TableSchema, problems: Problems) -> dict[str, Any]:
-    """Return attribute -> value for every key of a schema; what is wrong is noted in ``problems`` and left out."""
+    """Return attribute -> value for every used key of a schema; what is wrong is noted in ``problems`` and left out."""
     values = {}
     for key in schema.keys:
         with problems.collecting():
-            values[key.attribute] = table.value(key)
+            value = table.value(key)
+            if key.used:
+                values[key.attribute] = value
     return values
 
 

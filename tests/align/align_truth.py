@@ -249,14 +249,14 @@ def recording_of(rig: Rig, channels: tuple[Channel, ...]) -> Recording:
     )  # fmt: skip
     trigger = TriggerSpec(
         nominal_angle=np.radians(rig.nominal_deg), installation_tolerance=np.radians(1.5), edge=rig.edge,
-        pulses_per_rev=rig.pulses_per_rev, level_volts=5.0, switching_delay=rig.switching_delay,
+        pulses_per_rev=rig.pulses_per_rev, switching_delay=rig.switching_delay,
         missing_teeth=rig.missing_teeth, double_tooth=rig.double_tooth,
     )  # fmt: skip
     kind = "single" if rig.clock_kind == "single" else rig.clock_kind
     loggers = tuple(LoggerSpec(name, kind) for name in dict.fromkeys(c.logger for c in channels))
     config = RecordingConfig(
         path=Path("recording.toml"), text="", id="synthetic", pump_id="P", nominal_speed=rig.shaft.speed,
-        file_format="x", csv_dialect="", acquisition="", rotation=1, note="",
+        file_format="x", csv_dialect="", rotation=1,
         pump_sheet=pump, trigger=trigger, sensors={}, loggers=loggers,
         channels=(),
     )  # fmt: skip

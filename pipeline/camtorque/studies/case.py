@@ -69,6 +69,16 @@ def study_pressure(theta: Array) -> Array:
     return np.asarray(PEAK_PRESSURE * rise * fall)
 
 
+def peak_error(found: Array, exact: Array) -> float:
+    """Return the largest error over the peak."""
+    return float(np.max(np.abs(found - exact)) / np.max(np.abs(exact)))
+
+
+def rms_error(found: Array, exact: Array) -> float:
+    """Return the rms error over the highest value."""
+    return float(np.sqrt(np.mean((found - exact) ** 2)) / np.max(exact))
+
+
 def rounded_table(law: CamLaw, step_deg: float, resolution: float) -> CamTable:
     """Return the lift table of a law, rounded to a resolution [m]; 0 keeps it exact."""
     theta = angle_grid(round(360.0 / step_deg))

@@ -13,11 +13,12 @@ from scipy.interpolate import CubicSpline
 from camtorque.laws.chain import angle_grid, filtered
 from camtorque.laws.driveline import compliance, shaft_transfer
 from camtorque.mechanism import PumpUnit
-from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
+from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.elastic import ElasticShaft, solve_by_harmonics, solve_elastic
 from camtorque.records import Array
-from camtorque.studies.case import knotted_law, study_pressure, study_pump
-from camtorque.studies.integrators import TABLE, TURN, Shaft, collocation, load_rows, march_periodic, rhs
-from camtorque.studies.table import Chart, Point, shortest_times
+from camtorque.studies.case import knotted_law, peak_error, study_pressure, study_pump
+from camtorque.studies.integrators import TABLE, Shaft, collocation, load_rows, march_periodic, rhs
+from camtorque.studies.table import Chart, Choice, measured
 
 REFERENCE_ELEMENTS, REFERENCE_STAGES = 3600, 6
 CYCLES = 4
@@ -25,7 +26,6 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
 DEFAULTS = (("linear harmonic", "720/rev"), ("predict (elastic shaft)", "3600/rev"))
 """What the fit's chain uses (3600 points in bins of 5), and what a prediction uses."""
 Curve = tuple[Array, Array]
-Solved = tuple[Array, Array, bool]
 
 
 def at_angles(theta: Array, torque: Array, *_: bool, check: Array) -> Array:
@@ -59,20 +59,18 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
 
 def elastic(shaft: Shaft, size: int) -> Curve:
     """Return what a prediction uses, over cam angle: collocation, read on a uniform grid of the drive's angle."""
-    theta = angle_grid(size)
-    unit = PumpUnit(study_pump(), knotted_law())
-    found = solve_elastic(
-        [unit], study_pressure(theta), shaft.speed, np.array([shaft.stiffness]), np.array([shaft.damping])
-    )
-    return theta + found.twist[0], found.torque
+    return _driven(solve_elastic, shaft, size)
 
 
 def balanced(shaft: Shaft, size: int) -> Curve:
     """Return the non-linear harmonic balance, which also solves several lobes, over cam angle."""
-    theta = angle_grid(size)
-    unit = PumpUnit(study_pump(), knotted_law())
+    return _driven(solve_by_harmonics, shaft, size)
+
+
+def _driven(solve: Callable[..., ElasticShaft], shaft: Shaft, size: int) -> Curve:
+    theta, unit = angle_grid(size), PumpUnit(study_pump(), knotted_law())
     values = np.array([shaft.stiffness]), np.array([shaft.damping])
-    found = solve_by_harmonics([unit], study_pressure(theta)[None], shaft.speed, *values)
+    found = solve([unit], study_pressure(theta)[None], shaft.speed, *values)
     return theta + found.twist[0], found.torque
 
 
@@ -120,16 +118,11 @@ def driveline_chart(quick: bool) -> Chart:
     """Return torque error against time per periodic solution."""
     shaft, check = Shaft(), angle_grid(5003)
     reference = at_angles(*collocation(shaft, REFERENCE_ELEMENTS, REFERENCE_STAGES), check=check)
-    peak = float(np.max(np.abs(reference)))
-    runs = candidates(shaft, quick)
-    errors = [float(np.max(np.abs(at_angles(*run(), check=check) - reference))) / peak for run in runs.values()]
-    costs = shortest_times(list(runs.values()), 1 if quick else 4)
-    points = tuple(
-        Point(
-            family, setting, error, cost, (family, setting) in DEFAULTS,
-        )
-        for (family, setting), error, cost in zip(runs, errors, costs, strict=True)
-    )  # fmt: skip
+    choices = [
+        Choice(*names, peak_error(at_angles(*run(), check=check), reference), run, default=names in DEFAULTS)
+        for names, run in candidates(shaft, quick).items()
+    ]
+    points = measured(choices, 1 if quick else 4)
     note = (
         f"k = {shaft.stiffness:g} N m/rad, c = {shaft.damping:g} N m s/rad, 500 rpm; reference: collocation with "
         f"{REFERENCE_ELEMENTS} elements of {REFERENCE_STAGES} stages; integrators run five turns from rest, "

@@ -13,13 +13,14 @@ from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import METHODS, ClosedForm, PumpUnit, closed_form_tables, solve_shaft
 from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from camtorque.records import Array
-from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump
-from camtorque.studies.table import Chart, Point, shortest_times
+from camtorque.studies.case import SPEED, peak_error, study_law, study_pressure, study_pump
+from camtorque.studies.table import Chart, Choice, measured
 
 ANGLES = 3600
 CYCLES = 50
 ENGINE_ANGLES = 300
 LEAST = 1.0e-17
+DEFAULT = "tables, compiled, float64"
 
 MUJOCO_XML = """<mujoco><compiler inertiafromgeom="false"/><option gravity="0 0 0"><flag contact="disable"/></option>
 <worldbody><body><joint type="hinge" axis="0 0 1"/>
@@ -130,12 +131,8 @@ ENGINES: dict[str, tuple[str, Callable[[Array, Array, Array], Callable[[], Array
 """Engine -> module and builder; those not installed are left out."""
 
 
-def _by_method(method: str, unit: PumpUnit, theta: Array) -> Array:
-    return solve_shaft([unit], theta, study_pressure(theta), SPEED, method=method).torque
-
-
-def own_candidates(cycles: int) -> dict[str, tuple[Callable[[], Array], int, bool]]:
-    """Return name -> (function that ends in the torque, cycles it solves, whether all forces come with it)."""
+def own_choices(cycles: int, exact: Array) -> list[Choice]:
+    """Return the package's ways to the torque; those without all forces are no candidates for the front."""
     theta = angle_grid(ANGLES)
     pressure, unit = study_pressure(theta), PumpUnit(study_pump(), study_law())
     tables = closed_form_tables(unit.pump, unit.law, theta)
@@ -144,52 +141,45 @@ def own_candidates(cycles: int) -> dict[str, tuple[Callable[[], Array], int, boo
     out = np.empty((8, cycles, ANGLES))
     single = tables.outputs["torque"].astype(np.float32)
     rows_single, squared = rows.astype(np.float32), np.float32(SPEED**2)
-    found: dict[str, tuple[Callable[[], Array], int, bool]] = {}
-    for method in METHODS:
-        found[method.replace("_", " ")] = (
-            partial(_by_method, method, unit, theta), 1, True
-        )  # fmt: skip
-    found["tables, compiled, float64"] = (lambda: evaluate_cycles(compiled, rows, speeds, out)[0, 0], cycles, True)
-    found["tables, numpy, torque alone, float64"] = (
-        lambda: tables.evaluate("torque", rows, speeds[:, None])[0], cycles, False
-    )  # fmt: skip
-    found["tables, numpy, torque alone, float32"] = (
-        lambda: (single[0] + single[1] * rows_single + single[2] * squared)[0], cycles, False
-    )  # fmt: skip
-    return found
+
+    def choice(name: str, run: Callable[[], Array], solved: int, all_forces: bool) -> Choice:
+        error = max(peak_error(run(), exact), LEAST)
+        return Choice(name, "", error, run, solved * ANGLES, name == DEFAULT, all_forces)
+
+    return [
+        *(choice(method, partial(_torque_by, method, unit, theta), 1, True) for method in METHODS),
+        choice(DEFAULT, lambda: evaluate_cycles(compiled, rows, speeds, out)[0, 0], cycles, True),
+        choice("tables, numpy, torque alone, float64", lambda: tables.evaluate("torque", rows, speeds[:, None])[0],
+               cycles, False),
+        choice("tables, numpy, torque alone, float32",
+               lambda: (single[0] + single[1] * rows_single + single[2] * squared)[0], cycles, False),
+    ]  # fmt: skip
+
+
+def _torque_by(method: str, unit: PumpUnit, theta: Array) -> Array:
+    return solve_shaft([unit], theta, study_pressure(theta), SPEED, method=method).torque
+
+
+def engine_choices(exact: Array) -> list[Choice]:
+    """Return the engines that are installed, at every so many angles."""
+    every = ANGLES // ENGINE_ANGLES
+    theta = angle_grid(ANGLES)[::every]
+    tables, *motion = joint_motion(theta)
+    choices = []
+    for name, (module, builder) in ENGINES.items():
+        if importlib.util.find_spec(module) is not None:
+            run = builder(*motion)
+            torque = torque_by_cut(tables, run(), study_pressure(theta))
+            error = float(np.max(np.abs(torque - exact[::every]))) / float(np.max(np.abs(exact)))
+            choices.append(Choice(name, "", max(error, LEAST), run, theta.size, candidate=False))
+    return choices
 
 
 def dynamics_chart(quick: bool) -> Chart:
     """Return torque error against time per angle."""
-    cycles = 10 if quick else CYCLES
-    theta = angle_grid(ANGLES)
-    exact = extended_torque(theta)
-    peak = float(np.max(np.abs(exact)))
-    own = own_candidates(cycles)
-    names, runs, counts, errors, full = [], [], [], [], []
-    for name, (run, count, forces) in own.items():
-        names.append(name)
-        runs.append(run)
-        counts.append(count * ANGLES)
-        errors.append(float(np.max(np.abs(run() - exact))) / peak)
-        full.append(forces)
-    few = theta[:: ANGLES // ENGINE_ANGLES]
-    tables, position, rate, change = joint_motion(few)
-    for name, (module, builder) in ENGINES.items():
-        if importlib.util.find_spec(module) is None:
-            continue
-        engine = builder(position, rate, change)
-        torque = torque_by_cut(tables, engine(), study_pressure(few))
-        names.append(name)
-        runs.append(engine)
-        counts.append(few.size)
-        errors.append(float(np.max(np.abs(torque - exact[:: ANGLES // ENGINE_ANGLES]))) / peak)
-        full.append(False)
-    costs = shortest_times(runs, 2 if quick else 7)
-    points = tuple(
-        Point(name, "", max(error, LEAST), cost / count, name == "tables, compiled, float64", forces)
-        for name, error, cost, count, forces in zip(names, errors, costs, counts, full, strict=True)
-    )
+    exact = extended_torque(angle_grid(ANGLES))
+    choices = own_choices(10 if quick else CYCLES, exact) + engine_choices(exact)
+    points = measured(choices, 2 if quick else 7)
     note = (
         "reference: extended precision; the front is that of solutions with all forces (engines give generalised "
         "forces only, called from Python; their motion comes prepared)"

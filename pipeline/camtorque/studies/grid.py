@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
 from camtorque.laws.chain import angle_grid
-from camtorque.mechanism import CamLaw, closed_form_tables, cubic_law, kinematics, quintic_law, smoothing_law
-from camtorque.mechanism.spectral import spectral_law
-from camtorque.records import Array, CamTable
-from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump
-from camtorque.studies.table import Chart, Point, shortest_times
+from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, kinematics
+from camtorque.records import Array
+from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
+from camtorque.studies.table import Chart, Choice, Point, measured
 
-DEFAULT_GRID = 3600
-DEFAULT_INTERPOLATION = "cubic periodic"
+DEFAULT = ("cubic periodic", 3600)
 GRIDS = (180, 360, 720, 1800, 3600, 7200, 18000)
 CHECKS = 20011
 """Angles at which the interpolated curve is compared: a prime, so that no grid hits them."""
@@ -46,36 +45,24 @@ def torque_on(theta: Array, law: CamLaw) -> Array:
 
 def grid_chart(quick: bool) -> Chart:
     """Return torque error between grid points against the cost of tables, torque and curve."""
-    law = study_law()
     check = angle_grid(CHECKS)
-    exact = torque_on(check, law)
-    peak = float(np.max(np.abs(exact)))
-    runs, errors, labels = [], [], []
-    for name, builder in INTERPOLANTS.items():
+    exact = torque_on(check, study_law())
+    choices = []
+    for name in INTERPOLANTS:
         for n_theta in GRIDS[:5] if quick else GRIDS:
-
-            def run(n_theta: int = n_theta, builder: Callable[..., Callable[[Array], Array]] = builder) -> Array:
-                theta = angle_grid(n_theta)
-                return builder(theta, torque_on(theta, law))(check)
-
-            runs.append(run)
-            errors.append(max(float(np.max(np.abs(run() - exact))) / peak, LEAST))
-            labels.append((name, n_theta))
-    costs = shortest_times(runs, 2 if quick else 5)
-    points = tuple(
-        Point(name, f"{360.0 / n:g} deg", error, cost, name == DEFAULT_INTERPOLATION and n == DEFAULT_GRID)
-        for (name, n), error, cost in zip(labels, errors, costs, strict=True)
-    )
+            run = partial(_interpolated, name, n_theta, check)
+            error = max(peak_error(run(), exact), LEAST)
+            choices.append(Choice(name, f"{360.0 / n_theta:g} deg", error, run, default=(name, n_theta) == DEFAULT))
+    points = measured(choices, 2 if quick else 5)
     note = f"largest error of the torque over its peak at {CHECKS} angles; reference: the analytic law at these angles"
     return Chart("grid", "Angle grid and interpolation", "torque error / peak", "time of one curve [s]", points, note)
 
 
-LAWS: dict[str, Callable[[CamTable], CamLaw]] = {
-    "cubic": cubic_law,
-    "quintic": quintic_law,
-    "smoothing": smoothing_law,
-    "spectral": spectral_law,
-}
+def _interpolated(name: str, n_theta: int, check: Array) -> Array:
+    theta = angle_grid(n_theta)
+    return INTERPOLANTS[name](theta, torque_on(theta, study_law()))(check)
+
+
 QUANTITIES = ("torque", "acceleration", "Hertz stress")
 
 
@@ -88,7 +75,7 @@ def law_errors(law: CamLaw, exact: CamLaw, theta: Array) -> tuple[float, float, 
         path = kinematics(pump, item, theta)
         hertz = tables.hertz(pressure, SPEED)
         sides.append((tables.evaluate("torque", pressure, SPEED), path.acceleration, hertz))
-    errors = [float(np.max(np.abs(found - true)) / np.max(np.abs(true))) for found, true in zip(*sides, strict=True)]
+    errors = [peak_error(found, true) for found, true in zip(*sides, strict=True)]
     return tuple(error if np.isfinite(error) else np.inf for error in errors)  # type: ignore[return-value]
 
 
@@ -98,7 +85,7 @@ def table_charts(quick: bool) -> tuple[Chart, ...]:
     steps = TABLE_STEPS[1:4] if quick else TABLE_STEPS
     points: dict[str, list[Point]] = {name: [] for name in QUANTITIES}
     for resolution in RESOLUTIONS:
-        for name, builder in LAWS.items():
+        for name, builder in LIFT_METHODS.items():
             if name == "smoothing" and resolution == 0.0:
                 continue  # an exact table is not smoothed: quintic
             for step in steps:

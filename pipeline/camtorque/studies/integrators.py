@@ -16,11 +16,11 @@ import numpy as np
 from numba import njit
 
 from camtorque.mechanism import closed_form_tables
+from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, knotted_law, study_pressure, study_pump
 
-TURN = 2.0 * np.pi
 SCHEMES = ("explicit Euler", "symplectic Euler", "Heun", "RK4", "generalized-alpha 0.8", "generalized-alpha 1.0")
 """Fixed-step schemes, in the order of `march`."""
 
@@ -70,11 +70,17 @@ def acceleration(table, shaft, time, lead, rate):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
+def alpha_coefficients(rho):  # type: ignore[no-untyped-def]
+    """Return alpha_m, alpha_f, beta, gamma of generalized-alpha (Chung & Hulbert 1993)."""
+    mass, force = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma = 0.5 + force - mass
+    return mass, force, 0.25 * (gamma + 0.5) ** 2, gamma
+
+
+@njit(cache=True)
 def _alpha_step(table, shaft, time, h, lead, rate, change, auxiliary, rho):  # type: ignore[no-untyped-def]
     """One step of generalized-alpha (Chung & Hulbert 1993; Arnold & Bruls 2007), Newton by the linear stiffness."""
-    am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-    gamma = 0.5 + af - am
-    beta = 0.25 * (gamma + 0.5) ** 2
+    am, af, beta, gamma = alpha_coefficients(rho)
     new = change
     for _ in range(40):
         aux = ((1.0 - af) * new + af * change - am * auxiliary) / (1.0 - am)
@@ -148,13 +154,6 @@ def collocation(shaft: Shaft, elements: int, stages: int, offset: float = 0.0) -
     borders = np.linspace(0.0, TURN, elements + 1) + offset
     orbit = solve_orbit(load_rows, borders, stages, (shaft.stiffness, shaft.damping, shaft.speed))
     return orbit.theta, orbit.torque, orbit.closed
-
-
-def alpha_coefficients(rho: float) -> tuple[float, float, float, float]:
-    """Return alpha_m, alpha_f, beta, gamma of generalized-alpha (Chung & Hulbert 1993)."""
-    mass, force = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-    gamma = 0.5 + force - mass
-    return mass, force, 0.25 * (gamma + 0.5) ** 2, gamma
 
 
 def alpha_accelerations(lift: Array, h: float, turns: int, rho: float, start: tuple[float, float]) -> Array:

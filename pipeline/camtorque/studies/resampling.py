@@ -12,12 +12,12 @@ from scipy.interpolate import CubicSpline
 from camtorque.align.resample import choose_rule, hermite_slopes, interval_polynomials
 from camtorque.align.resample_compiled import resample_block
 from camtorque.laws.chain import angle_grid
+from camtorque.mechanism.cam import TURN
 from camtorque.records import Array
-from camtorque.studies.case import SPEED, study_law
+from camtorque.studies.case import SPEED, rms_error, study_law
 from camtorque.studies.grid import torque_on
-from camtorque.studies.table import Chart, Point, shortest_times
+from camtorque.studies.table import Chart, Choice, measured
 
-TURN = 2.0 * np.pi
 N_THETA = 3600
 DRIFT = 0.02
 """Relative change of the speed over the record."""
@@ -134,14 +134,14 @@ def _scene_chart(place: int, scene: str, quick: bool) -> Chart:
     rate, noise, ripple = SCENES[scene]
     exact, cycles = torque_on(angle_grid(N_THETA), study_law()), 30 if quick else 100
     signal = make_signal(cycles, rate, noise, ripple)
-    costs = shortest_times([partial(method, signal) for method in RESAMPLERS.values()], 2 if quick else 5)
-    points = []
-    for (name, method), cost in zip(RESAMPLERS.items(), costs, strict=True):
-        error = float(np.sqrt(np.mean((method(signal) - exact) ** 2)) / np.max(exact))
-        points.append(Point(name, "", error, cost / signal.torque.size, name == DEFAULT))
+    choices = [
+        Choice(name, "", rms_error(mean(signal), exact), partial(mean, signal), signal.torque.size, name == DEFAULT)
+        for name, mean in RESAMPLERS.items()
+    ]
+    points = measured(choices, 2 if quick else 5)
     note = (
         f"rms error of the mean of {cycles} cycles over the peak; speed drifts by 2 % over the record; one pulse per "
         "revolution, known exactly: ripple inside a revolution is invisible to it, whatever the interpolation"
     )
     title = f"Trigger and resampling: {scene}"
-    return Chart(f"resampling_{place}", title, "rms torque error / peak", "time per sample [s]", tuple(points), note)
+    return Chart(f"resampling_{place}", title, "rms torque error / peak", "time per sample [s]", points, note)

@@ -14,13 +14,13 @@ from camtorque.align import align
 from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import closed_form_tables, cubic_law
+from camtorque.mechanism.cam import TURN
 from camtorque.records import Array, CamTable, Channel, Recording, SensorCalibration
-from camtorque.studies.case import SPEED, study_law, study_pressure, study_pump
+from camtorque.studies.case import SPEED, rms_error, study_law, study_pressure, study_pump
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import StabilityMap
 from camtorque.studies.verdicts import Outcome, cell
 
-TURN = 2.0 * np.pi
 LIMITS = (1.0e-2, 5.0e-2)
 RATE = 2.0e4
 PULSE = 0.11
@@ -70,30 +70,17 @@ class Samples:
 
 def _calibration(quantity: str, gain: float) -> SensorCalibration:
     return SensorCalibration(
-        "S",
-        quantity,
-        gain,
-        1e-3,
-        0.0,
-        0.0,
-        "standstill",
-        0.0,
-        0.0,
-        0.0,
-        float("nan"),
-        0,
-        -200.0 * gain,
-        200.0 * gain,
-        -250.0,
-        250.0,
-    )
+        serial="S", quantity=quantity, gain=gain, gain_relative_std=1e-3, zero_volts=0.0, zero_std=0.0,
+        zero_source="standstill", nonlinearity_std=0.0, delay=0.0, delay_std=0.0, cutoff_hz=np.nan, filter_order=0,
+        range_min=-200.0 * gain, range_max=200.0 * gain, output_min_volts=-250.0, output_max_volts=250.0,
+    )  # fmt: skip
 
 
 def _config() -> RecordingConfig:
-    trigger = TriggerSpec(0.0, np.deg2rad(1.5), "rising", 1, 5.0, 0.0)
+    trigger = TriggerSpec(0.0, np.deg2rad(1.5))
     return RecordingConfig(
         path=NOWHERE, text="", id="study", pump_id="study", nominal_speed=SPEED, file_format="csv", csv_dialect="",
-        acquisition="", rotation=1, note="", pump_sheet=study_pump(), trigger=trigger, sensors={},
+        rotation=1, pump_sheet=study_pump(), trigger=trigger, sensors={},
         loggers=(), channels=(),
     )  # fmt: skip
 
@@ -164,9 +151,8 @@ def aligned_error(damage: Damage) -> Outcome:
     cycles = align(damaged_recording(damage))
     assert cycles.torque is not None
     exact = torque_on(cycles.theta, study_law())
-    error = float(np.sqrt(np.mean((cycles.torque.mean(axis=0) - exact) ** 2)) / np.max(exact))
-    line = study_pressure(cycles.theta)
-    at_pressure = float(np.sqrt(np.mean((cycles.pressure.mean(axis=0) - line) ** 2)) / np.max(line))
+    error = rms_error(cycles.torque.mean(axis=0), exact)
+    at_pressure = rms_error(cycles.pressure.mean(axis=0), study_pressure(cycles.theta))
     # the note on ripple says how large an error it may be: it is told where ripple is what is wrong
     told = [item.text for item in cycles.findings if item.severity != "info"]
     if damage.ripple and not told:
@@ -215,8 +201,7 @@ def _one_pulse_script(damage: Damage) -> Outcome:
     grid = angle_grid(3600)
     position = edges[:-1, None] + np.diff(edges)[:, None] * (grid / TURN)
     mean = np.interp(position, np.arange(torque.size), torque).mean(axis=0)
-    exact = torque_on(grid, study_law())
-    return float(np.sqrt(np.mean((mean - exact) ** 2)) / np.max(exact)), ""
+    return rms_error(mean, torque_on(grid, study_law()))
 
 
 METHODS: dict[str, tuple[Callable[[Damage], Outcome], bool]] = {

@@ -8,35 +8,36 @@ import numpy as np
 
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import closed_form_tables, kinematics
+from camtorque.mechanism.cam import TURN
 from camtorque.records import Array
-from camtorque.studies.case import knotted_law, study_pump
+from camtorque.studies.case import knotted_law, peak_error, study_pump
 from camtorque.studies.driveline import adaptive, at_angles, elastic, harmonic
 from camtorque.studies.integrators import (
     SCHEMES,
     TABLE,
-    TURN,
     Shaft,
     alpha_accelerations,
     collocation,
     load_rows,
     march_periodic,
 )
-from camtorque.studies.table import Cell, StabilityMap
+from camtorque.studies.table import StabilityMap
 from camtorque.studies.verdicts import Outcome, cell
 
 CHECK = angle_grid(2003)
+PACKAGE = "predict (elastic shaft)"
 GAPS = (1.0e-5, 1.0e-2)
 LIMITS = (1.0e-3, 5.0e-2)
 """Error of the torque over its peak up to which a solution works, and up to which it still serves a sketch."""
 STEPS = 3600
-STABLE: dict[str, float] = {"explicit Euler": 0.0, "symplectic Euler": 2.0, "Heun": 0.0, "RK4": 2.785}
-"""Largest omega h without damping (Hairer & Wanner II, Section IV.2)."""
+EXPLICIT = ("explicit Euler", "symplectic Euler", "Heun", "RK4")
+"""Schemes whose steps linear theory bounds."""
 
 
 def _error(found: tuple[Array, ...], reference: Array) -> float:
     if not np.all(np.isfinite(found[1])) or np.any(np.diff(found[0]) <= 0.0):
         return float("inf")
-    return float(np.max(np.abs(at_angles(found[0], found[1], check=CHECK) - reference)) / np.max(np.abs(reference)))
+    return peak_error(at_angles(found[0], found[1], check=CHECK), reference)
 
 
 def _reference(shaft: Shaft) -> Array | None:
@@ -74,12 +75,15 @@ def _radius(scheme: str, z: Array) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(step))))
 
 
-def _march(table: Array, scheme: str, shaft: Shaft, reference: Array) -> Outcome:
+def _march(table: Array, scheme: str, shaft: Shaft, reference: Array | None) -> Outcome:
     theta, torque, bounded = march_periodic(table, shaft, scheme, STEPS)
-    theory = f"; linear theory asks for {least_steps(scheme, shaft)} steps/rev" if scheme in STABLE else ""
     if not bounded:
+        known = scheme in EXPLICIT and reference is not None
+        theory = f"; linear theory asks for {least_steps(scheme, shaft)} steps/rev" if known else ""
         raise ArithmeticError(f"runs away (overflow){theory}")
-    return _error((theta, torque), reference), ""
+    if reference is None:
+        return 1.0, "cam angle not monotone" if np.any(np.diff(theta) <= 0.0) else ""
+    return _error((theta, torque), reference)
 
 
 def stiffness_map(quick: bool) -> StabilityMap:
@@ -91,43 +95,32 @@ def stiffness_map(quick: bool) -> StabilityMap:
         if reference is None:
             name += " (the cam stalls: no periodic orbit with forward motion)"
         for scheme in SCHEMES:
-            found = (
-                cell(name, scheme, partial(_march, table, scheme, shaft, reference), LIMITS)
-                if reference is not None
-                else cell(name, scheme, partial(_stalled, table, scheme, shaft), LIMITS)
-            )
-            cells.append(found)
-        cells.append(_package(name, shaft, reference))
-        cells.append(_collocated(name, shaft, reference))
+            cells.append(cell(name, scheme, partial(_march, table, scheme, shaft, reference), LIMITS))
+        cells.append(cell(name, PACKAGE, partial(_package, shaft, reference), LIMITS, default=True))
+        cells.append(cell(name, "collocation in cam angle", partial(_collocated, shaft, reference), LIMITS))
     note = "c = 0.5 N m s/rad, 500 rpm, five turns from rest; error of the shaft torque over its peak"
     return StabilityMap(
         "driveline_stiffness", f"Stiff and soft shafts, {STEPS} steps per revolution", tuple(cells), note
     )
 
 
-def _stalled(table: Array, scheme: str, shaft: Shaft) -> Outcome:
-    theta, _, bounded = march_periodic(table, shaft, scheme, STEPS)
-    if not bounded:
-        raise ArithmeticError("runs away (overflow)")
-    return (1.0, "cam angle not monotone") if np.any(np.diff(theta) <= 0.0) else (1.0, "")
+def _package(shaft: Shaft, reference: Array | None) -> Outcome:
+    found = elastic(shaft, 3600)
+    return _error(found, reference) if reference is not None else 1.0
 
 
-def _package(name: str, shaft: Shaft, reference: Array | None) -> Cell:
-    def attempt() -> Outcome:
-        found = elastic(shaft, 3600)
-        return (_error(found, reference) if reference is not None else 1.0), ""
+def _collocated(shaft: Shaft, reference: Array | None) -> Outcome:
+    theta, torque, success = collocation(shaft, 360, 4)
+    if not success or reference is None:
+        raise ArithmeticError("the cam comes to a stand inside the revolution")
+    return _error((theta, torque), reference)
 
-    return cell(name, "predict (elastic shaft)", attempt, LIMITS, default=True)
 
-
-def _collocated(name: str, shaft: Shaft, reference: Array | None) -> Cell:
-    def attempt() -> Outcome:
-        theta, torque, success = collocation(shaft, 360, 4)
-        if not success or reference is None:
-            raise ArithmeticError("the cam comes to a stand inside the revolution")
-        return _error((theta, torque), reference), ""
-
-    return cell(name, "collocation in cam angle", attempt, LIMITS)
+def _adaptive(table: Array, shaft: Shaft, method: str, tolerance: float, capped: bool, reference: Array) -> Outcome:
+    theta, torque, success = adaptive(table, shaft, method, tolerance, capped)
+    if not success:
+        raise ArithmeticError("solve_ivp: success = False")
+    return _error((theta, torque), reference)
 
 
 def event_map(quick: bool) -> StabilityMap:
@@ -139,33 +132,13 @@ def event_map(quick: bool) -> StabilityMap:
     for method in ("RK45", "Radau", "BDF", "LSODA"):
         for tolerance in (1e-5,) if quick else (1e-3, 1e-5, 1e-7):
             for capped in (True, False):
-
-                def attempt(method: str = method, tolerance: float = tolerance, capped: bool = capped) -> Outcome:
-                    theta, torque, success = adaptive(table, shaft, method, tolerance, capped)
-                    if not success:
-                        raise ArithmeticError("solve_ivp: success = False")
-                    return _error((theta, torque), reference), ""
-
                 step = "max_step 5 deg" if capped else "max_step free"
+                attempt = partial(_adaptive, table, shaft, method, tolerance, capped, reference)
                 cells.append(cell(f"rtol {tolerance:g}, {step}", f"scipy {method}", attempt, LIMITS))
+    linear = partial(harmonic, load_rows(angle_grid(3600)), shaft)
     for name in dict.fromkeys(item.condition for item in cells):
-        cells.append(
-            cell(
-                name,
-                "predict (elastic shaft)",
-                lambda: (_error(elastic(shaft, 3600), reference), ""),
-                LIMITS,
-                default=True,
-            )
-        )
-        cells.append(
-            cell(
-                name,
-                "linear harmonic",
-                lambda: (_error(harmonic(load_rows(angle_grid(3600)), shaft), reference), ""),
-                LIMITS,
-            )
-        )
+        cells.append(cell(name, PACKAGE, partial(_package, shaft, reference), LIMITS, default=True))
+        cells.append(cell(name, "linear harmonic", lambda: _error(linear(), reference), LIMITS))
     note = "fourth turn from rest; on the base circle the shaft is at rest and a free step grows over the next lift"
     return StabilityMap("pump_event", "Stepping over the pump event", tuple(cells), note)
 
@@ -203,16 +176,12 @@ def drift(gain: float, turns: int, steps: int) -> float:
     return widest / float(np.max(lift))
 
 
-def _drift(gain: float, turns: int, steps: int) -> Outcome:
-    return drift(gain, turns, steps), ""
-
-
 def _loop_gap(steps: int) -> Outcome:
     """Return by how much the package's contact point misses the roller's surface, over the lift."""
     path = kinematics(study_pump(), knotted_law(), angle_grid(steps))
     contact_x, contact_y = path.contact_point
     reach = np.hypot(contact_x - path.offset, contact_y - path.centre_height)
-    return float(np.max(np.abs(reach - path.roller_radius)) / np.max(path.lift)), ""
+    return float(np.max(np.abs(reach - path.roller_radius)) / np.max(path.lift))
 
 
 def drift_map(quick: bool) -> StabilityMap:
@@ -222,7 +191,7 @@ def drift_map(quick: bool) -> StabilityMap:
         name = f"{steps} steps/rev, {turns} turns"
         for gain in (0.0, 10.0, 300.0, 3000.0):
             method = "index 3, no stabilisation" if gain == 0.0 else f"Baumgarte, gain {gain:g}/s"
-            cells.append(cell(name, method, partial(_drift, gain, turns, steps), GAPS, "gap / lift"))
+            cells.append(cell(name, method, partial(drift, gain, turns, steps), GAPS, "gap / lift"))
         cells.append(cell(name, "minimal coordinates", partial(_loop_gap, steps), GAPS, "gap / lift", True))
     note = "largest gap between roller and cam over the lift; in minimal coordinates lift is a function of cam angle"
     return StabilityMap("constraint_drift", "Cut joint held by force", tuple(cells), note)
@@ -243,8 +212,7 @@ def _multiplier(rho: float, steps: int, turns: int) -> Outcome:
     lift, slope, curve = knotted_law().derivatives(angle_grid(steps), 2)
     start = float(slope[0] * speed), float(curve[0] * speed**2)
     found = _force(alpha_accelerations(lift, TURN / speed / steps, turns, rho, start), lift)
-    exact = _force(curve * speed**2, lift)
-    return float(np.max(np.abs(found - exact)) / np.max(exact)), ""
+    return peak_error(found, _force(curve * speed**2, lift))
 
 
 def _minimal(steps: int) -> Outcome:
@@ -252,8 +220,7 @@ def _minimal(steps: int) -> Outcome:
     speed, theta = FAST * Shaft().speed, angle_grid(steps)
     lift, _, curve = knotted_law().derivatives(theta, 2)
     found = closed_form_tables(study_pump(), knotted_law(), theta).evaluate("contact_y", np.zeros(steps), speed)
-    exact = _force(curve * speed**2, lift)
-    return float(np.max(np.abs(found - exact)) / np.max(exact)), ""
+    return peak_error(found, _force(curve * speed**2, lift))
 
 
 def multiplier_map(quick: bool) -> StabilityMap:

@@ -16,9 +16,9 @@ from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, kinematics, lift_law
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.outliers import outlying_points
-from camtorque.mechanism.predict import Prediction, predict
+from camtorque.mechanism.predict import predict
 from camtorque.records import CamTable, Refusal
-from camtorque.studies.case import SPEED, rounded_table, study_law, study_pressure, study_pump
+from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
 from camtorque.studies.table import StabilityMap
 from camtorque.studies.verdicts import Outcome, cell
@@ -58,9 +58,8 @@ TABLES: dict[str, Callable[[], CamTable]] = {
 
 def _table_error(table: Callable[[], CamTable], method: str, quantity: int) -> Outcome:
     given = table()
-    law = lift_law(given, method)
-    said = f"{outlying_points(given).size} point sticks out" if outlying_points(given).size else ""
-    return law_errors(law, EXACT(), THETA)[quantity], said
+    error, outliers = law_errors(lift_law(given, method), EXACT(), THETA)[quantity], outlying_points(given).size
+    return error, f"{outliers} point sticks out" if outliers else ""
 
 
 def table_map(quick: bool) -> StabilityMap:
@@ -84,20 +83,17 @@ def pump_config(law: CamLaw | None = None, **changes: object) -> PumpConfig:
     return replace(config, **changes)  # type: ignore[arg-type]
 
 
-def _told(found: Prediction) -> str:
-    return "; ".join(item.text for item in found.findings if item.severity != "info")
-
-
 def _run(config: PumpConfig, speed: float, exact: CamLaw) -> Outcome:
     curve = PressureCurve(THETA, study_pressure(THETA))
     found = predict(config, [speed], curve)
     tables = closed_form_tables(config.pump, exact, found.theta)
     true = tables.evaluate("torque", found.pressure, speed)
-    error = float(np.max(np.abs(found.shaft_torque[0] - true)) / np.max(np.abs(true)))
+    error = peak_error(found.shaft_torque[0], true)
     path = kinematics(config.pump, exact, found.theta)
     # where the model does not hold, the number cannot be trusted, whatever its error against the same model
     broken = bool(np.any(path.undercut) or np.any(tables.evaluate("contact_normal", found.pressure, speed) <= 0.0))
-    return (1.0 if broken else error), _told(found)
+    told = "; ".join(item.text for item in found.findings if item.severity != "info")
+    return (1.0 if broken else error), told
 
 
 def running_map(quick: bool) -> StabilityMap:
@@ -112,7 +108,7 @@ def running_map(quick: bool) -> StabilityMap:
         "speed 0": lambda: _run(pump_config(), 0.0, study_law()),
         "negative speed": lambda: _run(pump_config(), -SPEED, study_law()),
         "speed not a number": lambda: _run(pump_config(), float("nan"), study_law()),
-        "no speed": lambda: _empty(),
+        "no speed": _empty,
         "follower jumps (6000 rpm)": lambda: _run(pump_config(), 12.0 * SPEED, study_law()),
         "concave flank": lambda: _run(pump_config(hollow), SPEED, hollow),
         "steep flank, undercut (25 deg rise)": lambda: _run(pump_config(steep), SPEED, steep),
@@ -143,12 +139,12 @@ def _jamming(friction: float) -> Outcome:
         "contact_y", pressure, SPEED
     )
     free = closed_form_tables(pump, law, THETA).evaluate("contact_y", pressure, SPEED)
-    return float(np.any((load < 0.0) & (free > 0.0))), ""
+    return float(np.any((load < 0.0) & (free > 0.0)))
 
 
 def _empty() -> Outcome:
     predict(pump_config(), [])
-    return 1.0, ""
+    return 1.0
 
 
 def _one_sample() -> Outcome:
@@ -160,7 +156,7 @@ def _one_sample() -> Outcome:
         except Refusal as refusal:
             raise Refusal(str(refusal).replace(str(path), path.name)) from refusal
     predict(pump_config(), [SPEED], curve)
-    return 1.0, ""
+    return 1.0
 
 
 def _single() -> Outcome:
@@ -168,4 +164,4 @@ def _single() -> Outcome:
     full = tables.evaluate("torque", study_pressure(THETA), SPEED)
     row = tables.outputs["torque"].astype(np.float32)
     low = row[0] + row[1] * study_pressure(THETA).astype(np.float32) + row[2] * np.float32(SPEED**2)
-    return float(np.max(np.abs(low - full)) / np.max(np.abs(full))), ""
+    return peak_error(low, full)

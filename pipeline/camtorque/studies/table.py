@@ -86,7 +86,29 @@ class StabilityMap:
     note: str = ""
 
 
-def shortest_times(functions: Sequence[Callable[[], Any]], repeats: int = 5) -> list[float]:
+@dataclass(frozen=True)
+class Choice:
+    """What becomes a `Point` once it is timed: its cost is the time of ``run`` over ``size`` angles, samples, ... ."""
+
+    family: str
+    setting: str
+    error: float
+    run: Callable[[], Any]
+    size: int = 1
+    default: bool = False
+    candidate: bool = True
+
+
+def measured(choices: Sequence[Choice], repeats: int) -> tuple[Point, ...]:
+    """Return the choices with the time that each takes [s]."""
+    times = shortest_times([choice.run for choice in choices], repeats)
+    return tuple(
+        Point(item.family, item.setting, item.error, time / item.size, item.default, item.candidate)
+        for item, time in zip(choices, times, strict=True)
+    )
+
+
+def shortest_times(functions: Sequence[Callable[[], Any]], repeats: int) -> list[float]:
     """Return the least time of one call of each function [s], after one call to warm up.
 
     They take turns, so that other work of the machine hits all alike; short calls are repeated up to `LEAST_TIME`.

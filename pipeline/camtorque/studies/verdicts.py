@@ -7,8 +7,8 @@ from collections.abc import Callable
 from camtorque.records import Refusal
 from camtorque.studies.table import Cell
 
-Outcome = tuple[float, str]
-"""Error on a scale that the caller chooses, and what the user is told beside the number ('' for nothing)."""
+Outcome = float | tuple[float, str]
+"""Error on a scale that the caller chooses; with what the user is told beside the number, if anything."""
 
 
 def judge(error: float, told: str, good: float, bad: float, shown: str) -> tuple[str, str]:
@@ -34,7 +34,8 @@ def cell(
     A `Refusal` fails loudly with its text; so do the errors that numerical libraries raise.
     """
     try:
-        error, told = attempt()
+        outcome = attempt()
     except (Refusal, ValueError, ArithmeticError) as problem:
         return Cell(condition, method, "fails loudly", str(problem).splitlines()[0], default)
+    error, told = outcome if isinstance(outcome, tuple) else (outcome, "")
     return Cell(condition, method, *judge(error, told, *limits, shown), default=default)
