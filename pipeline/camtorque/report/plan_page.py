@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
-from camtorque.report.chart import HALF, Chart, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.drawings import svg_of
-from camtorque.report.files import write_json
+from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.drawings import drawn
+from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import near, plus_minus, unit_text, words
-from camtorque.report.page import ESCAPED, Drawing, render
+from camtorque.report.page import Drawing, render
 from camtorque.report.tones import CYCLE
 
 TOOTH = "a second tooth on the wheel"
@@ -23,7 +23,7 @@ MOST_CURVES = 6
 
 def write_plan(document: Mapping[str, Any], title: str, folder: Path) -> None:
     """Write plan.json and plan.html into an existing folder."""
-    (folder / "plan.html").write_text(plan_page(document, title), encoding="utf-8", errors=ESCAPED)
+    write_page(folder / "plan.html", plan_page(document, title))
     write_json(folder / "plan.json", document)
 
 
@@ -110,18 +110,15 @@ def _inside(speed: float, fitted: Sequence[float]) -> bool:
 
 def plan_drawings(document: Mapping[str, Any]) -> list[Drawing]:
     """Return what is expected after each run, and what each run on offer would bring alone."""
-    found = []
+    found, figure = [], partial(drawn, section="plan", wide=False)
     if document["runs"]:
-        found.append(_drawing("expected", "Expected uncertainty after each run",
-                              "Shaded: as wanted.", _expected(document)))  # fmt: skip
+        found.append(
+            figure("expected", _expected(document), "Expected uncertainty after each run", "Shaded: as wanted.")
+        )
     if len({run["speed_rpm"] for run in document["on_offer"]}) > 1:
         caption = f"One run of {document['on_offer'][0]['duration_s']:.0f} s, after what is there now."
-        found.append(_drawing("offer", "What each run on offer would bring alone", caption, _offer(document)))
+        found.append(figure("offer", _offer(document), "What each run on offer would bring alone", caption))
     return found
-
-
-def _drawing(name: str, title: str, caption: str, chart: Chart) -> Drawing:
-    return Drawing(name, title, caption, "plan", False, chart, Markup(svg_of(chart, f"{title}. {caption}")))
 
 
 def _abscissa(document: Mapping[str, Any]) -> str:
