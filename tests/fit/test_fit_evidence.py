@@ -6,38 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.evidence import LOSSES, NEEDED, Gaussian, log_box, loss_evidence, savage_dickey
+from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, savage_dickey
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift
 from camtorque.fit.uncertainty import Covariance, covariance
 from camtorque.records import AngleError
 from fit_cases import bridged, quick
-from scipy.special import log_ndtr, ndtr
-from scipy.stats import multivariate_normal
-
-INFINITE = np.full(2, 1e9)
-
-
-def test_box_of_independent_parameters_is_the_product():
-    gaussian = Gaussian(np.array([0.3, -0.5]), np.diag([1.0, 4.0]), np.array([0.0, -1.0]), np.array([1.0, 3.0]))
-    expected = (ndtr(0.7) - ndtr(-0.3)) * (ndtr(1.75) - ndtr(-0.25))
-    assert log_box(gaussian) == pytest.approx(np.log(expected), abs=1e-9)
-    assert log_box(Gaussian(np.zeros(2), np.eye(2), -INFINITE, INFINITE)) == 0.0
-
-
-def test_box_of_mixed_parameters_is_that_of_scipy():
-    matrix = np.array([[1.0, 0.7], [0.7, 2.0]])
-    gaussian = Gaussian(np.array([0.2, -0.3]), matrix, np.zeros(2), np.full(2, 50.0))
-    # Pr(x > 0, y > 0) is a distribution function of the mirrored variable
-    expected = multivariate_normal(-gaussian.mean, matrix).cdf(np.zeros(2))
-    assert log_box(gaussian) == pytest.approx(np.log(expected), abs=0.06)  # 400 draws
-
-
-def test_a_box_far_out_in_either_tail_is_not_lost_to_rounding():
-    for mean, lower, upper in ((-9.0, 0.0, 50.0), (9.0, -50.0, 0.0), (-30.0, 0.0, 1.0)):
-        box = Gaussian(np.array([mean]), np.eye(1), np.array([lower]), np.array([upper]))
-        assert log_box(box) == pytest.approx(log_ndtr(-abs(mean)), rel=1e-6)
 
 
 def tiny_problem():

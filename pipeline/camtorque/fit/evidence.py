@@ -10,26 +10,25 @@ and a fit without the loss gives it by Laplace's approximation,
 
 *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
 small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
-absence). Else the data cannot tell.
-Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995); Genz, J. Comp. Graph. Stat. 1 (1992).
+absence). Else the data cannot tell. Friction is sized by what varies over the revolution: no bearing, pin, or guide has
+a constant alone, and how much of that is drag, how much the transducer's zero, hardly any recording can tell.
+Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.special import log_ndtr, ndtri_exp
 
 from camtorque import laws
 from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
+from camtorque.fit.truncated import Gaussian, truncated
 from camtorque.fit.uncertainty import Covariance, inverse, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.records import Array, LossEvidence
 
-NEEDED, NOT_NEEDED = 6.0, -2.0
-"""Limits of 2 ln K (Kass & Raftery: 6 is strong evidence)."""
+NEEDED, NOT_NEEDED = 6.0, -10.0
+"""Limits of 2 ln K (Kass & Raftery: 6 is strong, 10 very strong evidence; absence rests on widths of priors alone)."""
 SMALL_TORQUE, SMALL_SHARE = 10.0, 0.15
 """A loss is small below this many times odd against even cycles (rms), and below this share of the mean torque."""
 LEAST_FACTOR = -100.0
@@ -37,8 +36,10 @@ LEAST_FACTOR = -100.0
 SMALL_ANGLE = np.radians(0.15)
 REFIT_BELOW = 30.0
 """A loss with more evidence than this is not refitted."""
-DRAWS = 400
-SIZE_DRAWS = 200
+SIZE_DRAWS = 400
+
+VARYING = ("friction",)
+"""Losses whose size is that of what varies over the revolution."""
 
 LOSSES: dict[str, tuple[str, ...]] = {
     **laws.LOSSES,
@@ -47,53 +48,9 @@ LOSSES: dict[str, tuple[str, ...]] = {
 """Loss -> parameters that vanish with it."""
 
 
-@dataclass(frozen=True)
-class Gaussian:
-    """Mean (k,), covariance (k, k) and box of some parameters."""
-
-    mean: Array
-    matrix: Array
-    lower: Array
-    upper: Array
-
-
 def log_box(gaussian: Gaussian) -> float:
-    """Return ln Pr(all within the box), by sequential conditioning (Genz's method)."""
-    std = np.sqrt(np.diag(gaussian.matrix))
-    low, high = (gaussian.lower - gaussian.mean) / std, (gaussian.upper - gaussian.mean) / std
-    tight = np.flatnonzero((low > -4.0) | (high < 4.0))
-    if tight.size == 0:
-        return 0.0
-    low, high = low[tight], high[tight]
-    correlation = gaussian.matrix[np.ix_(tight, tight)] / np.outer(std[tight], std[tight])
-    order = np.argsort(log_ndtr(high) - log_ndtr(-low))
-    low, high, correlation = low[order], high[order], correlation[np.ix_(order, order)]
-    root = np.linalg.cholesky(correlation + 1e-10 * np.eye(tight.size))
-    uniform = np.random.default_rng(0).random((DRAWS, tight.size))
-    drawn = np.zeros((DRAWS, tight.size))
-    weight = np.zeros(DRAWS)
-    for k in range(tight.size):
-        shift = drawn[:, :k] @ root[k, :k]
-        share, drawn[:, k] = _drawn_between(
-            (low[k] - shift) / root[k, k], (high[k] - shift) / root[k, k], uniform[:, k]
-        )
-        weight += share
-    top = float(np.max(weight))
-    return top + float(np.log(np.mean(np.exp(weight - top))))
-
-
-def _drawn_between(low: Array, high: Array, uniform: Array) -> tuple[Array, Array]:
-    """Return ln Pr(low < x < high) of a standard normal x, (n,), and x drawn within by uniform numbers.
-
-    In the lower tail, turned there where both ends are positive: at 8 standard deviations above the mean the normal
-    distribution is 1 to rounding.
-    """
-    turned = low > 0.0
-    a, b = np.where(turned, -high, low), np.where(turned, -low, high)
-    top, bottom = log_ndtr(b), log_ndtr(a)
-    share = top + np.log1p(-np.exp(np.minimum(bottom - top, -1e-12)))
-    drawn = np.clip(ndtri_exp(np.minimum(np.logaddexp(bottom, np.log(uniform) + share), -1e-300)), a, b)
-    return share, np.where(turned, -drawn, drawn)
+    """Return ln Pr(all within the box)."""
+    return truncated(gaussian).log_probability
 
 
 def unbounded_mean(problem: Problem, solution: Solution, cov: Covariance) -> Array:
@@ -118,7 +75,8 @@ def _ratio(mean: Array, matrix: Array, lower: Array, upper: Array, chosen: Array
     gain = np.linalg.solve(block, matrix[np.ix_(chosen, rest)])
     conditional = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, chosen)] @ gain
     given = Gaussian(mean[rest] - gain.T @ mean[chosen], conditional, lower[rest], upper[rest])
-    return quadratic + 2.0 * log_box(Gaussian(mean, matrix, lower, upper)) - 2.0 * log_box(given)
+    box = log_box(Gaussian(mean, matrix, lower, upper)) - log_box(given)
+    return quadratic + 2.0 * box
 
 
 def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
@@ -182,9 +140,10 @@ def _size(
     """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
     output = solution.outputs[0]
     lower, upper = problem.bounds
-    root = np.linalg.cholesky(cov.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
+    inside = truncated(Gaussian(mean, cov.matrix, lower, upper))
+    root = np.linalg.cholesky(inside.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
     normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
-    drawn = np.clip(mean[chosen] + normal @ root.T, lower[chosen], upper[chosen])
+    drawn = np.clip(inside.mean[chosen] + normal @ root.T, lower[chosen], upper[chosen])
     columns = _columns(problem, output, chosen, name)
     scale = 180.0 / np.pi if name == "driveline" else 1.0
     sizes = scale * np.sqrt(np.mean((drawn @ columns.T) ** 2, axis=1))
@@ -197,7 +156,8 @@ def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) ->
     own, chain = problem.places[0]
     both = np.column_stack([output.derivative, output.linear])  # type: ignore[list-item]
     if name != "driveline":
-        return both[:, [chain[int(np.flatnonzero(own == k)[0])] for k in chosen]]
+        columns = both[:, [chain[int(np.flatnonzero(own == k)[0])] for k in chosen]]
+        return columns - np.mean(columns, axis=0) if name in VARYING else columns
     names = [problem.slots[k].row.name for k in chosen]
     shifts = output.motion.shifts[0][:, [SHIFT_NAMES.index(member) for member in names]]
     return np.asarray(shifts - np.mean(shifts, axis=0))

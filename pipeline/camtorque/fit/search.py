@@ -16,6 +16,7 @@ import numpy as np
 from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, Trial, lifts_at, no_lift, smoother, solve, try_at
+from camtorque.laws import chamber, valve
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.records import Array
 from camtorque.units import DEGREE
@@ -66,6 +67,13 @@ FAR = 30.0
 """A structure whose chi-square exceeds the best one's by this factor (and what is unexplained) gets no more starts."""
 HELPED, MOST_MOVES = 0.7, 14
 """Ratio of chi-squares below which a move has helped much, and how many are made at most."""
+HOPS, HOP_SMOOTHINGS_DEG = ((DOUBTFUL, 6), (DISSATISFYING, 20)), (1.5, 0.0, 0.0)
+"""Chi-square above which the best start hops, and hops at most; ladder that each walks down."""
+REDRAWN = (
+    tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
+    tuple(row.name for row in valve.ROWS),
+)
+"""Parameters that are drawn anew together: liquid, ports and leakage, or the delivery valve."""
 KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
 """A start is followed while its chi-square is below the best one's times and plus these."""
 
@@ -287,9 +295,29 @@ def as_expected(start: Start) -> FitData:
     return with_starts(start.data, expected(start.data, names))
 
 
-def expected_again(result: Starts, _rough: FitData) -> Items:
-    """Return the best two starts of each likely structure with all but what places the load as expected."""
-    return {name: [as_expected(start) for start in result[name][:2]] for name in likely(result)}
+def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
+    """Return a start with some parameters drawn from what is expected of them."""
+    rng = np.random.default_rng(seed)
+    drawn = {}
+    for row in (start.data.rows[name] for name in names):
+        if row.prior:
+            value = row.prior[0] + row.prior[1] * float(rng.standard_normal())
+            drawn[row.name] = min(max(value, row.lower), row.upper)
+    return with_starts(start.data, drawn)
+
+
+def hopped(result: dict[str, list[Start]]) -> dict[str, list[Start]]:
+    """Return the starts with those that follow from drawing the chamber or the valve of the best one anew.
+
+    Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
+    """
+    for hop in range(max(most for _, most in HOPS)):
+        best = least(result)
+        if not any(best.chi_square > above and hop < most for above, most in HOPS):
+            break
+        names = REDRAWN[hop % len(REDRAWN)]
+        result = joined(result, descend({best.data.structure: [redrawn(best, names, hop)]}, HOP_SMOOTHINGS_DEG, False))
+    return result
 
 
 def load_anew(result: Starts, rough: FitData) -> Items:
@@ -332,7 +360,6 @@ MOVES: dict[str, Move] = {
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
     "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
     "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
-    "as expected": Move(expected_again, SMOOTHINGS_DEG[1:], DOUBTFUL),
 }
 """Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
 
@@ -356,7 +383,7 @@ def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open"
         result = joined(result, descend(items, move.smoothings, False))
         if least(result).chi_square < HELPED * before:
             pending = dict(MOVES)
-    return result
+    return hopped(result) if set(first) - {"line"} else result
 
 
 def likely(result: Starts) -> list[str]:

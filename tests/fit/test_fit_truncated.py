@@ -1,0 +1,59 @@
+"""A Gaussian cut off at a box against closed forms, scipy and draws that are kept only inside."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from camtorque.fit.truncated import Gaussian, truncated
+from scipy.special import log_ndtr, ndtr
+from scipy.stats import multivariate_normal, truncnorm
+
+
+def test_box_of_independent_parameters_is_the_product():
+    gaussian = Gaussian(np.array([0.3, -0.5]), np.diag([1.0, 4.0]), np.array([0.0, -1.0]), np.array([1.0, 3.0]))
+    expected = (ndtr(0.7) - ndtr(-0.3)) * (ndtr(1.75) - ndtr(-0.25))
+    found = truncated(gaussian)
+    assert found.log_probability == pytest.approx(np.log(expected), abs=1e-9)
+    for k, (mean, std, low, high) in enumerate(((0.3, 1.0, 0.0, 1.0), (-0.5, 2.0, -1.0, 3.0))):
+        inside = truncnorm((low - mean) / std, (high - mean) / std, mean, std)
+        assert found.mean[k] == pytest.approx(inside.mean(), rel=1e-9)
+        assert found.matrix[k, k] == pytest.approx(inside.var(), rel=1e-9)
+
+
+def test_a_box_that_is_wide_changes_nothing():
+    matrix = np.array([[1.0, 0.9], [0.9, 2.0]])
+    found = truncated(Gaussian(np.array([1.0, 2.0]), matrix, np.full(2, -1e9), np.full(2, 1e9)))
+    assert found.log_probability == 0.0
+    np.testing.assert_allclose(found.mean, [1.0, 2.0], rtol=1e-15)
+    np.testing.assert_allclose(found.matrix, matrix, rtol=1e-14)
+
+
+def test_orthant_of_two_mixed_parameters_is_that_of_scipy():
+    matrix = np.array([[1.0, 0.7], [0.7, 2.0]])
+    gaussian = Gaussian(np.array([0.2, -0.3]), matrix, np.zeros(2), np.full(2, 50.0))
+    # Pr(x > 0, y > 0) is a distribution function of the mirrored variable
+    expected = multivariate_normal(-gaussian.mean, matrix).cdf(np.zeros(2))
+    assert truncated(gaussian).log_probability == pytest.approx(np.log(expected), abs=0.005)
+
+
+def test_moments_of_mixed_parameters_are_those_of_draws_inside():
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((5, 7)) / np.sqrt(7.0)
+    matrix, mean = root @ root.T, 0.5 * rng.standard_normal(5)
+    lower, upper = np.zeros(5), np.array([2.0, np.inf, 2.0, np.inf, 2.0])
+    found = truncated(Gaussian(mean, matrix, lower, upper))
+    drawn = rng.multivariate_normal(mean, matrix, 400_000)
+    inside = drawn[np.all((drawn > lower) & (drawn < upper), axis=1)]
+    assert found.log_probability == pytest.approx(np.log(inside.shape[0] / drawn.shape[0]), abs=0.03)
+    np.testing.assert_allclose(found.mean, np.mean(inside, axis=0), atol=0.02)
+    np.testing.assert_allclose(found.matrix, np.cov(inside.T), atol=0.02)
+
+
+@pytest.mark.parametrize("distance", [9.0, 29.0, 31.0, 300.0])
+def test_a_box_far_out_in_either_tail_is_not_lost_to_rounding(distance):
+    for mean, lower, upper, sign in ((-distance, 0.0, 50.0, 1.0), (distance, -50.0, 0.0, -1.0)):
+        found = truncated(Gaussian(np.array([mean]), np.eye(1), np.array([lower]), np.array([upper])))
+        assert found.log_probability == pytest.approx(log_ndtr(-distance), rel=1e-6)
+        # the tail is an exponential of this rate, to the second order
+        assert sign * found.mean[0] == pytest.approx(1.0 / distance - 2.0 / distance**3, rel=4e-3)
+        assert found.matrix[0, 0] == pytest.approx(1.0 / distance**2 - 6.0 / distance**4, rel=2e-2)
