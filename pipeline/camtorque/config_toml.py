@@ -25,7 +25,7 @@ from camtorque.records import Finding, Refusal
 from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
 from camtorque.toml_schema import TableSchema
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
-from camtorque.units import did_you_mean
+from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit
 
 FILE_NAME = "recording.toml"
 ONLY_LOGGER = LoggerSpec("logger", "single")
@@ -215,11 +215,11 @@ def _trigger_problems(trigger: TriggerSpec, quantities: set[str], file: Path) ->
 
 def _check_channel(channel: ChannelSpec, config: RecordingConfig) -> None:
     where = f"{config.path} [[channels]] {channel.channel!r}"
-    _, in_volts = channel_factor(channel.quantity, channel.unit, f"{where} unit")
+    _, is_sensed = channel_factor(channel.quantity, channel.unit, f"{where} unit")
     if CHANNEL_QUANTITIES[channel.quantity].is_pulse:
         return
     if channel.quantity not in config.sensors:
-        if in_volts:
+        if is_sensed:
             raise Refusal(f"{where}: measures {channel.quantity} in {channel.unit} but there is no table "
                           f"[sensors.{channel.quantity}] that says what a volt means")  # fmt: skip
         return
@@ -229,6 +229,7 @@ def _check_channel(channel: ChannelSpec, config: RecordingConfig) -> None:
             f"{where}: sensor is {channel.sensor!r}, but [sensors.{channel.quantity}] has serial {sensor.serial!r}"
         )
     volts = sensor.zero_before_volts is not None or sensor.zero_after_volts is not None
+    in_volts = BORDER_UNITS[tidy_unit(channel.unit)][0] == "voltage"
     scaled = sensor.zero_before is not None or sensor.zero_after is not None
     if volts and not in_volts:
         raise Refusal(

@@ -52,17 +52,20 @@ SENSOR_QUANTITIES = tuple(name for name, quantity in CHANNEL_QUANTITIES.items() 
 """Quantities that a sensor with a sheet may measure."""
 SHEET_NEEDED = ("torque", "pressure", "chamber_pressure")
 """Quantities whose delay and accuracy the model needs: without a sheet they are assumed, and told."""
+SENSED = ("voltage", "bridge output")
+"""Dimensions of what a sensor gives before anything scales it."""
 
 
 def channel_factor(quantity: str, unit: str, where: str) -> tuple[float, bool]:
-    """Return the factor from a channel's unit to volts or SI, and whether the unit is one of voltage.
+    """Return the factor from a channel's unit to volts, mV/V or SI, and whether it is what a sensor gives (not scaled).
 
     Raises
     ------
-    Refusal : the unit is unknown, or neither of voltage nor of the quantity
+    Refusal : the unit is unknown, or neither of voltage, a bridge's output nor of the quantity
     """
     known = CHANNEL_QUANTITIES[quantity]
     kind = BORDER_UNITS.get(tidy_unit(unit), ("", 1.0))[0]
     if known.is_pulse and kind == "level":
         return 1.0, False
-    return unit_factor(unit, known.dimension, where, also="voltage"), kind == "voltage"
+    also = SENSED[:1] if known.is_pulse else SENSED
+    return unit_factor(unit, known.dimension, where, *also), kind in SENSED

@@ -29,6 +29,9 @@ BORDER_UNITS: dict[str, tuple[str, float]] = {
     "mV": ("voltage", 1.0e-3),
     "uV": ("voltage", 1.0e-6),
     "kV": ("voltage", 1.0e3),
+    "mV/V": ("bridge output", 1.0),
+    "uV/V": ("bridge output", 1.0e-3),
+    "V/V": ("bridge output", 1.0e3),
     "Pa": ("pressure", 1.0),
     "kPa": ("pressure", 1.0e3),
     "MPa": ("pressure", 1.0e6),
@@ -77,7 +80,7 @@ BORDER_UNITS: dict[str, tuple[str, float]] = {
     "kHz": ("frequency", 1.0e3),
     "MHz": ("frequency", 1.0e6),
 }
-"""Unit at the border -> (dimension, factor to SI)."""
+"""Unit at the border -> (dimension, factor to SI; the output of a bridge over its supply counts in mV/V)."""
 
 UNIT_OFFSETS: dict[str, float] = {"degC": 273.15, "degF": 459.67 * 5.0 / 9.0}
 """Units whose zero is not that of SI -> what is added after the factor."""
@@ -168,8 +171,6 @@ ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$")
 """bara, bar abs, psia, kPa(a): a pressure that counts from vacuum."""
 COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
 """rev/1024: a counter of so many counts a revolution."""
-HINTS: dict[str, str] = {"mV/V": "; that is a bridge's raw signal: let the logger scale it"}
-"""Unit that is none here -> what to do."""
 
 
 def tidy_unit(unit: str) -> str:
@@ -184,8 +185,8 @@ def is_known_unit(unit: str) -> bool:
     return tidy_unit(unit) in BORDER_UNITS
 
 
-def unit_factor(unit: str, dimension: str, where: str, also: str = "") -> float:
-    """Return the factor from a border unit to SI; ``also`` is a second dimension that may be written there.
+def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
+    """Return the factor from a border unit to SI; ``also`` are further dimensions that may be written there.
 
     Raises
     ------
@@ -193,16 +194,16 @@ def unit_factor(unit: str, dimension: str, where: str, also: str = "") -> float:
         when the unit is unknown or of another dimension; a unit is never guessed
     """
     tidy = tidy_unit(unit)
-    kinds = (dimension, also)
+    kinds = (dimension, *also)
     counts = COUNTS.match(tidy)
     if counts and "angle" in kinds:
         return 2.0 * np.pi / float(counts["number"])
     known = [name for name, (kind, _) in BORDER_UNITS.items() if kind in kinds]
-    expected = " or ".join(f"{kind} unit" for kind in dict.fromkeys(kinds) if kind)
+    expected = " or ".join(f"{kind} unit" for kind in dict.fromkeys(kinds))
     if tidy not in BORDER_UNITS:
         raise Refusal(
-            f"{where}: unknown unit {unit!r}{_hint(tidy) or did_you_mean(tidy, known)}; a {expected} is expected "
-            f"({', '.join(known)}{', rev/1024 for a counter' if dimension == 'angle' else ''})"
+            f"{where}: unknown unit {unit!r}{_absolute_hint(tidy) or did_you_mean(tidy, known)}; a {expected} is "
+            f"expected ({', '.join(known)}{', rev/1024 for a counter' if dimension == 'angle' else ''})"
         )
     kind, factor = BORDER_UNITS[tidy]
     if kind not in kinds:
@@ -225,9 +226,9 @@ def absolute_unit(unit: str) -> str:
     return base if BORDER_UNITS.get(base, ("", 1.0))[0] == "pressure" and not is_known_unit(unit) else ""
 
 
-def _hint(unit: str) -> str:
+def _absolute_hint(unit: str) -> str:
     base = absolute_unit(unit)
-    return f', write {base!r} and reference = "absolute" in its [sensors] table' if base else HINTS.get(unit, "")
+    return f', write {base!r} and reference = "absolute" in its [sensors] table' if base else ""
 
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:

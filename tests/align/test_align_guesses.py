@@ -166,10 +166,28 @@ def test_a_single_column_may_be_named_by_its_file(tmp_path: Path):
     assert [item.quantity for item in look_into(files)] == ["torque", "pressure", "trigger"]
 
 
-def test_a_unit_that_is_not_known_is_shown_with_what_to_do(tmp_path: Path):
+def test_a_unit_that_is_not_known_is_shown(tmp_path: Path):
     torque, pressure, trigger = signals()
-    file = log(tmp_path, **{"Torque__mV/V": 0.01 * torque, "p__bar": pressure, "trigger__V": trigger})
-    assert "# the file says 'mV/V', which is no known unit; that is a bridge's raw signal" in written(file)[0]
+    file = log(tmp_path, **{"Torque__digit": 0.01 * torque, "p__bar": pressure, "trigger__V": trigger})
+    assert "# the file says 'digit', which is no known unit" in written(file)[0]
+
+
+def test_of_two_pulse_trains_the_slower_one_is_the_index(tmp_path: Path):
+    torque, pressure, cam = signals()
+    angle = SHAFT.angle(np.arange(cam.size) / 10e3)
+    crank = 5.0 * ((2.0 * angle) % TWO_PI * 12.0 / TWO_PI % 1.0 < 0.5) * ((2.0 * angle) % TWO_PI < TWO_PI * 11.0 / 12.0)
+    text, _ = written(log(tmp_path, Sensor_cam=cam, T__Nm=torque, p__bar=pressure, Sensor_crank=crank))
+    kinds = re.findall(r'quantity = "(\w+)"[^\[]*?channel = "Sensor_(\w+)"', text)
+    assert sorted(kinds) == [("index", "cam"), ("trigger", "crank")]
+    for line in ("pulses_per_rev = 12", "missing_teeth = 1", "revolutions_per_cycle = 2", "told by: the index"):
+        assert line in text
+    assert "reference" not in re.sub("#.*", "", text)  # tooth 1 is told by the gap
+    even = 5.0 * (angle * 20.0 / TWO_PI % 1.0 < 0.5)
+    text, _ = written(log(tmp_path, Sensor_cam=cam, T__Nm=torque, p__bar=pressure, Sensor_wheel=even))
+    assert 'reference = "index"' in text
+    assert "pulses_per_rev = 20" in text
+    text, _ = written(log(tmp_path, Sensor_a=cam, T__Nm=torque, p__bar=pressure, Sensor_b=np.roll(cam, 100)))
+    assert '"index"' not in text
 
 
 def test_a_pressure_from_vacuum_says_so(tmp_path: Path):
@@ -219,5 +237,3 @@ def test_a_counter_states_its_counts_a_revolution() -> None:
         unit_factor("counts", "angle", "log.csv")
     with pytest.raises(Refusal, match=r"'bar abs', write 'bar' and reference = \"absolute\""):
         unit_factor("bar abs", "pressure", "log.csv")
-    with pytest.raises(Refusal, match="let the logger scale it"):
-        unit_factor("mV/V", "torque", "log.csv")

@@ -141,7 +141,9 @@ sample_rate_hz = 1000.0
 
 
 def test_a_unit_of_another_quantity_names_the_legal_ones(tmp_path: Path):
-    with pytest.raises(Refusal, match=r"unit 'mm' is a length, expected a torque unit or voltage unit \(V, .*N m"):
+    with pytest.raises(
+        Refusal, match=r"unit 'mm' is a length, expected a torque unit or voltage unit or bridge output unit \(V, .*N m"
+    ):
         recording(tmp_path, ('channel = "Torque"\nunit = "V"', 'channel = "Torque"\nunit = "mm"'))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -224,3 +225,79 @@ def test_a_tight_slash_is_over_a_unit_not_a_rate():
     assert name_and_unit("m/s") == ("m/s", "")
     assert name_and_unit("km/h") == ("km/h", "")
     assert name_and_unit("in/out") == ("in/out", "")
+
+
+STAMPS = {
+    "milliseconds behind a colon": lambda n: f"12:03:04:{50 * n + 900000:06d}",
+    "afternoon": lambda n: f"1:03:04.{50 * n + 900000:06d} PM",
+    "minutes of a spreadsheet": lambda n: f"59:59.{50 * n + 900000:06d}",
+    "year first": lambda n: f"2024/03/07 12:03:04.{50 * n + 900000:06d}",
+    "month by name": lambda n: f"07-Mar-2024 12:03:04.{50 * n + 900000:06d}",
+    "timetable": lambda n: f"{STEP * n:.5f} sec",
+    "short date beside": lambda n: f"07.03.24;12:03:04.{50 * n + 900000:06d}",
+}
+
+
+@pytest.mark.parametrize("kind", STAMPS)
+def test_stamps_of_strangers(tmp_path: Path, kind: str):
+    stamps = [STAMPS[kind](n) for n in range(100_000 // 50)]
+    head = "Datum;Uhrzeit" if "beside" in kind else "Zeit"
+    units = ";hh:mm:ss.000" if "beside" in kind else "hh:mm:ss.000"
+    body = [f"{stamp};{n % 7}.5;{n % 9}.5" for n, stamp in enumerate(stamps)]
+    file = write(tmp_path, f"{head};Torque;Pressure", f"{units};Nm;bar", *body)
+    assert [(c.name, c.sample_rate) for c in channels(file)] == [("Torque", 2e4), ("Pressure", 2e4)]
+    raw = both(file)
+    assert raw.findings == ()
+    assert [channel.sample_rate for channel in raw.channels] == [pytest.approx(2e4, rel=1e-6)] * 2
+    day = raw.channels[0].stamp
+    assert day is None or day == pytest.approx(np.datetime64("2024-03-07T12:03:04.9").astype("int64") / 1e3)
+
+
+def test_minutes_start_again_after_an_hour(tmp_path: Path):
+    body = [f"{n // 1200 % 60:02d}:{n // 20 % 60:02d}.{n % 20 * 50:03d};{n % 7}" for n in range(71_900, 72_100)]
+    raw = read(
+        write(tmp_path, "Zeit;Torque", *body), (spec(tmp_path / "log.csv", "torque", "Torque", "N m", 20.0),), ""
+    )
+    assert [finding.code for finding in raw.findings] == []
+    assert raw.channels[0].start_time == pytest.approx(3595.0)
+
+
+@pytest.mark.parametrize(
+    ("head", "units"),
+    [([], ["", ""]), (["Pump bench 4, run 12"], ["", ""]), (["s,Nm,bar"], ["Nm", "bar"])],
+    ids=["none", "title", "units"],
+)
+def test_columns_without_names_go_by_their_place(tmp_path: Path, head: list[str], units: list[str]):
+    file = write(tmp_path, *head, *rows())
+    found = channels(file)
+    assert [(c.name, c.unit) for c in found] == list(zip(("column 2", "column 3"), units, strict=True))
+    assert {(c.time_channel, c.sample_rate) for c in found} <= {("column 1", 2e4), ("", 2e4)}
+    specs = [spec(file, "torque", "column 2", "N m"), spec(file, "pressure", "column 3", "bar")]
+    raw = read(file, tuple(replace(s, time_channel="column 1") for s in specs), "")
+    assert_read(raw)
+    with pytest.raises(Refusal, match=r"channel = 'column 1' to 'column 3'|no column named 'Torque'"):
+        both(file)
+
+
+def test_a_place_beyond_the_table_or_a_name_that_two_share_is_refused(tmp_path: Path):
+    file = write(tmp_path, "t [s],AI [Nm],AI [bar]", *rows())
+    assert [c.name for c in channels(file)] == ["column 2", "column 3"]
+    assert_read(both(file, "column 2", "column 3"))
+    with pytest.raises(Refusal, match="2 columns are named 'AI'; name one by its place, channel = 'column 2' or"):
+        both(file, "AI", "column 3")
+    with pytest.raises(Refusal, match="no column 'column 4'"):
+        both(file, "column 4", "column 3")
+
+
+def test_a_line_that_lacks_a_name_names_nothing(tmp_path: Path):
+    file = write(tmp_path, "Torque [Nm],Pressure [bar]", *rows())
+    assert [c.name for c in channels(file)] == ["column 2", "column 3"]
+    with pytest.raises(Refusal, match=r"no header line has 3 names for the 3 columns .* name columns by their place"):
+        both(file)
+
+
+def test_a_counter_may_be_the_time_of_columns_without_names(tmp_path: Path):
+    file = write(tmp_path, *[f"{n} {a} {b}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))])
+    assert {(c.time_channel, c.sample_rate) for c in channels(file)} == {("column 1", None)}
+    wave = write(tmp_path, *[f"{a} {b}" for a, b in zip(TORQUE, PRESSURE, strict=True)])
+    assert {(c.time_channel, c.sample_rate) for c in channels(wave)} == {("", None)}

@@ -69,9 +69,13 @@ def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per finding."""
     return [
         f"{row['severity']:8}  {typeset(named(row['text']))}"
-        + (f" [{row['where']}]" if row["where"] and words(row["where"]) not in row["text"] else "")
+        + (f" {_bracketed(row['where'])}" if row["where"] and words(row["where"]) not in row["text"] else "")
         for row in findings
     ]
+
+
+def _bracketed(place: str) -> str:
+    return place if place.startswith("[") else f"[{place}]"
 
 
 def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -37,8 +37,11 @@ class CertificateLine:
     reference_relative_std: float
 
 
-def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str) -> CertificateLine:
-    """Fit volts = zero + applied / gain by least squares over all points, loading and unloading, both signs."""
+def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str, output: str) -> CertificateLine:
+    """Fit volts = zero + applied / gain by least squares over all points, loading and unloading, both signs.
+
+    ``output`` is the dimension of the volts: that of a bridge counts in mV/V.
+    """
     table = read_small_table(path, "a calibration certificate")
     applied_names = [name for name in table.columns if APPLIED.match(name)]
     volt_names = [name for name in table.columns if name.startswith("output_")]
@@ -54,7 +57,10 @@ def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str) ->
         raise Refusal(f"{path}: the certificate is in {unit!r}, the sheet in {sheet_unit!r}; one of them is wrong")
     _check_serial(path, table.comment, serial)
     applied = table.columns[applied_names[0]] * unit_factor(unit, quantity, f"{path} column {applied_names[0]!r}")
-    volts = table.columns[volt_names[0]] * unit_factor(volt_names[0].removeprefix("output_"), "voltage", str(path))
+    # mV/V may have been read as a name over its unit
+    over = f"/{table.units[volt_names[0]]}" if table.units.get(volt_names[0]) else ""
+    volt_unit = volt_names[0].removeprefix("output_").replace("_per_", "/") + over
+    volts = table.columns[volt_names[0]] * unit_factor(volt_unit, output, str(path))
     stated = UNCERTAINTY.search(table.comment)
     if stated and not float(stated[1]) > 0.0:
         raise Refusal(f"{path}: states an uncertainty at k={stated[1]}; k has to be above 0, usually 2")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.csv_layout import CsvLayout
-from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, time_unit
+from camtorque.ingest.csv_layout import UNDATED, CsvLayout
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
 from camtorque.ingest.timebase import RATE_NOTE, TimeBase, agreed_rate, time_base
 from camtorque.records import Finding, Refusal, SampleSource
@@ -22,6 +22,8 @@ FOOTER_ROWS = 100_000
 """Rows at the end of a table that are looked at for a time."""
 MOST_ALIKE = 0.9
 """Share of the steps that are alike where stamps have enough digits; the others are gaps."""
+LEAST_STAMPS = 100
+"""So many values that rise evenly are no chance."""
 RATE_SAMPLES = 10_000
 """Time stamps looked at to tell the rate of a file that nobody has described yet."""
 
@@ -81,6 +83,10 @@ def _without_footer(
 def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -> tuple[FileChannel, ...]:
     """Return every column but the times as a channel; the time's usual step tells the rate."""
     columns = {number: layout.time_column("", (), number) for number in sources}
+    told = any(time is not None for time in columns.values())
+    unnamed = 0 if not told and layout.header_rate is None and 0 in sources and _rises_evenly(sources[0]) else None
+    if unnamed is not None:
+        columns = dict.fromkeys(columns, unnamed)
     times = {time for time in columns.values() if time is not None}
     rates = {time: _listed_rate(path, layout, sources[time], time) for time in times if time in sources}
 
@@ -89,17 +95,34 @@ def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -
         return layout.header_rate if time is None else rates.get(time)
 
     return tuple(
-        FileChannel("", layout.names[number], layout.units[number], source.n_samples,
-                    rate_of(number), "", source)
+        FileChannel("", _unique(layout, number), layout.units[number], source.n_samples,
+                    rate_of(number), "" if unnamed is None else _unique(layout, unnamed), source)
         for number, source in sources.items()
-        if number not in times and layout.names[number]
+        if number not in times and layout.names[number] and layout.stamp_kind(number) != "date"
     )  # fmt: skip
 
 
+def _unique(layout: CsvLayout, number: int) -> str:
+    """Return the name of a column, or its place where others have that name or none is there."""
+    name = layout.names[number]
+    return name if name and layout.names.count(name) == 1 else numbered_name(number)
+
+
+def _rises_evenly(source: SampleSource) -> bool:
+    """Tell a column that nothing names but that can be the time: it leaves a straight line by two steps at most."""
+    values = source.read(0, min(source.n_samples, RATE_SAMPLES))
+    steps = np.diff(values)
+    if values.size < LEAST_STAMPS or not np.isfinite(values).all() or not 0.0 <= steps.min() < steps.max() * 2.0:
+        return False
+    line = np.linspace(values[0], values[-1], values.size)
+    return bool(np.ptp(values - line) <= 2.0 * steps.max())
+
+
 def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int) -> float | None:
-    unit = layout.units[column]
+    stamped = bool(layout.stamp_kind(column))
+    unit = "" if stamped else layout.units[column]  # such as hh:mm:ss.000
     rate = usual_rate(times, unit_factor(unit, "time", f"{path} time") if unit else 1.0)
-    if not unit and not layout.stamp_kind(column) and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
+    if not unit and not stamped and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
         return layout.header_rate  # seconds or milliseconds: the header, or a person, has to say
     return rate
 
@@ -146,13 +169,18 @@ def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:
 
 
 def column_of(path: Path, layout: CsvLayout, name: str) -> int:
-    """Return the number of a column by its name, or refuse with the names that there are."""
-    count = layout.names.count(name)
-    if count == 1:
-        return layout.names.index(name)
+    """Return the number of a column by its name, or by its place; refuse with the names that there are."""
+    places = [number for number, other in enumerate(layout.names) if other == name]
+    found = layout.place(name)
+    if found is not None and len(places) < 2:
+        return found
     shown = ", ".join(layout.names)
-    if count:
-        raise Refusal(f"{path}: {count} columns are named {name!r}; rename them, the columns are {shown}")
+    if places:
+        named = " or ".join(repr(numbered_name(number)) for number in places[:3])
+        raise Refusal(
+            f"{path}: {len(places)} columns are named {name!r}; name one by its place, channel = {named}; the columns "
+            f"are {shown}"
+        )
     raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, layout.names)}; the columns are {shown}")
 
 
@@ -178,7 +206,7 @@ def _times(
     if stated is not None and abs(stated / base.rate - 1.0) > RATE_NOTE:
         text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
         base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
-    if kind in ("", "clock"):
+    if kind in UNDATED:
         return base, None
     return replace(base, start=0.0), base.start
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, header_rate, is_time_unit, names_of
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_of
 from camtorque.records import Finding, Refusal
 
 SNIFF_BYTES = 1 << 18
@@ -22,12 +22,18 @@ UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 COMMENT = "#%!'\""
 STAMPS: dict[str, re.Pattern[str]] = {
     "iso": re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d:?\d\d)?$"),
+    "year first": re.compile(r"^\d{4}[/.]\d{1,2}[/.]\d{1,2}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
+    "month name": re.compile(r"^\d{1,2}[- ][A-Za-z]{3}[- ]\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
     "day first": re.compile(r"^\d{1,2}[.]\d{1,2}[.]\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
     "slashes": re.compile(r"^\d{1,2}/\d{1,2}/\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE),
-    "clock": re.compile(r"^\d{1,2}:\d\d:\d\d([.,]\d+)?$"),
-    "date": re.compile(r"^\d{4}-\d\d-\d\d$|^\d{1,2}[./]\d{1,2}[./]\d{4}$"),
+    "clock": re.compile(r"^\d{1,2}:\d\d:\d\d([.,:]\d+)?( ?[AP]M)?$", re.IGNORECASE),
+    "minutes": re.compile(r"^\d{1,2}:\d\d[.,]\d+$"),
+    "seconds": re.compile(r"^\d+([.,]\d+)?([eE][+-]?\d+)? ?(s|sec)$"),
+    "date": re.compile(r"^\d{4}([-/.])\d{1,2}\1\d{1,2}$|^\d{1,2}([./-])\d{1,2}\2(\d\d){1,2}$"),
 }
 """Kinds of date and time; a date alone is a column that is skipped."""
+UNDATED = ("", "clock", "minutes", "seconds")
+"""Kinds, a number among them, that tell no day."""
 THOUSANDS = {
     ".": re.compile(r"^[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"),
     ",": re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?$"),
@@ -71,13 +77,20 @@ class CsvLayout:
         """Number of columns."""
         return len(self.names)
 
+    def place(self, name: str) -> int | None:
+        """Return the number of a column by its name, or by ``column 3``; None where there is none."""
+        number = column_number(name)
+        if name in self.names or number is None:
+            return self.names.index(name) if name in self.names else None
+        return number if number < self.n_columns else None
+
     def time_column(self, declared: str, channels: tuple[str, ...] = (), column: int | None = None) -> int | None:
         """Return the column that holds the time: the declared one, else the one named so, of its unit, of dates.
 
         Where several do, as in files of pairs, it is the nearest to the left of ``column``.
         """
         if declared:
-            return self.names.index(declared) if declared in self.names else None
+            return self.place(declared)
         free = [number for number, name in enumerate(self.names) if name not in channels]
         timed = [number for number in free if is_time_unit(self.units[number]) and self.first_row[number]]
         for found in (

@@ -33,11 +33,21 @@ from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawF
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 BLOCK_BYTES = 8 * 2**20
-DAY = 86_400.0
+PERIODS = {"clock": 86_400.0, "minutes": 3600.0}
+"""After so long a stamp without a date starts again [s]."""
 LONGEST_LINE = 2**20
 """A row of a thousand columns has 20 kilobytes [bytes]."""
-DAY_FIRST = r"^(?P<day>\d{1,2})[./](?P<month>\d{1,2})[./](?P<year>\d{4})[ T]+(?P<clock>\S+)$"
-SLASHES = r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$"
+DATES = {
+    "day first": r"^(?P<day>\d{1,2})[./](?P<month>\d{1,2})[./](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
+    "slashes": r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$",
+    "year first": r"^(?P<year>\d{4})[./](?P<month>\d{1,2})[./](?P<day>\d{1,2})[ T]+(?P<clock>\S+)$",
+    "month name": r"^(?P<day>\d{1,2})[- ](?P<month>[A-Za-z]{3})[- ](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
+}
+"""Kind of a stamp -> its parts."""
+MONTHS = {name: f"{number:02d}" for number, name in enumerate(
+    ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"), start=1)}  # fmt: skip
+LAST_COLON = r"(?P<clock>:\d\d:\d\d):(?P<part>\d+)$"
+"""12:03:04:001, as some loggers write milliseconds."""
 MISSING = ("", "nan", "na", "n/a", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
 OVERRANGE = re.compile(
     r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|over\w*|clip\w*|#+|\*+|-{3,})$", re.IGNORECASE
@@ -143,8 +153,9 @@ def _columns(
     if files:
         return {column: CachedSource(file, count, path) for column, file in files.items()}, findings
     arrays = {column: np.concatenate(part) for column, part in parts.items()}
-    if stamps is not None and layout.stamp_kind(stamps) == "clock":
-        arrays[stamps] = np.unwrap(arrays[stamps], period=DAY)  # a test may run over midnight
+    period = PERIODS.get(layout.stamp_kind(stamps))
+    if stamps is not None and period is not None:
+        arrays[stamps] = np.unwrap(arrays[stamps], period=period)  # a test may run over midnight
     return {column: ArraySource(values) for column, values in arrays.items()}, findings
 
 
@@ -211,17 +222,27 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int 
 def _stamps(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] = "raise") -> pd.Series:
     """Return date and time in seconds since 1970, a time of day in seconds since midnight."""
     texts = texts.str.strip().str.replace(",", ".")
-    if kind == "clock":
-        return pd.to_timedelta(texts, errors=errors) / pd.Timedelta(seconds=1)
+    texts = texts.str.replace(LAST_COLON, r"\g<clock>.\g<part>", regex=True)
+    if kind == "seconds":
+        return pd.to_numeric(texts.str.rstrip("sec "), errors=errors)
+    if kind in PERIODS:
+        clock = _whole_day(texts, errors) if kind == "clock" else "00:" + texts
+        return pd.to_timedelta(clock, errors=errors) / pd.Timedelta(seconds=1)
     if kind != "iso":
-        parts = texts.str.extract(DAY_FIRST if kind == "day first" else SLASHES)
+        parts = texts.str.extract(DATES[kind])
+        parts["month"] = parts["month"].str.lower().replace(MONTHS)
         padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
-        clock = parts["clock"]
-        if clock.str.contains("M", case=False).any():
-            clock = pd.to_datetime(clock, format="mixed", errors=errors).dt.strftime("%H:%M:%S.%f")
+        clock = _whole_day(parts["clock"], errors).str.replace(r"^(\d):", r"0\1:", regex=True)
         texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + clock
     times = pd.to_datetime(texts, utc=True, format="ISO8601", errors=errors)
     return (times - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+
+
+def _whole_day(clock: pd.Series, errors: Literal["raise", "coerce"]) -> pd.Series:
+    """Return times of day counted to 24 hours, where they are said to be AM or PM."""
+    if not clock.str.contains("M", case=False).any():
+        return clock
+    return pd.to_datetime(clock, format="mixed", errors=errors).dt.strftime("%H:%M:%S.%f")
 
 
 def _parse_lines(

@@ -40,6 +40,19 @@ STEPS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μ
 NEXT_FIELD = re.compile(r"(?<=\d{4}),|,(?!\d{3}(?!\d))")
 AMBIGUOUS = re.compile(r"^\d{1,3}[.,]\d{3}$")
 """Twenty thousand or twenty: 20,000 and 20.000 mean either, by country."""
+NUMBERED = re.compile(r"^column (?P<number>[1-9]\d{0,3})$")
+"""A column by its place, counted from 1, where no name tells it."""
+
+
+def column_number(name: str) -> int | None:
+    """Return which column ``column 3`` means, counted from 0; None for any other name."""
+    match = NUMBERED.match(name)
+    return int(match["number"]) - 1 if match else None
+
+
+def numbered_name(number: int) -> str:
+    """Return the name of a column that has none, or shares it; ``number`` counts from 0."""
+    return f"column {number + 1}"
 
 
 def is_number(field: str) -> bool:
@@ -88,7 +101,7 @@ def names_of(
     """Return names, units, and names beyond the columns from the rows above the data.
 
     The row of names is the one that holds the wanted names; where none are wanted, the one above a row of units, else
-    the one with the most text.
+    the one with the most text. Without any such row the columns are ``column 1``, ``column 2``, ...
 
     Parameters
     ----------
@@ -99,6 +112,7 @@ def names_of(
     Refusal : no row has a name for each column, or none holds a wanted name
     """
     n_columns = len(first)
+    wanted = tuple(name for name in wanted if column_number(name) is None)
     least = max((n + 1 for n, field in enumerate(first) if field), default=n_columns)
     candidates = []
     for number, row in enumerate(rows):
@@ -109,18 +123,23 @@ def names_of(
         plain = [name_and_unit(field) for field in row]
         hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
         if not wanted:
-            hits = sum(bool(field) and not is_known_unit(field) and not is_number(field) for field in row)
+            hits = sum(map(_is_text, row))
         candidates.append((hits - len(beyond), number, row, plain, beyond))
     if not candidates:
+        if not wanted:
+            return tuple(map(numbered_name, range(n_columns))), ("",) * n_columns, ()
         raise Refusal(
-            f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; channels are found "
-            "by name, add a line with the names"
+            f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; add a line with the "
+            f"names, or name columns by their place: channel = {numbered_name(0)!r} to {numbered_name(n_columns - 1)!r}"
         )
     below = [number for _, number, row, _, _ in candidates if _is_unit_row(row, first)]
     named = [item for item in candidates if below and item[1] < below[0] and item[0] + len(item[4]) > 0]
     chosen = named if named and not wanted else candidates
     hits, number, row, plain, beyond = max(chosen, key=lambda item: (item[0], -item[1] if wanted else item[1]))
-    if hits + len(beyond) <= 0:
+    if hits + len(beyond) <= 0 and not wanted:
+        row, plain = [numbered_name(n) for n in range(n_columns)], [(numbered_name(n), "") for n in range(n_columns)]
+        number = -1
+    elif hits + len(beyond) <= 0:
         shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
         raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
     names = tuple(field if field in wanted else name for field, (name, _) in zip(row, plain, strict=True))
@@ -130,6 +149,10 @@ def names_of(
         if later > number and not any(is_known_unit(unit) for unit in units) and any(map(is_known_unit, other)):
             units = tuple(field.strip("[]() ") for field in other)
     return names, units, beyond
+
+
+def _is_text(field: str) -> bool:
+    return bool(field) and not is_known_unit(field) and not is_number(field)
 
 
 def _is_unit_row(row: list[str], first: list[str]) -> bool:

@@ -20,7 +20,7 @@ from camtorque.records import Refusal
 from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES
 from camtorque.toml_schema import UNKNOWN, Key, TableSchema
 from camtorque.toml_table import read_toml
-from camtorque.units import BORDER_UNITS, HINTS, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, unit_factor
 
 FASTEST = 6000.0
 """One pulse a turn at more than this [rpm] is more likely a wheel of several teeth."""
@@ -32,8 +32,13 @@ PATHS = ("cam_table", "calibration", "file")
 COPIED = ("pump", "trigger", "fluid", "drive")
 ASKED_SENSOR = ("unit", "sensitivity_V_per_unit", "zero_V", "nominal_range", "accuracy_percent_fs", "group_delay_s",
                 "cutoff_hz", "filter")  # fmt: skip
+ASKED_BRIDGE = ("zero_mV_per_V", "accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
 ASKED_SCALED = ("accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
-"""Sheet keys that are asked for: of a sensor in volts, and of values that the logger has scaled."""
+"""Sheet keys that are asked for: of a sensor in volts, of a bridge, and of values that the logger has scaled."""
+
+
+SHEET_UNITS = {"torque": "N m", "pressure": "bar"}
+"""Units that sheets are usually written in."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,8 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     used = [item for item in proposals if item.quantity or any(item is other for other in open_ones)]
     if not used:
         raise Refusal(f"{proposals[0].path}: no channel changes; there is no torque, pressure or trigger in it")
-    trigger = next((item for item in used if item.quantity in ANGLE_QUANTITIES), None)
+    angles = [item for item in used if item.quantity in ANGLE_QUANTITIES]
+    trigger = min(angles, key=lambda item: item.quantity == "index", default=None)  # an index only beside the others
     wheel = _wheel_of(trigger, proposals) if trigger is not None else None
     writer = Writer()
     writer.line(f'schema = "{RECORDING_SCHEMA}"')
@@ -69,7 +75,7 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
         writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
     if wheel is not None and wheel.told_by:
         writer.line(f"# what follows of the wheel is told by: {wheel.told_by}")
-    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel), **known["trigger"]})
+    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]})
     for quantity, item in _sensed(used, named).items():
         _sensor(writer, quantity, item, known["sensors"].get(quantity))
     loggers = {path: f"LOG{number}" for number, path in enumerate(dict.fromkeys(item.path for item in used), start=1)}
@@ -78,8 +84,9 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     for item in used:
         writer.table("[[channels]]", RECORDING_TABLES["channels"], _channel(item, folder, loggers[item.path]))
         if not item.unit and item.channel.unit.strip("-"):
-            hint = HINTS.get(tidy_unit(item.channel.unit), "")
-            writer.line(f"# the file says {item.channel.unit!a}, which is no known unit{hint}")
+            writer.line(f"# the file says {item.channel.unit!a}, which is no known unit")
+        if not item.quantity:
+            writer.line(f"# its values: {item.low:.4g} to {item.high:.4g}")
     for item in [item for item in proposals if not item.quantity and item.high > item.low and not open_ones]:
         writer.line(
             f"# not used: {item.path.name!a}, {item.channel.group!a}, {item.channel.name!a}, {item.channel.unit!a}"
@@ -193,7 +200,7 @@ def _recording(folder: Path, wheel: Wheel | None) -> dict[str, Any]:
     return values
 
 
-def _wheel(trigger: Proposal | None, wheel: Wheel | None) -> dict[str, Any]:
+def _wheel(trigger: Proposal | None, wheel: Wheel | None, named: set[str]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     if wheel is None or 60.0 * wheel.speed > FASTEST:
         values |= {} if trigger is not None and trigger.quantity == "angle" else {"pulses_per_rev": UNKNOWN}
@@ -202,6 +209,8 @@ def _wheel(trigger: Proposal | None, wheel: Wheel | None) -> dict[str, Any]:
         values["pulses_per_rev"] = wheel.pulses_per_rev
     if trigger is not None and trigger.sensor:
         values |= {"sensor": trigger.sensor, "edge": "falling"}
+    if "index" in named and (wheel is None or not (wheel.missing_teeth or wheel.double_tooth)):
+        values["reference"] = "index"  # a wheel without a mark has no tooth 1
     for name in ("missing_teeth", "double_tooth", "revolutions_per_cycle") if wheel is not None else ():
         value = getattr(wheel, name)
         values |= {name: value} if value > (name == "revolutions_per_cycle") else {}
@@ -219,8 +228,13 @@ def _sensor(writer: Writer, quantity: str, item: Proposal, known: dict[str, Any]
     )
     if known is not None:
         writer.table(header, schema, known)
+    elif BORDER_UNITS.get(item.unit, ("", 1.0))[0] == "bridge output":
+        unit = SHEET_UNITS.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
+        values = {"unit": unit, "nominal_range": UNKNOWN, "sensitivity_mV_per_V": UNKNOWN}
+        writer.table(header, schema, values, ASKED_BRIDGE)
+        writer.line("# or in place of range and sensitivity: unit_per_mV_per_V")
     elif in_volts:
-        unit = {"torque": "N m", "pressure": "bar"}.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
+        unit = SHEET_UNITS.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
         writer.table(header, schema, {"unit": unit, "sensitivity_V_per_unit": UNKNOWN}, ASKED_SENSOR)
         writer.line('# or instead of these: serial = "...", calibration = "sheet.toml" with its certificate')
         if not item.unit or item.quantity != quantity:

@@ -14,7 +14,7 @@ import numpy as np
 from camtorque.ingest.formats import FORMATS, file_format
 from camtorque.ingest.raw import FileChannel
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
-from camtorque.quantities import CHANNEL_QUANTITIES
+from camtorque.quantities import CHANNEL_QUANTITIES, SENSED
 from camtorque.records import Array, Refusal
 from camtorque.units import BORDER_UNITS, absolute_unit, is_known_unit, tidy_unit
 
@@ -50,6 +50,8 @@ BY_DIMENSION = {
     "volume": ("delivered_volume",),
     "length": ("needle_lift",),
 }
+FASTER = 1.5
+"""A pulse train with so many more pulses than another one is a wheel beside its index."""
 WAVE_SHARE, LEAST_WAVES = 0.2, 20
 """A coil's wave passes this share of its size to both sides, for this many teeth at least."""
 LEVEL_SHARE, LEVEL_BAND = 0.85, 0.2
@@ -70,6 +72,7 @@ class Proposal:
     has_rival : another channel may be this quantity as well
     is_absolute : a pressure that counts from vacuum
     levels : share of the samples at either of two levels
+    pulses : of a trigger, in the samples looked at [1/s, 1/sample where the rate is unknown]
     """
 
     path: Path
@@ -83,12 +86,14 @@ class Proposal:
     has_rival: bool = False
     is_absolute: bool = False
     levels: float = 0.0
+    pulses: float = 0.0
 
 
 def look_into(paths: list[Path]) -> list[Proposal]:
     """Return every channel of the files with a proposal.
 
-    One trigger per file, any other quantity once; which of two torques or pressures is meant a person has to say.
+    One trigger per file, any other quantity once; which of two torques or pressures is meant a person has to say. Of
+    several pulse trains of a file without an index the slowest is one.
 
     Raises
     ------
@@ -102,6 +107,7 @@ def look_into(paths: list[Path]) -> list[Proposal]:
             raise Refusal(f"{path}: holds no channel of numbers")
         hint = path.stem if len(channels) == 1 else ""
         found += [_proposal(path, name, channel, hint) for channel in channels]
+    found = _with_index(found)
     best: dict[tuple[str, Path | None], float] = {}
     for item in found:
         best[_place(item)] = max(best.get(_place(item), 0), _certainty(item))
@@ -114,9 +120,31 @@ def look_into(paths: list[Path]) -> list[Proposal]:
     }
     kept = rivals | {numbers[0] for numbers in chosen.values()}
     return [
-        replace(item, has_rival=number in rivals) if number in kept else replace(item, quantity="")
+        replace(item, has_rival=number in rivals) if number in kept else _dropped(item)
         for number, item in enumerate(found)
     ]
+
+
+def _with_index(found: list[Proposal]) -> list[Proposal]:
+    """Take the fastest pulse train of each file for its trigger, and a slower one for its index."""
+    for path in dict.fromkeys(item.path for item in found):
+        places = [number for number, item in enumerate(found) if (item.path, item.quantity) == (path, "trigger")]
+        places.sort(key=lambda number: found[number].pulses)
+        if len(places) < 2 or found[places[-1]].pulses < FASTER * found[places[0]].pulses:
+            continue
+        has_index = any(item.quantity == "index" for item in found if item.path == path)
+        slow = found[places[0]]
+        for number in places[:-1]:
+            found[number] = _dropped(found[number])
+        if not has_index and not slow.sensor:
+            found[places[0]] = replace(slow, quantity="index")
+    return found
+
+
+def _dropped(item: Proposal) -> Proposal:
+    """Return a channel that another one is more likely than; volts were those of its pulses."""
+    unit = tidy_unit(item.channel.unit or _unit_in(item.channel.name))
+    return replace(item, quantity="", unit=unit if unit in BORDER_UNITS else "", sensor="")
 
 
 def _place(item: Proposal) -> tuple[str, Path | None]:
@@ -136,7 +164,9 @@ def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposa
     known = unit if unit in BORDER_UNITS else "V" if pulses else ""
     coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
     levels = level_share(good) if pulses else 0.0
-    return Proposal(path, name, channel, quantity, known, low, high, coil, False, bool(base), levels)
+    beats = (_half_waves(good) / 2.0 if coil else rises(good, *_levels(good)).size) if quantity == "trigger" else 0.0
+    every = beats / max(good.size, 1) * (channel.sample_rate or 1.0)
+    return Proposal(path, name, channel, quantity, known, low, high, coil, False, bool(base), levels, every)
 
 
 def _unit_in(name: str) -> str:
@@ -167,7 +197,8 @@ def _certainty(item: Proposal) -> float:
     """Return how sure a proposal is: a unit of the quantity tells more than a name."""
     if not item.quantity:
         return 0
-    return 1 + 2 * (item.unit not in ("", "V")) + (_named(item.channel.name) == item.quantity) + 0.5 * item.levels
+    is_scaled = BORDER_UNITS.get(item.unit, (SENSED[0], 1.0))[0] not in SENSED
+    return 1 + 2 * is_scaled + (_named(item.channel.name) == item.quantity) + 0.5 * item.levels
 
 
 def is_pulse_train(values: Array) -> bool:
@@ -199,10 +230,14 @@ def _levels(values: Array) -> tuple[float, float]:
 
 def is_wave(values: Array) -> bool:
     """Tell a signal that swings to both sides of zero many times, as a coil in front of a wheel gives it."""
+    return _half_waves(values) >= 2 * LEAST_WAVES
+
+
+def _half_waves(values: Array) -> int:
     size = np.percentile(np.abs(values), 99.0)
     signs = np.sign(np.where(np.abs(values) > WAVE_SHARE * size, values, 0.0))
     signs = signs[signs != 0.0]
-    return int(np.sum(np.diff(signs) != 0.0)) >= 2 * LEAST_WAVES
+    return int(np.sum(np.diff(signs) != 0.0))
 
 
 def rises(values: Array, low: float, high: float) -> np.ndarray:

@@ -69,19 +69,16 @@ def recording_of(config: RecordingConfig) -> Recording:
         channels=channels,
         lift_table=cam_table,
         inputs=tuple(input_file(file) for file in dict.fromkeys([*sheets, *logs])),
-        findings=_without_repeats(
+        findings=(
             *config.findings,
             *cam_findings,
             *(finding for sensor in sensors.values() for finding in sensor.findings),
-            *file_findings,
-            *findings,
-            *_ends(config, channels),
-            *_apart(config, raw),
+            *_without_repeats(*file_findings, *findings, *_ends(config, channels), *_apart(config, raw)),
             *_other_run(config),
         ),
     )
     plausible = [*_plausible(config, cam_table), *check_loads(recording)]
-    return replace(recording, findings=_without_repeats(*recording.findings, *plausible))
+    return replace(recording, findings=(*recording.findings, *plausible))
 
 
 def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]:

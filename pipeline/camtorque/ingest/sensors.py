@@ -11,9 +11,10 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 
 from camtorque.config import SensorRef
-from camtorque.ingest.certificate import CertificateLine, read_certificate
+from camtorque.ingest.certificate import CertificateLine
+from camtorque.ingest.sensitivity import range_of, sensitivity_findings, sensor_line
 from camtorque.ingest.sheet import Sheet, read_sheet
-from camtorque.quantities import CHANNEL_QUANTITIES
+from camtorque.quantities import CHANNEL_QUANTITIES, SENSED
 from camtorque.records import Finding, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, BORDER_UNITS, UNIT_OFFSETS, tidy_unit, unit_factor
 
@@ -24,7 +25,7 @@ USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
 USUAL_ACCURACY = 0.01
 """Share of the range assumed where nothing states the accuracy; told as a warning."""
 READING_STEP = 1.0e-4
-"""Standstill readings are noted to a tenth of a millivolt [V]."""
+"""Standstill readings are noted to a tenth of a millivolt, those of a bridge to a tenth of a uV/V [V, mV/V]."""
 READING_SHARE = READING_STEP / 10.0
 """Scaled ones are noted to the same part of the range as a tenth of a millivolt is of 10 V."""
 CERTIFICATE_DAYS = 366
@@ -61,49 +62,47 @@ def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -
         when sheet, certificate and recording contradict each other in serial, quantity or unit, or a key is missing
     """
     sheet = read_sheet(reference)
-    if BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))[0] == "voltage":
-        line = _line(sheet, reference.quantity)
-        calibration, findings = _in_volts(sheet, line, reference, span)
+    output = BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))[0]
+    if output in SENSED:
+        line = sensor_line(sheet, reference.quantity, output)
+        calibration, findings = _sensed(sheet, line, _in_output(reference, unit), span)
     else:
         calibration, findings = _scaled(sheet, reference, unit, span)
     return Sensor(calibration, sheet.files, (*sheet.findings, *findings), sheet["calibration_date"])
 
 
-def _line(sheet: Sheet, quantity: str) -> CertificateLine:
-    """Return the certificate's line, or the one that the stated sensitivity draws."""
-    if sheet.certificate is not None:
-        if not sheet["unit"]:
-            raise Refusal(f"{sheet.where} unit: this key is missing; the certificate is held against it")
-        unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
-        return read_certificate(sheet.certificate, quantity, sheet.serial, sheet["unit"])
-    sensitivity, zero = sheet["sensitivity_V_per_unit"], sheet["zero"]
-    stated = not sheet.files and sheet["nominal_range"] is not None and sheet["output_range"] is not None
-    if not sensitivity and stated:
-        # the ends of both ranges are a line: +/-10 V at +/-200 N m, 0.5 to 4.5 V at 0 to 2000 bar
-        (low, high), (out_low, out_high) = _range(sheet, "nominal_range"), _range(sheet, "output_range")
-        sensitivity = (out_high - out_low) / (high - low)
-        zero = out_low - sensitivity * low if zero is None else zero
-    if not sensitivity or not sheet["unit"]:
-        raise Refusal(
-            f"{sheet.where}: nothing says what a volt means; give calibration (a sheet with its certificate), or unit "
-            "with sensitivity_V_per_unit (not 0), or with nominal_range and output_range_V, which belong together"
-        )
-    factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
-    return CertificateLine(factor / sensitivity, 0.0, zero or 0.0, 0.0, math.nan)
+@dataclass(frozen=True)
+class Readings:
+    """Standstill readings of a sensor, in the unit of its output: V or mV/V."""
+
+    quantity: str
+    unit: str
+    before: float | None
+    after: float | None
+
+
+def _in_output(reference: SensorRef, unit: str) -> Readings:
+    kind, factor = BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))
+    if kind == "voltage":
+        return Readings(reference.quantity, "V", reference.zero_before_volts, reference.zero_after_volts)
+    before, after = (None if v is None else factor * v for v in (reference.zero_before, reference.zero_after))
+    return Readings(reference.quantity, "mV/V", before, after)
 
 
 def _dimension(quantity: str) -> str:
     return CHANNEL_QUANTITIES[quantity].dimension
 
 
-def _in_volts(
-    sheet: Sheet, line: CertificateLine, reference: SensorRef, span: float
+def _sensed(
+    sheet: Sheet, line: CertificateLine, readings: Readings, span: float
 ) -> tuple[SensorCalibration, list[Finding]]:
-    quantity = reference.quantity
+    """Return the calibration of what a sensor gives: volts, or mV/V of a bridge in their place."""
+    quantity = readings.quantity
     factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
-    out_low, out_high = _range(sheet, "output_range", (-math.inf, math.inf))
+    anything = (-math.inf, math.inf)
+    out_low, out_high = range_of(sheet, "output_range", anything) if readings.unit == "V" else anything
     reach = abs(line.gain) * span / factor
-    low, high = _range(sheet, "nominal_range", (-reach, reach))
+    low, high = range_of(sheet, "nominal_range", (-reach, reach))
     delay, delay_std, findings = _delay(sheet, quantity)
     gain_std, more = _gain_std(sheet, line)
     calibration = SensorCalibration(
@@ -125,10 +124,10 @@ def _in_volts(
         output_min_volts=out_low,
         output_max_volts=out_high,
     )
-    calibration = _with_zero(calibration, sheet, line, reference)
-    findings += [*more, *_sensitivity(sheet, line, factor), *_zero_findings(calibration, sheet, line)]
-    readings = (reference.zero_before_volts, reference.zero_after_volts)
-    findings += _apart(readings, _zero_tolerance(sheet, calibration, abs(line.gain)) / abs(line.gain), "V", sheet)
+    calibration = _with_zero(calibration, sheet, line, readings)
+    findings += [*more, *sensitivity_findings(sheet, line, factor), *_zero_findings(calibration, sheet, line, readings)]
+    tolerance = _zero_tolerance(sheet, calibration, abs(line.gain)) / abs(line.gain)
+    findings += _apart((readings.before, readings.after), tolerance, readings.unit, sheet)
     # a sheet in degC counts from ice, the volts of its zero do not
     shift = UNIT_OFFSETS.get(tidy_unit(sheet["unit"]), 0.0) / line.gain
     return replace(calibration, zero_volts=calibration.zero_volts - shift), findings
@@ -142,7 +141,7 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
     low, high = -span, span
     if sheet["nominal_range"] is not None:
         per_unit = unit_factor(sheet["unit"] or unit, _dimension(quantity), f"{sheet.where} unit")
-        low, high = (value * per_unit for value in _range(sheet, "nominal_range", (low, high)))
+        low, high = (value * per_unit for value in range_of(sheet, "nominal_range", (low, high)))
     accuracy = sheet.accuracy()
     if accuracy is None:
         accuracy = USUAL_ACCURACY
@@ -242,10 +241,10 @@ def with_idle_zero(calibration: SensorCalibration, halves: tuple[float, float], 
 
 
 def _with_zero(
-    calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, reference: SensorRef
+    calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, taken: Readings
 ) -> SensorCalibration:
     """Take the zero from the standstill readings, else from the certificate with the sheet's tolerance."""
-    readings = [v for v in (reference.zero_before_volts, reference.zero_after_volts) if v is not None]
+    readings = [v for v in (taken.before, taken.after) if v is not None]
     gain = abs(line.gain)
     tolerance = _zero_tolerance(sheet, calibration, gain)
     zero, std = zero_of_readings(readings, READING_STEP, tolerance / gain)
@@ -281,13 +280,16 @@ def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
         )
 
 
-def _zero_findings(calibration: SensorCalibration, sheet: Sheet, line: CertificateLine) -> list[Finding]:
+def _zero_findings(
+    calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, readings: Readings
+) -> list[Finding]:
     """Tell a standstill zero that lies further from the certificate's than the sheet allows."""
     off = line.gain * (calibration.zero_volts - line.zero_volts)
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain))
     if calibration.zero_source != "standstill" or abs(off) <= tolerance:
         return []
-    _refuse_millivolts(off, tolerance, calibration, line)
+    if readings.unit == "V":
+        _refuse_millivolts(off, tolerance, calibration, line)
     text = (
         f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
         f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used"
@@ -348,33 +350,3 @@ def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
     text = f"the sheet states no tolerance of the delay of {delay:g} s; +/-{100 * DELAY_TOLERANCE:g} % is assumed"
     finding = Finding("delay_tolerance_assumed", "info", text, sheet.place)
     return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), [finding]
-
-
-def _range(sheet: Sheet, name: str, otherwise: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
-    """Return a range of the sheet; a sheet of its own has to state it, a sensor in the recording may leave it open."""
-    key = {"nominal_range": "nominal_range", "output_range": "output_range_V"}[name]
-    if sheet[name] is None and not sheet.files:
-        return otherwise
-    if sheet[name] is None:
-        raise Refusal(f"{sheet.where} {key}: this key is missing; give [lowest, highest]")
-    low, high = sheet[name]
-    if not low < high:
-        raise Refusal(f"{sheet.where} {key}: found [{low:g}, {high:g}], expected [lowest, highest]")
-    return low, high
-
-
-def _sensitivity(sheet: Sheet, line: CertificateLine, factor: float) -> list[Finding]:
-    """Hold the nominal sensitivity against the certificate: a factor between them is a wrong unit or sensor."""
-    nominal = sheet["nominal_sensitivity_V_per_unit"]
-    if nominal is None:
-        return []
-    found = factor / line.gain
-    if nominal == 0.0 or not 0.5 < found / nominal < 2.0:
-        raise Refusal(
-            f"{sheet.where} nominal_sensitivity_V_per_unit: {nominal:g} V per unit, the certificate shows "
-            f"{found:.4g}; unit or certificate is wrong"
-        )
-    if abs(found / nominal - 1.0) <= 0.02:
-        return []
-    text = f"the certificate's sensitivity is {100 * (found / nominal - 1):+.2f} % off the nominal one"
-    return [Finding("sensitivity_off_nominal", "warning", text, sheet.place)]
