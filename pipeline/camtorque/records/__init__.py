@@ -1,0 +1,51 @@
+"""The frozen objects handed from room to room, each in the file of the room that makes it.
+
+`Recording` (files, SI) -> `CamCycles` (cam angle) -> `RigidTorque` (mechanism) -> `FittedTorque` (fit).
+Everything is SI and radians; a unit suffix marks a border value. Arrays are made read-only at birth.
+"""
+
+from camtorque.records.base import CONTROL, SEVERITIES, Array, Estimate, Finding, Refusal, freeze_arrays, printable
+from camtorque.records.cycles import AngleError, CamCycles, ClockFit, CutFlowRow
+from camtorque.records.fitted import (
+    KNOWLEDGE,
+    VERDICTS,
+    Alternative,
+    FittedTorque,
+    LossEvidence,
+    Metrics,
+    ParameterEstimate,
+    ResidualBump,
+)
+from camtorque.records.recording import CamTable, Channel, InputFile, Recording, SampleSource, SensorCalibration
+from camtorque.records.rigid import Forces, RigidTorque
+
+__all__ = [
+    "CONTROL",
+    "KNOWLEDGE",
+    "SEVERITIES",
+    "VERDICTS",
+    "Alternative",
+    "AngleError",
+    "Array",
+    "CamCycles",
+    "CamTable",
+    "Channel",
+    "ClockFit",
+    "CutFlowRow",
+    "Estimate",
+    "Finding",
+    "FittedTorque",
+    "Forces",
+    "InputFile",
+    "LossEvidence",
+    "Metrics",
+    "ParameterEstimate",
+    "Recording",
+    "Refusal",
+    "ResidualBump",
+    "RigidTorque",
+    "SampleSource",
+    "SensorCalibration",
+    "freeze_arrays",
+    "printable",
+]

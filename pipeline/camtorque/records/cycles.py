@@ -1,0 +1,118 @@
+"""What `align` hands on: cycles over cam angle, which were cut, clocks, and how sure the angle is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.records.base import Array, Estimate, Finding, freeze_arrays
+from camtorque.stacks import mean_of, std_of
+
+
+@dataclass(frozen=True)
+class CutFlowRow:
+    """One line of the cut-flow: cycles that fail this cut alone, and those left after it and all before it."""
+
+    reason: str
+    cycles: int
+    text: str
+    cycles_single: int = 0
+    cycles_left: int = 0
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """Clock of a logger against that of the torque's logger: t_logger = offset + (1 + skew) t [s, ppm]."""
+
+    logger: str
+    offset_s: float
+    skew_ppm: float
+    stderr_s: float
+    method: str = "same clock"
+
+
+@dataclass(frozen=True)
+class AngleError:
+    """One source of the angle error budget, before the fit."""
+
+    source: str
+    std_deg: float
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class CamCycles:
+    """Cycles on one cam-angle grid with nominal alignment (declared delays off, nominal trigger angle).
+
+    Attributes
+    ----------
+    theta : (n_theta,) uniform from 0, end point excluded [rad]
+    torque : (n_cycles, n_theta) [N m], or None for a recording without torque
+    pressure : (n_cycles, n_theta) line pressure, gauge [Pa]; (0, n_theta) for a recording without pressure
+    channels : quantity -> (n_cycles, n_theta), all other channels [SI]; nan in cycles that a channel does not cover
+    speed : (n_cycles,) mean cam speed of the cycle [rad/s]
+    index : (n_cycles,) cycle number in the recording
+    held_out : (n_cycles,) True for the cycles that score (even numbers among the used)
+    cycles_found : complete cycles in the recording
+    speed_ripple_percent : spread of the cycle speeds, 100 * std / mean
+    """
+
+    theta: Array
+    torque: Array | None
+    pressure: Array
+    speed: Array
+    index: NDArray[np.int64]
+    held_out: NDArray[np.bool_]
+    cycles_found: int
+    duration: float
+    speed_ripple_percent: float
+    cut_flow: tuple[CutFlowRow, ...]
+    clocks: tuple[ClockFit, ...]
+    angle_errors: tuple[AngleError, ...]
+    trigger_jitter_s: float
+    findings: tuple[Finding, ...]
+    torque_delay: Estimate
+    details: Mapping[str, Any] = field(default_factory=dict)
+    channels: Mapping[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n_cycles = self.speed.size
+        shape = (n_cycles, self.theta.size)
+        known = [self.pressure] if self.pressure.size else []
+        known += [] if self.torque is None else [self.torque]
+        if any(values.shape != shape for values in (*known, *self.channels.values())):
+            raise ValueError(f"cycles: expected arrays of shape {shape}, found pressure {self.pressure.shape}")
+        if self.index.shape != (n_cycles,) or self.held_out.shape != (n_cycles,):
+            raise ValueError("cycles: index and held_out need one entry per cycle")
+        freeze_arrays(self)
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean cam speed [rad/s]."""
+        return float(np.mean(self.speed))
+
+    @cached_property
+    def mean_torque(self) -> Array:
+        """Mean torque of the used cycles (n_theta,) [N m]; only with a torque."""
+        return mean_of(cast(Array, self.torque))
+
+    @cached_property
+    def mean_pressure(self) -> Array:
+        """Mean line pressure of the used cycles (n_theta,) [Pa]; only with a pressure."""
+        return mean_of(self.pressure)
+
+    @cached_property
+    def torque_std(self) -> Array:
+        """Standard deviation of the torque over the used cycles (n_theta,) [N m], nan for one; only with a torque."""
+        if self.index.size < 2:
+            return np.full(self.theta.size, np.nan)
+        return std_of(cast(Array, self.torque), self.mean_torque, 1)
+
+    def means(self, quantity: str) -> Array:
+        """Return the mean over each cycle of one of ``channels`` (n_cycles,) [SI]."""
+        return np.asarray(np.mean(self.channels[quantity], axis=1), dtype=np.float64)
