@@ -45,6 +45,7 @@ from camtorque.version import __version__
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
 CYCLES = "cycles.h5"
+FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
 LOADED = 0.1
 """Share of the highest line pressure above which the points of a file matter."""
 BETWEEN = 0.5
@@ -283,15 +284,21 @@ def _predicted(
     chain = chain_of(rig, speed, curve)
     shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
     ends = {} if given is None else ends_for(known, source, templates, chain, shaped)
-    item = forecast(known, chain, source, Load(ends, curve.std), changes)
+    item, forces = with_forces(known, source, rig, chain, Load(ends, curve.std), changes)
+    return item, forces, ends
+
+
+def with_forces(
+    known: KnownFit, source: FittedAt, rig: Rig, chain: ChainInput, load: Load, changes: Mapping[str, float]
+) -> tuple[Forecast, Forces]:
+    """Return a run at the speed and line pressure of a chain, with the forces that come with it."""
+    item = forecast(known, chain, source, load, changes)
     places = known.own(source.id)
-    arms = [
-        float(known.values[places[n]]) if n in places else 0.0 for n in ("guide_friction", "bearing_arm", "pin_arm")
-    ]
+    arms = [float(known.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES]
     tables = closed_form_tables(
         rig.pump, lift_law(rig.table), item.true_angle, Mounting(rotation=rig.rotation), Friction(*arms)
     )
-    return item, forces_of(rig.pump, tables, item.pressure, speed), ends
+    return item, forces_of(rig.pump, tables, item.pressure, chain.speed)
 
 
 def _end_text(ends: Mapping[str, Estimate], source: FittedAt, speed_rpm: float) -> tuple[str, ...]:

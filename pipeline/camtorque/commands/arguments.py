@@ -217,6 +217,8 @@ def predict(parser: argparse.ArgumentParser) -> None:
 def design(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `design`."""
     parser.add_argument("task", type=Path, metavar="DESIGN", help="design file, see docs/design.md")
+    text = "friction, chamber and losses of a fit of this pump: result.json, campaign.json, or the folder that holds it"
+    parser.add_argument("--from", dest="fit", type=Path, metavar="RESULT", help=text)
     _out(parser)
 
 

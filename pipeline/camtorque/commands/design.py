@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.design import Answer, answer_document, design_page, read_task, solve_task, write_chosen
-from camtorque.design.page import label_of
+from camtorque.design.answer import TABLE
+from camtorque.design.page import fitted_cells, label_of
 from camtorque.design.responses import RESPONSES
+from camtorque.design_from import Known, as_fitted, fitted_pump, read_known
 from camtorque.plain import plain
 from camtorque.report import check_output, output_folder
 from camtorque.report.files import write_json, write_page
@@ -17,21 +21,34 @@ from camtorque.report.files import write_json, write_page
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Find the front of a design task and write the chosen cam."""
     check_output(arguments.out)
-    task = read_task(arguments.task)
+    known = None if arguments.fit is None else read_known(arguments.fit)
+    task = read_task(arguments.task, None if known is None else fitted_pump(known))
     answer = solve_task(task, tell)
     with output_folder(arguments.out) as folder:
-        document = plain(_written(answer, folder))
-    return Outcome("\n".join([*_table(answer), str(arguments.out / "design.html")]), document)
+        document = plain(_written(answer, known, folder))
+    fitted = fitted_lines(document["as_fitted"])
+    return Outcome("\n".join([*_table(answer), *fitted, str(arguments.out / "design.html")]), document)
 
 
-def _written(answer: Answer, folder: Path) -> dict[str, object]:
+def _written(answer: Answer, known: Known | None, folder: Path) -> dict[str, Any]:
     """Write everything into an open folder and return the document."""
     chosen = answer.chosen
     read_back = write_chosen(chosen.problem.evaluated(chosen.variables), folder)
-    document = answer_document(answer, read_back)
-    write_page(folder / "design.html", design_page(answer, read_back))
+    fitted = [] if known is None else as_fitted(known, answer, folder / TABLE)
+    document = answer_document(answer, read_back, fitted)
+    write_page(folder / "design.html", design_page(answer, read_back, fitted))
     write_json(folder / "design.json", plain(document))
     return document
+
+
+def fitted_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what the fitted model makes of the chosen cam, beside the fitted pump's own."""
+    lines = []
+    for row in rows:
+        lines.append(f"{row['load']}: by the fitted model (± 95 %){'fitted pump':>20}{'design':>22}")
+        for name, before, after in fitted_cells(row):
+            lines.append(f"  {name:42}{before:>20}{after:>22}")
+    return lines
 
 
 def _table(answer: Answer) -> list[str]:

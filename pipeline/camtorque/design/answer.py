@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -145,8 +145,16 @@ def write_chosen(design: Evaluated, folder: Path) -> list[dict[str, float]]:
     return rows
 
 
-def answer_document(answer: Answer, read_back: list[dict[str, float]]) -> dict[str, Any]:
-    """Return the answer as JSON-ready values (schema ``camtorque.design/1``), units in the names."""
+def answer_document(
+    answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]] = ()
+) -> dict[str, Any]:
+    """Return the answer as JSON-ready values (schema ``camtorque.design/1``), units in the names.
+
+    Parameters
+    ----------
+    read_back : what `predict` makes of the files
+    fitted : what the fitted model makes of pump and design under each load
+    """
     task = answer.task
     return {
         "schema": "camtorque.design/1",
@@ -158,6 +166,7 @@ def answer_document(answer: Answer, read_back: list[dict[str, float]]) -> dict[s
         "prices": [asdict(price) for price in answer.prices],
         "tolerances": {name: asdict(spread) for name, spread in answer.spreads.items()},
         "as_predict_reads_it": read_back,
+        "as_fitted": list(fitted),
     }
 
 

@@ -1,16 +1,42 @@
-"""The friction of a pump as a fit found it: result.json of a run -> coefficients for the design."""
+"""What a fit knows of the pump that is to be made better: friction coefficients, chamber pressure under a load."""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from camtorque.config_pump import PumpConfig
+from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Refusal
 from camtorque.results import read_result
 
 FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
 NAMES = ("guide_friction", "bearing_arm", "pin_arm")
+
+
+@dataclass(frozen=True)
+class FittedPump:
+    """A pump as a fit knows it.
+
+    Attributes
+    ----------
+    path : of the fit, for messages
+    pump_id : of its recordings
+    friction : guide coefficient, bearing and pin arm [-, m, m]
+    law : lift of the cam that it was fitted with
+    recordings : names of what was fitted
+    chamber : recording ("" for the one nearest in speed), speed [rad/s] -> its name, and the fitted pressure on the
+        plunger over the angle of that cam
+    """
+
+    path: Path
+    pump_id: str
+    friction: tuple[float, float, float]
+    law: CamLaw
+    recordings: tuple[str, ...]
+    chamber: Callable[[str, float], tuple[str, PressureCurve]]
 
 
 def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float]:
@@ -21,13 +47,17 @@ def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float
     Refusal : not the result of a run, of another pump, or a pump file without an id to compare
     """
     document = read_result(path)
+    same_pump(path, config, str(document["recording"].get("pump", "")))
+    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in NAMES]
+    guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
+    return guide, bearing, pin
+
+
+def same_pump(path: Path, config: PumpConfig, there: str) -> None:
+    """Refuse a fit of another pump, or a pump file without an id to compare."""
     here = str(tomllib.loads(config.text).get("pump", {}).get("id", ""))
-    there = str(document["recording"].get("pump", ""))
     if not here or here != there:
         raise Refusal(
             f"{path}: is a fit of the pump {there!r}, expected that of {config.path}, whose id is {here!r}; name the "
             "fit of this pump, or give it the same id where it is the same"
         )
-    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in NAMES]
-    guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
-    return guide, bearing, pin

@@ -24,6 +24,7 @@ class Load:
     lifts, pressures : (k,) corners on the rise, linear in between [m, Pa]
     back_lifts, back_pressures : on the return
     events : (j,) lifts at which the rise is evaluated exactly [m]
+    source : recording whose fitted chamber pressure it is, empty for none
     """
 
     name: str
@@ -33,6 +34,7 @@ class Load:
     back_lifts: Array
     back_pressures: Array
     events: Array
+    source: str = ""
 
     def __post_init__(self) -> None:
         freeze_arrays(self)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
 from camtorque.report.chart import HALF, Curves, Line, Panel
 from camtorque.report.curves_svg import curves_svg
+from camtorque.report.forecast_page import TITLES, with_band
 from camtorque.report.numbers import num, plus
 from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
@@ -96,8 +97,17 @@ def design_svg(point: FrontPoint, names: tuple[str, ...]) -> str:
     return curves_svg(Curves(grid, "cam angle from the start of the rise [deg]", panels, width=HALF), "one design")
 
 
-def design_page(answer: Answer, read_back: list[dict[str, float]]) -> str:
-    """Return the page as HTML."""
+FITTED = ("torque_max_nm", "torque_min_nm", "torque_mean_nm", "chamber_peak_bar", "delivered_mm3", "hertz_max_gpa")
+"""Rows of the fitted model that are shown, by the names of the prediction page."""
+
+
+def fitted_cells(row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return name, value of the fitted pump and of the design by the fitted model, each with its 95 % interval."""
+    return [(TITLES[key], with_band(row["fitted_pump"][key]), with_band(row["design"][key])) for key in FITTED]
+
+
+def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]] = ()) -> str:
+    """Return the page as HTML; ``fitted`` is what the fitted model makes of pump and design under each load."""
     task, front = answer.task, answer.front
     pairs = [(a, b) for b in range(1, len(task.aims)) for a in range(b)]
     loads = tuple(load.name for load in task.loads)
@@ -113,6 +123,7 @@ def design_page(answer: Answer, read_back: list[dict[str, float]]) -> str:
         missed=_most_missed(answer),
         prices=[(p.what, p.unit, [p.per_aim.get(name) for name in task.aims]) for p in answer.prices],
         spreads=[(label_of(name), spread) for name, spread in answer.spreads.items()],
+        fitted=[(row["load"], fitted_cells(row)) for row in fitted],
         samples=task.tolerances.samples, read_back=read_back, config_text=task.text,
     )  # fmt: skip
 

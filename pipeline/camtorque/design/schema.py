@@ -30,6 +30,8 @@ LOAD = TableSchema("[[load]]", "speeds under one pressure over lift", (
     Key("closes_mm", "number", "lift at which the pressure begins to rise", "mm", 0.0, LENGTH),
     Key("spills_mm", "number", "lift at which it begins to fall", "mm", None, LENGTH),
     Key("ramp_mm", "number", "lift over which it comes and goes", "mm", 3e-4, Band(1e-3, 100.0, "more than nothing")),
+    Key("recording", "text", "in their place, with --from: the fitted chamber pressure of this recording; without it "
+        "that of the one nearest in speed", default=""),
     Key("pressure_file", "path", "in their place: pressure over cam angle of the pump file's cam, carried by the lift",
         default=None),
 ), many=True)  # fmt: skip

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from camtorque.config_pump import PressureCurve, PumpConfig
-from camtorque.design.fitted import fitted_friction
+from camtorque.design.fitted import FittedPump, fitted_friction, same_pump
 from camtorque.design.loads import Load
 from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, LOAD, TOLERANCES, TOP
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, Refusal
 from camtorque.toml_schema import Key, TableSchema
@@ -26,6 +27,8 @@ from camtorque.units import DEGREE, RPM, did_you_mean
 SLIP = 50.0
 """Bounds further than this factor from the value of the pump file are taken for a slip of units."""
 KNEE = "knee"
+Corners = tuple[Array, Array, Array, Array, Array]
+"""Lifts and pressures of a load on the rise and on the return, and lifts at which it is evaluated exactly."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +87,12 @@ class Task:
     starts: int
 
 
-def read_task(path: Path | str) -> Task:
+def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     """Return a design task from its file, pump file and pressure curves read.
+
+    Parameters
+    ----------
+    fitted : pump as a fit knows it: its friction is taken, and its chamber pressure where a load gives none
 
     Raises
     ------
@@ -100,6 +107,9 @@ def read_task(path: Path | str) -> Task:
     config, _ = read_pump(top["pump"])
     if top["fit"] is not None:
         config = replace(config, friction=fitted_friction(top["fit"], config))
+    if fitted is not None:
+        same_pump(fitted.path, config, fitted.pump_id)
+        config = replace(config, friction=fitted.friction)
     lift, free = root.table("lift", optional=True), root.table("free", optional=True)
     shape = _read(lift, LIFT, "law")
     fixed = _lobe_values(config, lift, shape, free)
@@ -111,7 +121,7 @@ def read_task(path: Path | str) -> Task:
         families=_families(lift, shape),
         fixed=fixed,
         variables=variables,
-        loads=tuple(load for table in root.tables("load") for load in _loads(table, config)),
+        loads=tuple(load for table in root.tables("load") for load in _loads(table, config, fitted)),
         aims=_aims(root.table("aims")),
         limits=_limits(root.table("limits", optional=True)),
         tolerances=_tolerances(root.table("tolerances", optional=True)),
@@ -200,25 +210,42 @@ def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:
     return float(bounds[0]), float(bounds[1])
 
 
-def _loads(table: Table, config: PumpConfig) -> list[Load]:
+def _loads(table: Table, config: PumpConfig, fitted: FittedPump | None) -> list[Load]:
     """Return one load per speed of a [[load]] table."""
     speeds = table.values.get("speed_rpm")
     listed = Table(
         {**table.values, "speed_rpm": speeds if isinstance(speeds, list) else [speeds]}, table.file, table.header
     )
     values = _read(listed, LOAD)
+    given = values["pressure_bar"] is not None or values["pressure_file"] is not None
+    if values["recording"] or (fitted is not None and not given):
+        return [_fitted_load(table, values["recording"], speed, fitted) for speed in values["speed_rpm"]]
     if values["pressure_file"] is not None:
-        curve = _carried(read_pressure_curve(values["pressure_file"]), config, table)
+        curve = _carried(read_pressure_curve(values["pressure_file"]), cam_of(config), table)
     else:
         curve = _trapezoid(table, values)
     return [Load(f"{speed / RPM:g} rpm", speed, *curve) for speed in values["speed_rpm"]]
 
 
-def _trapezoid(table: Table, values: Mapping[str, Any]) -> tuple[Array, ...]:
+def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump | None) -> Load:
+    """Return the fitted chamber pressure of a recording as a load."""
+    where = table.where("recording")
+    if fitted is None:
+        raise Refusal(f"{where}: found {recording!r} without a fit, expected one; name it with --from RESULT")
+    if recording and recording not in fitted.recordings:
+        raise Refusal(
+            f"{where}: {recording!r} is no recording of {fitted.path}{did_you_mean(recording, fitted.recordings)}; "
+            f"there are {', '.join(fitted.recordings)}"
+        )
+    name, curve = fitted.chamber(recording, speed)
+    return Load(f"{speed / RPM:g} rpm, {name}", speed, *_carried(curve, fitted.law, table), source=name)
+
+
+def _trapezoid(table: Table, values: Mapping[str, Any]) -> Corners:
     """Return a pressure that comes and goes over lift on the rise; nothing on the return."""
     for name in ("pressure_bar", "spills_mm"):
         if values[name] is None:
-            raise Refusal(f"{table.where(name)}: this key is missing; give it, or a pressure_file")
+            raise Refusal(f"{table.where(name)}: this key is missing; give it, or a pressure_file, or a fit (--from)")
     closes, spills, ramp = (values[name] for name in ("closes_mm", "spills_mm", "ramp_mm"))
     if spills < closes + ramp:
         raise Refusal(
@@ -230,19 +257,19 @@ def _trapezoid(table: Table, values: Mapping[str, Any]) -> tuple[Array, ...]:
     return lifts, shape, np.array([0.0, 1.0]), np.zeros(2), lifts
 
 
-def _carried(curve: PressureCurve, config: PumpConfig, table: Table) -> tuple[Array, ...]:
-    """Return a curve over cam angle as pressure over lift, by the cam of the pump file: it belongs to the stroke."""
-    law = cam_of(config)
+def _carried(curve: PressureCurve, law: CamLaw, table: Table) -> Corners:
+    """Return a curve over the angle of a cam as pressure over lift: it belongs to the stroke."""
     theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
     lift, pressure = law.evaluate(theta), pressure_at(curve, theta)
     top = int(np.argmax(lift))
     shift = -int(np.argmin(np.where(lift < 1e-3 * lift[top], (theta - theta[top]) % (2.0 * np.pi), np.inf)))
     lift, pressure = np.roll(lift, shift), np.roll(pressure, shift)
     peak = int(np.argmax(lift))
-    grid = np.linspace(0.0, lift[peak], 200)
+    highest = np.minimum(lift[int(np.argmax(pressure))], lift[peak])
+    grid = np.unique(np.append(np.linspace(0.0, lift[peak], 400), highest))
     rise, back = np.maximum.accumulate(lift[: peak + 1]), np.maximum.accumulate(lift[:peak:-1])
     if rise.size < 3 or back.size < 3:
-        raise Refusal(f"{table.where('pressure_file')}: the cam of {config.path} has no rise and return to carry it by")
+        raise Refusal(f"{table.where('pressure_file')}: its cam has no rise and return to carry it by")
     up, down = (np.interp(grid, y, p) for y, p in ((rise, pressure[: peak + 1]), (back, pressure[:peak:-1])))
     return grid, up, grid, down, grid[[int(np.argmax(up))]]
 

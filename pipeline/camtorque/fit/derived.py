@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from camtorque.fit.forecast import stroke_volume
 from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED
 from camtorque.laws.chain import SHIFT_NAMES, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import RIGID, cam_side_inertia
-from camtorque.laws.fluid import specific_volume
 from camtorque.records import Array, Estimate, ParameterEstimate
-from camtorque.units import BAR
 
-SEAT = 2
-"""Column of the chain's flows that is the one past the delivery valve."""
 SHAFT = ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio")
 SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
     "cam_side_inertia": (
@@ -53,7 +50,6 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
 def delivered_volume(fit: Fit, index: int) -> Estimate | None:
     """Return the volume that leaves the chamber for the line in a stroke, at zero gauge pressure; None without one.
 
-    The model's gallery begins each revolution at feed pressure, a pump's keeps its pressure: what stays in it counts.
     The uncertainty is that of the chamber's parameters by differences: the compiled chamber has no tangents of flows.
     """
     chain = fit.problem.data[index].chain
@@ -63,11 +59,7 @@ def delivered_volume(fit: Fit, index: int) -> Estimate | None:
 
     def volume(moved: Array) -> float:
         values, _ = fit.problem.values(moved, index)
-        output = evaluate(chain, values)
-        fluid = (values["bulk_modulus"] / BAR, values["bulk_modulus_slope"], values["free_air"])
-        first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
-        kept = values["gallery_volume"] * (last - first)
-        return float(np.mean(output.flows[:, SEAT])) * 2.0 * np.pi / chain.speed + kept
+        return stroke_volume(chain, values, evaluate(chain, values))
 
     base, slope = volume(z), np.zeros(z.size)
     low, high = fit.problem.bounds

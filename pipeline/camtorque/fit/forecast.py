@@ -18,7 +18,9 @@ from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, SPILL_NAMES
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
+from camtorque.laws.fluid import specific_volume
 from camtorque.records import Array, Estimate, Refusal, freeze_arrays
+from camtorque.units import BAR
 
 DRAWS = 80
 FRACTION = 0.2
@@ -27,6 +29,8 @@ ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
 GROWTH = 0.02
 """Error as a share of the peak per unit of ln speed away from the fitted speeds, where no left-out run teaches it."""
+SEAT = 2
+"""Column of the chain's flows that is the one past the delivery valve."""
 FLOOR = 0.15
 """Share of the law's error that is spread over the revolution whatever the torque is."""
 
@@ -99,6 +103,7 @@ class Forecast:
     pressure, pressure_std : (n,) on the plunger [Pa]
     contact, contact_std : (n,) contact force along the follower [N]
     true_angle : (n,) [rad]
+    delivered, delivered_std : volume that leaves the chamber for the line in a stroke [m^3]
     law_share : rms of the law's error as a share of the peak
     beyond : distance from the fitted speeds in ln speed, 0 inside
     assumed : sentences on what was assumed
@@ -115,6 +120,8 @@ class Forecast:
     contact: Array
     contact_std: Array
     true_angle: Array
+    delivered: float
+    delivered_std: float
     law_share: float
     beyond: float
     assumed: tuple[str, ...] = field(default=())
@@ -183,7 +190,8 @@ def forecast(
         speed=chain.speed, theta=chain.theta, torque=torque, torque_std=total,
         by_cause={name[6:]: center[name] for name in causes}, by_cause_std={name[6:]: std[name] for name in causes},
         pressure=center["pressure"], pressure_std=std["pressure"], contact=center["contact"],
-        contact_std=std["contact"], true_angle=center["angle"], law_share=share, beyond=beyond,
+        contact_std=std["contact"], true_angle=center["angle"],
+        delivered=float(center["delivered"]), delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
     )  # fmt: skip
 
 
@@ -252,4 +260,16 @@ def _parts(chain: ChainInput, values: Mapping[str, float]) -> dict[str, Array]:
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
     return {
         **named, "torque": torque, "pressure": output.pressure, "contact": output.load, "angle": output.motion.theta,
+        "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
+
+
+def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainOutput) -> float:
+    """Return the volume that leaves the chamber for the line in a stroke, at zero gauge pressure [m^3].
+
+    The model's gallery begins each revolution at feed pressure, a pump's keeps its pressure: what stays in it counts.
+    """
+    fluid = (values["bulk_modulus"] / BAR, values["bulk_modulus_slope"], values["free_air"])
+    first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
+    kept = values["gallery_volume"] * (last - first)
+    return float(np.mean(output.flows[:, SEAT])) * 2.0 * np.pi / chain.speed + kept

@@ -31,7 +31,8 @@ SAME_SPEED = 0.02
 TITLES = {
     "speed_rpm": "speed [rpm]", "torque_max_nm": "torque, largest [N m]", "torque_min_nm": "torque, smallest [N m]",
     "torque_mean_nm": "torque, mean [N m]", "chamber_peak_bar": "chamber pressure, largest [bar]",
-    "contact_max_n": "contact force, largest [N]", "hertz_max_gpa": "Hertz pressure, largest [GPa]",
+    "delivered_mm3": "volume delivered in a stroke [mm³]", "contact_max_n": "contact force, largest [N]",
+    "hertz_max_gpa": "Hertz pressure, largest [GPa]",
     "law_error_percent": "error of the model in these bands [% of the peak torque, standard deviation]",
 }  # fmt: skip
 """Key of a row of the sweep -> what the page calls it."""
@@ -50,6 +51,7 @@ def sweep_row(item: Forecast, forces: Forces) -> dict[str, Any]:
         "torque_min_nm": _value(item.torque[low], item.torque_std[low]),
         "torque_mean_nm": _value(float(np.mean(item.torque)), float(np.mean(item.torque_std)) / 2.0),
         "chamber_peak_bar": _value(item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
+        "delivered_mm3": _value(1e9 * item.delivered, 1e9 * item.delivered_std),
         "contact_max_n": _value(item.contact[load], item.contact_std[load]),
         "hertz_max_gpa": _value(hertz, 0.5 * relative * hertz),
         "law_error_percent": 100.0 * item.law_share, "beyond_fitted_speeds": item.beyond > SAME_SPEED,

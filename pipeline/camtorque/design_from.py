@@ -1,0 +1,180 @@
+"""A better cam for the pump that a fit knows: its chamber pressure as load, and the answer run by the fitted model.
+
+The search itself takes the fitted friction and the fitted chamber pressure over lift, which stay as they are whatever
+the cam. What the chamber, the losses and the drive then make of the chosen cam (a slower stroke leaks longer, a faster
+one loses more past the valve) is computed once, for the chosen cam and for the fitted one, with 95 % bands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camtorque.config_pump import PressureCurve
+from camtorque.design.answer import Answer
+from camtorque.design.fitted import FittedPump
+from camtorque.design.loads import Load as DesignLoad
+from camtorque.design.quantities import PUMP_FIELDS
+from camtorque.fit.ends import Curve
+from camtorque.fit.forecast import FittedAt, KnownFit, Load
+from camtorque.ingest.cam_table import read_cam_table
+from camtorque.mechanism import lift_law
+from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.predict_from import FRICTION_NAMES, Rig, chain_of, curve_of, read_fit, rig_of, with_forces
+from camtorque.records import Array, Estimate, Refusal
+from camtorque.report.forecast_page import sweep_row
+from camtorque.results import read_result
+from camtorque.threads import on_one_thread
+
+STROKES = np.linspace(0.004, 0.996, 250)
+"""Shares of the lift by which angles of one cam are told on another."""
+FINE = 7200
+BASE = 1.0e-3
+"""Share of the lift below which the follower rests on the base circle."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """A fit with its folder, and where the report of each recording lies."""
+
+    fit: KnownFit
+    folder: Path
+    reports: Mapping[str, Path]
+
+    def source(self, name: str, speed: float) -> FittedAt:
+        """Return a recording by its name, or the one nearest in speed."""
+        return next((item for item in self.fit.recordings if item.id == name), self.fit.nearest(speed))
+
+
+def read_known(path: Path) -> Known:
+    """Return a fit.
+
+    Raises
+    ------
+    Refusal : see `camtorque.predict_from.read_fit`
+    """
+    fit, folder, rows = read_fit(path)
+    return Known(fit, folder, {row["id"]: folder / row["folder"] for row in rows})
+
+
+def fitted_pump(known: Known) -> FittedPump:
+    """Return what a design takes of a fit.
+
+    Raises
+    ------
+    Refusal : the sheets of its recordings are gone
+    """
+    first = known.reports[known.fit.recordings[0].id]
+    places = {name: k for k, name in enumerate(known.fit.names)}
+    guide, bearing, pin = (float(known.fit.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES)
+
+    def chamber(name: str, speed: float) -> tuple[str, PressureCurve]:
+        source = known.source(name, speed)
+        rig = rig_of(known.reports[source.id], None, None)
+        item, _ = _run(known, source, rig, curve_of(known.reports[source.id], source.speed), speed)
+        order = np.argsort(np.mod(item.true_angle, TURN), kind="stable")
+        return source.id, PressureCurve(np.mod(item.true_angle, TURN)[order], item.pressure[order])
+
+    return FittedPump(
+        path=known.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
+        friction=(guide, bearing, pin), law=lift_law(rig_of(first, None, None).table),
+        recordings=tuple(item.id for item in known.fit.recordings), chamber=chamber,
+    )  # fmt: skip
+
+
+def _run(
+    known: Known, source: FittedAt, rig: Rig, curve: Curve, speed: float, ends: Mapping[str, Estimate] | None = None
+) -> Any:
+    return on_one_thread(with_forces)(known.fit, source, rig, chain_of(rig, speed, curve), Load(ends or {}), {})
+
+
+def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]:
+    """Return the fitted pump and the chosen design under each load that is of a recording, by the fitted model.
+
+    Parameters
+    ----------
+    table : lift table of the chosen design
+
+    Raises
+    ------
+    Refusal : the follower of the design jams or the torque runs away
+    """
+    chosen = answer.chosen.problem.evaluated(answer.chosen.variables)
+    changed = {field: getattr(chosen.pump, field) for field in PUMP_FIELDS.values()}
+    columns = {"cam_table_path": table, "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm"}
+    rows = []
+    for load in answer.task.loads:
+        if load.source:
+            source = known.source(load.source, load.speed)
+            rig = rig_of(known.reports[source.id], None, None)
+            pump = replace(rig.pump, **changed, **columns)
+            rows.append(_pair(known, source, rig, replace(rig, pump=pump, table=read_cam_table(pump)[0]), load))
+    return rows
+
+
+def _pair(known: Known, source: FittedAt, before: Rig, after: Rig, load: DesignLoad) -> dict[str, Any]:
+    curve = curve_of(known.reports[source.id], source.speed)
+    places = known.fit.own(source.id)
+    offset = float(known.fit.values[places["trigger_offset"]]) if "trigger_offset" in places else 0.0
+    old, new = lift_law(before.table), lift_law(after.table)
+    moved = replace(curve, pressure=carried_pressure(curve, old, new, offset))
+    ends = {}
+    if source.structure == "land":
+        angle = float(known.fit.values[places["end_of_delivery"]])
+        ends["end_of_delivery"] = Estimate(float(carried_angles(np.array([angle]), new, old)[0]), 0.0)
+    sides = {
+        "fitted_pump": _run(known, source, before, curve, load.speed),
+        "design": _run(known, source, after, moved, load.speed, ends),
+    }
+    return {"load": load.name, **{name: sweep_row(item, forces) for name, (item, forces) in sides.items()}}
+
+
+def carried_pressure(curve: Curve, old: CamLaw, new: CamLaw, offset: float) -> Array:
+    """Return the line pressure of one cam over the angle of another: at the same lift the same pressure.
+
+    Parameters
+    ----------
+    offset : true less nominal cam angle [rad]
+    """
+    place = carried_angles(curve.theta + offset, old, new) - offset
+    return np.interp(place, curve.theta, curve.pressure, period=TURN)
+
+
+def carried_angles(angles: Array, old: CamLaw, new: CamLaw) -> Array:
+    """Return the angles of the old cam at which the lift is that of the new cam at some angles, (n,) [rad].
+
+    Between the flanks angles are carried in proportion.
+    """
+    lifts = STROKES * min(_top(old), _top(new))
+    there, here = stroke_angles(old, lifts), stroke_angles(new, lifts)
+    turn = np.mod(angles - here[0], TURN) + here[0]
+    return np.interp(turn, np.append(here, here[0] + TURN), np.append(there, there[0] + TURN))
+
+
+def _top(law: CamLaw) -> float:
+    return float(np.max(law.evaluate(np.arange(FINE) * TURN / FINE)))
+
+
+def stroke_angles(law: CamLaw, lifts: Array) -> Array:
+    """Return the angles at which a cam has some lifts, first on the rise, then on the return, increasing, (2k,) [rad].
+
+    Raises
+    ------
+    Refusal : the cam has no rest on its base circle
+    """
+    theta = np.arange(FINE) * TURN / FINE
+    lift = law.evaluate(theta)
+    top = int(np.argmax(lift))
+    turned = np.roll(lift, -top)
+    rest = np.flatnonzero(turned < BASE * lift[top])
+    if not rest.size:
+        raise Refusal("design: the lift has no rest on the base circle, expected one; check the lift table")
+    step = TURN / FINE
+    back = np.interp(lifts[::-1], turned[rest[0] :: -1], step * np.arange(rest[0], -1, -1))
+    up = np.maximum.accumulate(np.append(turned[rest[-1] :], turned[0]))
+    rise = np.interp(lifts, up, step * (np.arange(rest[-1], FINE + 1) - FINE))
+    return np.asarray(theta[top] + np.concatenate([rise, back]))
