@@ -11,7 +11,7 @@ import numpy as np
 
 from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import drawn
-from camtorque.report.files import write_json, write_page, write_page
+from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import near, plus_minus, unit_text, words
 from camtorque.report.page import Drawing, render
 from camtorque.report.tones import CYCLE
