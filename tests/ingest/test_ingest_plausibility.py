@@ -133,6 +133,70 @@ def test_unusual_pumps_are_told(bench: Path):
     assert ["follower_mass_kg" in texts[0], "spring_stiffness_N_per_m" in texts[1]] == [True, True]
 
 
+SHEET_SLIPS = {
+    "diameter of the base circle": (("base_circle_radius_m = 0.02", "base_circle_radius_m = 0.04"), "is it the diamet"),
+    "diameter of the roller": (("roller_radius_m = 0.008", "roller_radius_m = 0.016"), "roller_radius_m (is it the di"),
+    "both": (
+        (
+            "base_circle_radius_m = 0.02\nroller_radius_m = 0.008",
+            "base_circle_radius_m = 0.04\nroller_radius_m = 0.016",
+        ),
+        "base_circle_radius_m (is it the diameter?)",
+    ),
+    "radius of the plunger": (
+        ("plunger_diameter_m = 0.008", "plunger_diameter_m = 0.004"),
+        "one is wrong: plunger_diameter_m",
+    ),
+    "roller weighed with its pin": (
+        ("spring_preload_N", "roller_mass_kg = 0.02\nspring_preload_N"),
+        "a steel disc of its",
+    ),
+    "inertia of a larger roller": (
+        ("spring_preload_N", "roller_mass_kg = 0.008\nroller_inertia_kg_m2 = 6.3e-7\nspring_preload_N"),
+        "with a bore,",
+    ),
+    "follower without its roller": (("follower_mass_kg = 0.075", "follower_mass_kg = 0.005"), "as large as its roller"),
+}
+
+
+@pytest.mark.parametrize("slip", SHEET_SLIPS)
+def test_slips_that_each_band_allows_are_told(bench: Path, slip: str):
+    (old, new), said = SHEET_SLIPS[slip]
+    edit(bench / "raw_examples" / "A" / "recording.toml", old, new)
+    texts = [finding.text for finding in read(bench).findings if finding.severity == "warning"]
+    assert any(said in text for text in texts)
+
+
+def test_sizes_that_cannot_be_built_are_refused(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    edit(toml, "spring_preload_N", "roller_mass_kg = 0.008\nroller_inertia_kg_m2 = 6.3e-8\nspring_preload_N")
+    with pytest.raises(
+        Refusal, match=r"roller inertia over its mass times radius squared, 0.5 to 1 for a disc .* is 0.12"
+    ):
+        read(bench)
+    edit(toml, "roller_mass_kg = 0.008\nroller_inertia_kg_m2 = 6.3e-8\n", "")
+    edit(toml, "base_circle_radius_m = 0.02", "base_circle_radius_m = 0.007")
+    with pytest.raises(Refusal, match=r"curvature of its path .* is 1\.\d+, usual"):
+        read(bench)
+
+
+def test_the_curvature_of_the_path_is_that_of_its_points(bench: Path):
+    recording = read(bench)
+    pump, table = recording.config.pump, recording.lift_table
+    assert table is not None
+    angle = np.radians(np.arange(0.0, 360.0, 5.0))
+    distance = np.sqrt((pump.base_circle_radius + pump.roller_radius) ** 2 - pump.follower_offset**2)
+    out = distance + np.interp(angle, table.theta, table.lift, period=2.0 * np.pi)
+    # the cam at rest, the follower led about it: three points make a circle
+    x = pump.follower_offset * np.cos(angle) - out * np.sin(-angle)
+    y = pump.follower_offset * np.sin(-angle) + out * np.cos(angle)
+    points = x + 1j * y
+    a, b = points - np.roll(points, 1), np.roll(points, -1) - points
+    signed = 2.0 * np.imag(np.conj(a) * b) / (np.abs(a) * np.abs(b) * np.abs(a + b))
+    largest = pump.roller_radius * np.max(np.abs(signed) * np.sign(signed * np.sign(np.sum(signed))))
+    assert PUMP_RATIOS["undercut"].value(pump, table) == pytest.approx(largest, rel=0.05)
+
+
 def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench: Path):
     edit(bench / "raw_examples" / "A" / "recording.toml", "plunger_diameter_m = 0.008", "plunger_diameter_m = 0.004")
     assert "torque_against_pressure" in codes(bench)
