@@ -9,7 +9,7 @@ import pytest
 from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, savage_dickey
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
-from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift
+from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift, switching_std
 from camtorque.fit.uncertainty import Covariance, covariance
 from camtorque.records import AngleError
 from fit_cases import bridged, quick
@@ -105,6 +105,7 @@ def test_probabilities_of_structures_follow_chi_square_under_inflation():
 def test_what_the_switch_may_be_late_is_in_the_trigger_angle_alone():
     problem, cycles = quick(("closed_volume", 0, 1000.0)).problem, bridged(("closed_volume",))[1]
     late = replace(cycles, angle_errors=(AngleError("trigger switching delay", 0.03, ""),))
-    shift = switching_shift(problem, late)
+    shift = switching_shift(problem, switching_std(late))
     assert shift[problem.index("trigger_offset")] == pytest.approx(np.radians(0.03))
     assert np.count_nonzero(shift) == 1
+    assert switching_std(replace(cycles, angle_errors=())) == 0.0

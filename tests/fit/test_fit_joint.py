@@ -55,6 +55,13 @@ def joint(prepared, solved):
     return joint_fit_of(prepared, *solved)
 
 
+def test_one_switch_is_late_in_all_recordings_alike(prepared, solved):
+    late = [replace(item, switching_std=angle) for item, angle in zip(prepared, (0.001, 0.002, 0.003), strict=True)]
+    fit = joint_fit_of(late, *solved)
+    k = fit.problem.index("trigger_offset")
+    assert fit.std[k] == pytest.approx(np.hypot(fit.covariance.std[k], 0.002))  # not averaged away
+
+
 def test_shared_parameters_are_told_better_together(prepared, campaign):
     truth = rig(*FAMILY, SPEEDS[0]).truth
     rows = {row.name: row for row in campaign.shared_parameters}

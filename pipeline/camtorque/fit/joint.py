@@ -21,7 +21,7 @@ from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, wi
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import modelled, parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES, begun, ends_at
-from camtorque.fit.single import Fit
+from camtorque.fit.single import SWITCHING, Fit, switching_shift
 from camtorque.fit.solver import Solution, lifts_at, solve
 from camtorque.laws.chain import BINS
 from camtorque.records import Array, Finding, Metrics, ParameterEstimate, Refusal
@@ -286,7 +286,11 @@ def joint_fit_of(
         solution.z, solution.chi_square, solution.data_chi_square, nothing, nothing, solution.gradient, (), (), (),
         solution.iterations, solution.evaluations, solution.converged,
     )  # fmt: skip
-    shifts = {"drift of what should be the same": drift_spread(problem, solution.z, drifts)}
+    shifts = {
+        "drift of what should be the same": drift_spread(problem, solution.z, drifts),
+        # one sensor, one delay: the angle at the mean speed
+        SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs]))),
+    }
     return Fit(
         problem, light, cov, shifts, (), (), (), (), tuple(item.measured for item in inputs),
         tuple(item.pressure_gain_std for item in inputs),

@@ -11,7 +11,7 @@ import numpy as np
 
 from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData
-from camtorque.fit.single import Prepared, pressure_gain_std
+from camtorque.fit.single import Prepared, pressure_gain_std, switching_std
 from camtorque.fit.uncertainty import covariance
 from camtorque.records import Array, freeze_arrays
 
@@ -38,6 +38,7 @@ class JointInput:
     rigid_torque, lift, lift_velocity : (n_theta,) of the rigid solution [N m], [m], [m/rad]
     measured : (n,) mean torque on the grid of the fit [N m]
     pressure_gain_std : relative
+    switching_std : of the trigger's switching delay as an angle at this speed [rad]
     alone : shared parameter -> as this recording alone tells it
     inflation : of its residual, fitted alone
     """
@@ -50,6 +51,7 @@ class JointInput:
     lift_velocity: Array
     measured: Array
     pressure_gain_std: float
+    switching_std: float
     alone: Mapping[str, Alone]
     inflation: float
 
@@ -74,8 +76,8 @@ def joint_input(prepared: Prepared) -> JointInput:
     means, rigid = prepared.means, prepared.rigid
     return JointInput(
         prepared.recording.config.pump_id, best.data, replace(means, pressure_all=np.zeros(0)),
-        rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured, pressure_gain_std(prepared.recording), alone,
-        found.inflation,
+        rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured, pressure_gain_std(prepared.recording),
+        switching_std(prepared.cycles), alone, found.inflation,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ RELAXED_TIME = 2.5e-3
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
 POLISH_ITERATIONS = 40
+SWITCHING = "switching delay of the trigger"
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     pressures.append(relaxed.solution.outputs[0].pressure - solution.outputs[0].pressure)
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.append(moved)
-    shifts["switching delay of the trigger"] = switching_shift(problem, prepared.cycles)
+    shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))
     odd_even = float(np.sqrt(np.mean((prepared.means.torque - prepared.means.held_torque) ** 2)))
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
@@ -193,15 +194,19 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     )  # fmt: skip
 
 
-def switching_shift(problem: Problem, cycles: CamCycles) -> Array:
+def switching_shift(problem: Problem, angle: float) -> Array:
     """Return how far one standard deviation of the trigger's switching delay moves each parameter, (k,) [SI].
 
     The pulse comes that much later than the tooth, and the fit finds the pulse.
     """
     shift = np.zeros(problem.size)
-    known = [row.std_deg for row in cycles.angle_errors if row.source == SWITCHING_DELAY]
-    shift[problem.index("trigger_offset")] = known[0] * DEGREE if known else 0.0
+    shift[problem.index("trigger_offset")] = angle
     return shift
+
+
+def switching_std(cycles: CamCycles) -> float:
+    """Return the standard uncertainty of the trigger's switching delay as an angle [rad], 0 where none is known."""
+    return next((row.std_deg * DEGREE for row in cycles.angle_errors if row.source == SWITCHING_DELAY), 0.0)
 
 
 def pressure_gain_std(recording: Recording) -> float:
