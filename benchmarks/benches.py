@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import numpy as np
-from camtorque.fit import Prepared
+from camtorque.fit.single import Prepared
 from camtorque.predict_from import Rig
 from rigs.rig import RigRun
 from rigs.write import write_recording

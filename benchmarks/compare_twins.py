@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, write_rows
 from camtorque.compare import compare_prepared
-from camtorque.fit import Prepared, prepare
 from camtorque.fit.prepare import mean_cycles
+from camtorque.fit.single import Prepared, prepare
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from rig_bridge import cycles_of, recording_of
 from rigs.families import FAMILIES

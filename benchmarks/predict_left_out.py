@@ -19,12 +19,13 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.align import align
-from camtorque.fit import Prepared, joint_input, prepare
 from camtorque.fit.ends import Curve, ends_for
 from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
+from camtorque.fit.joint_input import joint_input
 from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
+from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.predict_from import chain_of, file_curve
 from camtorque.rehearsal import rigid_torque

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
-from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.fit.ends import Curve, ends_for
 from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
 from camtorque.fit.prepare import on_grid
+from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.predict_from import chain_of
 from compare_twins import compared_side, recorded
 from rigs.families import FAMILIES

@@ -307,7 +307,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("camtorque.cli", {"numpy"}),
         ("camtorque.commands.check", {"pandas", "matplotlib", "h5py", "nptdms", "asammdf"}),
-        ("camtorque.commands.run", {"pandas", "lmfit", "asammdf", "emcee", "camtorque.studies"}),
+        ("camtorque.commands.run", {"pandas", "lmfit", "scipy.interpolate", "asammdf", "emcee", "camtorque.studies"}),
         ("camtorque.commands.predict", {"pandas", "camtorque.studies"}),
     ],
 )
@@ -315,6 +315,22 @@ def test_a_command_imports_what_it_needs_alone(module: str, unwanted: set[str]) 
     code = f"import sys, {module}; print(*(name for name in {sorted(unwanted)} if name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("command", ["check", "align"])
+def test_short_recordings_are_checked_and_aligned_without_compiled_code(command: str, tmp_path: Path) -> None:
+    words = [
+        command,
+        str(EXAMPLES / "A_1000rpm"),
+        "--quiet",
+        *(["--out", str(tmp_path / "out")] if command == "align" else []),
+    ]
+    code = (
+        f"import sys; from camtorque.cli import main; main({words!r}); "
+        "print(*(name for name in ('numba', 'scipy', 'pandas', 'matplotlib') if name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == ""
 
 
 def test_every_command_keeps_the_numerical_libraries_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,19 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
 PROCESS = {"caches", "stopping", "system", "workers"}
-SMALL = {"units", "records", "grid_choice", "plain", "limits", "progress", "results", "stacks", "threads", "version"}
+SMALL = {
+    "compiled",
+    "units",
+    "records",
+    "grid_choice",
+    "plain",
+    "limits",
+    "progress",
+    "results",
+    "stacks",
+    "threads",
+    "version",
+}
 LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
 FLOWS = ["rehearsal", "run", "campaign", "compare", "predict_from", "design_from", "plan", "studies"]
@@ -38,8 +50,8 @@ ONLY_SHOWN = {
     "leastsq": "called by lmfit",
 }
 """Used by nothing else in the package, and why it is there."""
-LAZY = {"dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
-"""Heavy optional packages that may be imported inside a function."""
+LAZY = {"numba", "dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
+"""Heavy packages that may be imported inside a function: optional ones, and numba by `camtorque.compiled`."""
 
 
 def room_of(module: str) -> str:

@@ -20,7 +20,7 @@ from camtorque.align import AlignOptions
 from camtorque.align import align as _align
 from camtorque.arrays import Mark, Sensor, recording_from_arrays
 from camtorque.config_pump import PressureCurve, PumpConfig
-from camtorque.fit import FitOptions
+from camtorque.fit.single import FitOptions
 from camtorque.frames import to_pandas, to_xarray
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump

@@ -12,10 +12,10 @@ import numpy as np
 
 from camtorque.align import align
 from camtorque.config_toml import load_recording_config
-from camtorque.fit import Prepared, prepare
 from camtorque.fit.changes import Attribution, attribution, together
 from camtorque.fit.pair import SAME_SPEED, Pair, pair_of
 from camtorque.fit.prepare import mean_cycles
+from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
 from camtorque.records import Array, Refusal

@@ -22,8 +22,8 @@ import lmfit
 import numpy as np
 
 from camtorque.align import align
-from camtorque.fit import prepare
 from camtorque.fit.problem import Problem
+from camtorque.fit.single import prepare
 from camtorque.fit.solver import LiftModes
 from camtorque.ingest import read_recording
 from camtorque.laws.chain import ChainOutput, evaluate

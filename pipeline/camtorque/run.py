@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.align import AlignOptions, align
-from camtorque.fit import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.fit.result import fitted_torque
+from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings

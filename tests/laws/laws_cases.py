@@ -27,6 +27,8 @@ class HarmonicLaw:
     def derivatives(self, theta, highest=3):
         return np.array([self.evaluate(theta, k) for k in range(highest + 1)])
 
+    compiled_derivatives = derivatives
+
     def evaluate(self, theta, derivative=0):
         total = np.zeros_like(np.asarray(theta, float))
         for k, amplitude in enumerate(self.amplitudes):

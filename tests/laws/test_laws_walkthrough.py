@@ -16,7 +16,7 @@ LAW = '''"""Churning of the oil bath: torque with the square of speed, and with 
 
 from __future__ import annotations
 
-from numba import njit
+from camtorque.compiled import njit
 
 from camtorque.laws.columns import on_shaft
 from camtorque.laws.rows import Law, parameter

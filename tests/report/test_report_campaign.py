@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from camtorque.fit import CampaignFit, Drift, HeldOut, JointRecording
+from camtorque.fit.joint import CampaignFit, Drift, JointRecording
+from camtorque.fit.leftout import HeldOut
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
 from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page

@@ -26,7 +26,7 @@ from camtorque.campaign.store import (
     removed,
 )
 from camtorque.campaign.task import Task, refused, run_task
-from camtorque.fit import CampaignFit
+from camtorque.fit.joint import CampaignFit
 from camtorque.plain import now
 from camtorque.progress import spoken
 from camtorque.records import Finding, Refusal

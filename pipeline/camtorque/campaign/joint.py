@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from camtorque.fit import CampaignFit, JointInput, fit_joint
-from camtorque.fit.joint_input import held_once
+from camtorque.fit.joint import CampaignFit, fit_joint
+from camtorque.fit.joint_input import JointInput, held_once
 from camtorque.records import Finding, Refusal
 from camtorque.threads import on_one_thread
 

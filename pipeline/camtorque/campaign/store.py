@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from camtorque.fit import JointInput
+from camtorque.fit.joint_input import JointInput
 from camtorque.records import Refusal
 from camtorque.report import CampaignEntry, check_writable
 from camtorque.report.files import write_json

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import read_entry, write_entry, write_joint_input
-from camtorque.fit import joint_input
+from camtorque.fit.joint_input import joint_input
 from camtorque.records import Refusal
 from camtorque.report import CampaignEntry, output_folder, thumbnail, write_run
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about

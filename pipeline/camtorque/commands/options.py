@@ -7,8 +7,8 @@ from importlib.util import find_spec
 
 from camtorque.align import AlignOptions
 from camtorque.commands.outcome import Tell
-from camtorque.fit import FitOptions
 from camtorque.fit.prepare import LEAST_GRID
+from camtorque.fit.single import FitOptions
 from camtorque.grid_choice import grid_note
 from camtorque.limits import read_limits
 from camtorque.records import Refusal

@@ -179,7 +179,7 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
         for order, part in enumerate(moved[1:], 1):
             part[:, 0] += np.fft.irfft(spectrum * (1j * harmonic) ** order, data.theta.size)
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
-    lift = np.asarray(data.law.derivatives(theta, 3))
+    lift = np.asarray(data.law.compiled_derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]
     shifts = tuple(part.copy() for part in moved)
     for part, first in zip(shifts, (1.0, 0.0, 0.0), strict=True):

@@ -15,8 +15,8 @@ the step, and stable in the stiff valve flow. The tangents by all parameters are
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.laws import fluid, leakage, ports, valve
 from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow

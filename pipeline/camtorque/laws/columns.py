@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
+from camtorque.compiled import njit
 
 
 class At(NamedTuple):

@@ -27,9 +27,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from camtorque.compiled import njit
 from camtorque.laws.rows import parameter
 from camtorque.records import Array
 from camtorque.units import DEGREE

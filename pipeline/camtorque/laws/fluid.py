@@ -15,8 +15,8 @@ Sources: Payri et al., Fuel 90 (2011): 1.25-1.33 GPa for diesel at 40 degrees, s
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.laws.rows import parameter
 
 AIR_EXPONENT = 1.0 / 1.2

@@ -11,8 +11,7 @@ Source: Andersson, Tribology International 40 (2007); bearings 0.001-0.005 rolli
 
 from __future__ import annotations
 
-from numba import njit
-
+from camtorque.compiled import njit
 from camtorque.laws.columns import on_contact, on_shaft
 from camtorque.laws.rows import Law, parameter
 

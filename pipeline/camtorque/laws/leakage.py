@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from camtorque.compiled import njit
 from camtorque.laws.rows import parameter
 
 LEAK_PRESSURE = 500.0

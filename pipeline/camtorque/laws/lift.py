@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
+from numpy.typing import NDArray
 
 from camtorque.records import Array, freeze_arrays
 from camtorque.units import DEGREE
@@ -20,6 +20,8 @@ KNOT_STEP = 1.5 * DEGREE
 MARGIN = 3.0 * DEGREE
 BOUND = 3.0
 """Largest coefficient, in standard deviations of its prior."""
+UNIFORM = np.array([[-1.0, 3.0, -3.0, 1.0], [3.0, -6.0, 0.0, 4.0], [-3.0, 3.0, 3.0, 1.0], [1.0, 0.0, 0.0, 0.0]]) / 6.0
+"""The four cubic B-splines on equal knots that do not vanish, in powers of the place between two knots."""
 
 
 @dataclass(frozen=True)
@@ -53,22 +55,26 @@ class LiftCorrection:
         knots = self.knots[0] + step * np.arange(count + 1)
         return LiftCorrection(knots, self.prior_std * scale, self.bound * scale)
 
+    def _felt(self, theta: Array, derivative: int) -> tuple[Array, NDArray[np.int64]]:
+        """Return the four splines at angles of any revolution, and the place of the first after three more knots."""
+        step = self.knots[1] - self.knots[0]
+        knot = np.mod(theta - self.knots[0], 2.0 * np.pi) / step
+        piece = np.minimum(knot.astype(np.int64), self.knots.size - 2)
+        powers = [np.polyval(np.polyder(row, derivative), knot - piece) for row in UNIFORM]
+        inside = knot < self.knots.size - 1
+        return np.stack(powers, axis=-1) * (inside / step**derivative)[:, None], piece
+
     def basis(self, theta: Array, derivative: int = 0) -> Array:
         """Return the basis at angles of any revolution, (n, n_basis), per coefficient."""
-        return self.correction(theta, np.eye(self.n_basis), derivative)
+        felt, piece = self._felt(theta, derivative)
+        wide = np.zeros((theta.size, self.n_basis + 6))
+        wide[np.arange(theta.size)[:, None], piece[:, None] + np.arange(4)] = felt
+        return wide[:, 3:-3]
 
     def correction(self, theta: Array, coefficients: Array, derivative: int = 0) -> Array:
-        """Return the correction [m] or its derivative for coefficients (n_basis,) or (n_basis, k)."""
-        wrapped = self.knots[0] + np.mod(theta - self.knots[0], 2.0 * np.pi)
-        outside = wrapped >= self.knots[-1]
-        step = self.knots[1] - self.knots[0]
-        pad = step * np.arange(1, 4)
-        knots = np.concatenate([self.knots[0] - pad[::-1], self.knots, self.knots[-1] + pad])
-        zeros = np.zeros((3, *coefficients.shape[1:]))
-        spline = BSpline(knots, np.concatenate([zeros, coefficients, zeros]), 3)
-        values = spline(np.where(outside, self.knots[0], wrapped), nu=derivative)
-        values[outside] = 0.0
-        return values
+        """Return the correction [m] or its derivative at angles (n,) for coefficients (n_basis,)."""
+        felt, piece = self._felt(theta, derivative)
+        return np.asarray(np.sum(felt * np.pad(coefficients, 3)[piece[:, None] + np.arange(4)], axis=1))
 
 
 def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: float, step: float) -> LiftCorrection:

@@ -11,8 +11,8 @@ derivative jumps. Flow: ``Q = A sqrt(2/rho) C_d sqrt(p - p_feed)``, a straight l
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.laws.rows import parameter
 
 FLUID_DENSITY = 830.0

@@ -9,8 +9,8 @@ small error of the declared delay is fitted under its prior. So the delay is cou
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.laws.driveline import inverse
 from camtorque.laws.rows import parameter
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from camtorque.compiled import njit
 from camtorque.laws.columns import on_plunger
 from camtorque.laws.rows import Law, parameter
 

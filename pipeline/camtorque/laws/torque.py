@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.laws import LAWS, LINEAR_NAMES
 from camtorque.laws.columns import At
 from camtorque.mechanism.friction import guide_share, guide_share_by, sliding_sign, sliding_sign_by

@@ -16,8 +16,8 @@ Without mass and with a small V_r this is the usual massless valve.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.laws.rows import parameter
 from camtorque.units import DEGREE
 

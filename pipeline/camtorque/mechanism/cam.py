@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.records import Array, freeze_arrays
 
 TURN = 2.0 * np.pi
@@ -87,9 +87,22 @@ class CamLaw:
         return self.derivatives(theta, derivative)[derivative]
 
     def derivatives(self, theta: Array, highest: int = 3) -> Array:
-        """Return derivatives 0 to ``highest`` (at most 3) in one pass, (highest + 1, *theta.shape)."""
+        """Return derivatives 0 to ``highest`` (at most 3), (highest + 1, *theta.shape)."""
         if not 0 <= highest <= 3:
             raise ValueError(f"cam law: derivative {highest}, expected 0 to 3")
+        angle = np.asarray(theta, dtype=np.float64)
+        angle = angle - np.floor((angle - self.knots[0]) / TURN) * TURN
+        piece = np.clip(np.searchsorted(self.knots, angle, "right") - 1, 0, self.knots.size - 2)
+        x, rows = angle - self.knots[piece], self.coefficients[:, piece]
+        out = np.zeros((highest + 1, *angle.shape))
+        for row in rows:
+            for k in range(highest, 0, -1):
+                out[k] = out[k] * x + k * out[k - 1]
+            out[0] = out[0] * x + row
+        return out
+
+    def compiled_derivatives(self, theta: Array, highest: int = 3) -> Array:
+        """Return the same by compiled code, for callers that ask thousands of times."""
         angle = np.ascontiguousarray(theta, dtype=np.float64)
         if not angle.flags.writeable:
             angle = angle.copy()  # one compiled variant is enough

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.records import Array
 
 CLOSED = 1.0e-10

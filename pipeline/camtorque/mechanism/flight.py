@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from camtorque.compiled import njit
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.friction import NO_FRICTION

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import elementwise
 from camtorque.mechanism.kinematics import Kinematics
 from camtorque.records import Refusal
 
@@ -49,33 +49,33 @@ class Friction:
 NO_FRICTION = Friction()
 
 
-@njit(cache=True, error_model="numpy")
+@elementwise(cache=True, error_model="numpy")
 def sliding_sign(slope):  # type: ignore[no-untyped-def]
     """Return sign y', smooth where the follower turns."""
     return slope / np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
 
 
-@njit(cache=True, error_model="numpy")
+@elementwise(cache=True, error_model="numpy")
 def sliding_sign_by(slope, curve):  # type: ignore[no-untyped-def]
     """Return the derivative of `sliding_sign` by cam angle."""
     size = np.sqrt(slope * slope + SMOOTH_SLOPE * SMOOTH_SLOPE)
     return curve * SMOOTH_SLOPE * SMOOTH_SLOPE / (size * size * size)
 
 
-@njit(cache=True, error_model="numpy")
+@elementwise(cache=True, error_model="numpy")
 def guide_share(tangent, slope):  # type: ignore[no-untyped-def]
     """Return |tan phi| sign y', the share of the contact load that a unit of guide friction takes."""
     return np.sqrt(tangent * tangent + SMOOTH_TANGENT * SMOOTH_TANGENT) * sliding_sign(slope)
 
 
-@njit(cache=True, error_model="numpy")
+@elementwise(cache=True, error_model="numpy")
 def guide_share_by(tangent, tangent_by, slope, curve):  # type: ignore[no-untyped-def]
     """Return the derivative of `guide_share` by cam angle, ``tangent_by`` that of tan phi."""
     size = np.sqrt(tangent * tangent + SMOOTH_TANGENT * SMOOTH_TANGENT)
     return tangent * tangent_by / size * sliding_sign(slope) + size * sliding_sign_by(slope, curve)
 
 
-@njit(cache=True, error_model="numpy")
+@elementwise(cache=True, error_model="numpy")
 def guide_gain(tangent, slope, friction):  # type: ignore[no-untyped-def]
     """Return the contact load over the frictionless one."""
     return 1.0 / (1.0 - friction * guide_share(tangent, slope))

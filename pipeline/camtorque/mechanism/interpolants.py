@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly, make_interp_spline
 
 from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.periodic_spline import PeriodicSplines, solve_cyclic
 from camtorque.mechanism.smoothing import smoothing_spline, table_error
 from camtorque.records import Array, CamTable, Refusal
 
@@ -20,21 +20,26 @@ def _table_std(table: CamTable) -> float:
     return float(table.resolution / np.sqrt(12.0))
 
 
+def _interpolant(table: CamTable, degree: int) -> CamLaw:
+    """Return the periodic spline through every point."""
+    theta, lift = _closed(table)
+    splines = PeriodicSplines(theta, degree)
+    normal = splines.normal(theta[:-1], np.ones(theta.size - 1))
+    coefficients = solve_cyclic(normal, splines.right_side(theta[:-1], lift[:-1]))
+    return CamLaw(theta, splines.pieces(coefficients), _table_std(table))
+
+
 def cubic_law(table: CamTable) -> CamLaw:
     """Return the periodic cubic interpolant, the method of the paper (Section 2.1, after Tsay et al.).
 
     It passes through every point, so the rounding of the table enters y'' with about 6 sigma / step^2.
     """
-    theta, lift = _closed(table)
-    spline = CubicSpline(theta, lift, bc_type="periodic")
-    return CamLaw(spline.x, spline.c, _table_std(table))
+    return _interpolant(table, 3)
 
 
 def quintic_law(table: CamTable) -> CamLaw:
     """Return the periodic quintic interpolant: y'' is smooth, and the rounding still enters with 4.8 sigma / step^2."""
-    theta, lift = _closed(table)
-    pieces = PPoly.from_spline(make_interp_spline(theta, lift, k=5, bc_type="periodic"))
-    return _trimmed(pieces, theta, _table_std(table))
+    return _interpolant(table, 5)
 
 
 def smoothing_law(table: CamTable) -> CamLaw:
@@ -55,12 +60,5 @@ def smoothing_law(table: CamTable) -> CamLaw:
             "or choose the quintic law for an exact one"
         )
     theta, lift = _closed(table)
-    pieces = smoothing_spline(theta, lift, step)
-    return _trimmed(pieces, theta, table_error(theta, table.lift, step))
-
-
-def _trimmed(pieces: PPoly, theta: Array, lift_std: float) -> CamLaw:
-    """Return the law of the pieces inside one revolution (a B-spline carries empty pieces at its ends)."""
-    inside = (pieces.x[:-1] >= theta[0] - 1e-12) & (pieces.x[1:] <= theta[-1] + 1e-12) & (np.diff(pieces.x) > 1e-12)
-    knots = np.append(pieces.x[:-1][inside], theta[-1])
-    return CamLaw(knots, np.ascontiguousarray(pieces.c[:, inside]), lift_std)
+    knots, pieces = smoothing_spline(theta, lift, step)
+    return CamLaw(knots, pieces, table_error(theta, table.lift, step))

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import contact_modulus
@@ -163,5 +163,5 @@ def solve_cycles(
     result = _room(angles.shape[1], pressure, speed, out)
     factor = float(np.sqrt(contact_modulus(pump) / (np.pi * pump.roller_width * pump.roller_radius)))
     for cycle, row in enumerate(angles):
-        _from_lift(constants, factor, law.derivatives(row, 2), pressure[cycle], speed[cycle], result[:, cycle])
+        _from_lift(constants, factor, law.compiled_derivatives(row, 2), pressure[cycle], speed[cycle], result[:, cycle])
     return result

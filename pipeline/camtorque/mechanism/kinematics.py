@@ -17,9 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from camtorque.compiled import elementwise
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, Refusal, freeze_arrays
@@ -108,7 +108,7 @@ def base_height(pump: PumpData) -> float:
     return float(np.sqrt(distance**2 - pump.follower_offset**2))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+@elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-def]
     """Return s, tan phi, 1 / cos phi, q = 1 - L / r_r, q' and kappa at one cam angle from y, y', y''."""
     height = base + y
@@ -119,18 +119,9 @@ def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-d
     return height, lever / height, arc / height, 1.0 - arc / radius, ratio_slope, curvature
 
 
-@njit(cache=True, error_model="numpy")
-def _paths(lift, base, offset, radius, out):  # type: ignore[no-untyped-def]
-    for i in range(lift.shape[1]):
-        v = path_at(lift[0, i], lift[1, i], lift[2, i], base, offset, radius)
-        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = v
-
-
 def path_rows(lift: Array, base: float, offset: float, radius: float) -> Array:
     """Return s, tan phi, 1 / cos phi, q, q' and kappa (6, n) from the lift with two derivatives (3, n)."""
-    rows = np.empty((6, lift.shape[1]))
-    _paths(lift, base, offset, radius, rows)
-    return rows
+    return np.stack(path_at(lift[0], lift[1], lift[2], base, offset, radius))
 
 
 def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> Kinematics:

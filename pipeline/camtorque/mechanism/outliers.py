@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from camtorque.records import CamTable
 
@@ -28,7 +29,7 @@ def outlying_points(table: CamTable) -> NDArray[np.int64]:
     """
     if table.theta.size < 4 * ORDER or np.ptp(np.diff(table.theta)) > 1e-3 * np.mean(np.diff(table.theta)):
         return np.empty(0, dtype=np.int64)
-    pattern = np.array([(-1.0) ** k * comb(ORDER, k) for k in range(ORDER + 1)])
+    pattern = np.array([(-1.0) ** k * math.comb(ORDER, k) for k in range(ORDER + 1)])
     half = ORDER // 2
     differences = sum(c * np.roll(table.lift, half - k) for k, c in enumerate(pattern))
     window = np.stack([np.roll(differences, half - k) for k in range(ORDER + 1)])

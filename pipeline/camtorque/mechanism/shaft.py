@@ -155,7 +155,7 @@ def solve_closed(units: Units, motion: ShaftMotion) -> ShaftForces:
         angle = motion.theta - unit.phase
         if unit.friction.guide > 0.0:
             refuse_jammed(kinematics(unit.pump, unit.law, angle, unit.mounting.rotation), unit.friction)
-        lift = unit.law.derivatives(angle, 2)
+        lift = unit.law.compiled_derivatives(angle, 2)
         constants = constants_of(unit.pump, unit.mounting, unit.friction)
         solved = solve_lift(constants, lift, pressure, motion.speed, motion.acceleration)
         outputs.append(dict(zip(OUTPUTS, solved, strict=True)))

@@ -7,12 +7,12 @@ turns an error sigma into 5-6 sigma / step^2 of y'': 1 um on a 1 degree table is
 
 from __future__ import annotations
 
-import numpy as np
-from scipy import sparse
-from scipy.interpolate import BSpline, PPoly
-from scipy.sparse.linalg import splu
-from scipy.special import comb
+import math
+from collections.abc import Callable
 
+import numpy as np
+
+from camtorque.mechanism.periodic_spline import PeriodicSplines, solve_cyclic
 from camtorque.records import Array
 
 DEGREE = 5
@@ -29,35 +29,71 @@ DWELL_MARGIN = 3
 """Fewest points at either end of a dwell that are left free."""
 FAR_STEPS = 8.0
 """How many steps off the dwell a flank is where its start is gauged."""
-BISECTIONS = 40
+HALVINGS, MOST_STEPS = 8, 40
+CLOSE_ENOUGH = 1.0e-9
+"""Share by which the residual may differ from the table's error, and the logarithm of the smoothing from its root."""
 CLOSEST = 0.4
 """Least distance of knots over the mean step of the table."""
 
 
-def smoothing_spline(theta: Array, lift: Array, resolution: float) -> PPoly:
-    """Return the smoothest periodic quintic spline that a table could be a rounding of.
+def smoothing_spline(theta: Array, lift: Array, resolution: float) -> tuple[Array, Array]:
+    """Return the smoothest periodic quintic spline that a table could be a rounding of: knots, pieces (6, m).
 
     Parameters
     ----------
     theta, lift : (n + 1,) the table over one revolution, end point repeated [rad, m]
     resolution : step to which the lift is rounded [m]
     """
-    basis = _PeriodicBasis(theta)
+    splines = PeriodicSplines(_breaks(theta), DEGREE)
     spread = table_error(theta, lift[:-1], resolution)
     rounded = spread <= resolution / np.sqrt(12.0)
     held, values = (
         _dwells(theta, lift[:-1], resolution) if rounded else (np.zeros(theta.size - 1, dtype=bool), lift[:-1])
     )
     weight = np.where(held, DWELL_WEIGHT, 1.0)
+    normal, right = splines.normal(theta[:-1], weight), splines.right_side(theta[:-1], weight * values)
+    penalty = splines.normal(*_gauss_points(splines.breaks), PENALISED)
+
+    def smoothed(logarithm: float) -> Array:
+        return solve_cyclic(normal + np.exp(logarithm) * penalty, right)
+
     if np.all(held):
-        return basis.spline(basis.solve(weight, values, 1.0))
+        return splines.breaks, splines.pieces(smoothed(0.0))
     error = spread * np.sqrt(max(1.0 - LOBE_NUMBERS / np.sum(~held), 0.5))
-    low, high = -60.0, 30.0
-    for _ in range(BISECTIONS):
+
+    def excess(logarithm: float) -> float:
+        residual = (splines.at(theta[:-1], smoothed(logarithm)) - values)[~held]
+        return float(np.sqrt(np.mean(residual**2))) / error - 1.0
+
+    return splines.breaks, splines.pieces(smoothed(_root(excess, -60.0, 30.0)))
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where an increasing function passes zero, or the end beyond which it does.
+
+    Halves first, then false position with the value of an end that stays halved (Dowell & Jarratt, BIT 11 (1971)).
+    """
+    below, above, last = np.nan, np.nan, 0.0
+    for step in range(MOST_STEPS):
         middle = 0.5 * (low + high)
-        residual = (basis.at_knots @ basis.solve(weight, values, np.exp(middle)) - values)[~held]
-        low, high = (middle, high) if np.sqrt(np.mean(residual**2)) < error else (low, middle)
-    return basis.spline(basis.solve(weight, values, np.exp(low)))
+        if step >= HALVINGS and below < 0.0 < above:
+            middle = (low * above - high * below) / (above - below)
+        value = function(middle)
+        if value < 0.0:
+            low, below, above = middle, value, above * (0.5 if last < 0.0 else 1.0)
+        else:
+            high, above, below = middle, value, below * (0.5 if last > 0.0 else 1.0)
+        last = value
+        if min(abs(value), high - low) < CLOSE_ENOUGH:
+            return middle
+    return low
+
+
+def _gauss_points(breaks: Array) -> tuple[Array, Array]:
+    """Return points between knots and their weights, with which the integral of a square of y''' is exact."""
+    nodes, weights = np.polynomial.legendre.leggauss(DEGREE - PENALISED + 1)
+    width = np.diff(breaks)[:, None]
+    return (breaks[:-1, None] + 0.5 * width * (nodes + 1.0)).ravel(), (0.5 * width * weights).ravel()
 
 
 def table_error(theta: Array, lift: Array, resolution: float) -> float:
@@ -79,7 +115,7 @@ def table_error(theta: Array, lift: Array, resolution: float) -> float:
 def _scatter(lift: Array, order: int) -> float:
     """Return the robust scatter of a periodic table from differences of one order (their noise gain is C(2k, k))."""
     difference = np.diff(np.concatenate([lift, lift[:order]]), order)
-    return float(1.4826 * np.median(np.abs(difference)) / np.sqrt(comb(2 * order, order)))
+    return float(1.4826 * np.median(np.abs(difference)) / np.sqrt(math.comb(2 * order, order)))
 
 
 def _dwells(theta: Array, lift: Array, resolution: float) -> tuple[np.ndarray, Array]:
@@ -151,46 +187,3 @@ def _breaks(theta: Array) -> Array:
         if angle - kept[-1] >= least and theta[-1] - angle >= least:
             kept.append(angle)
     return np.array([*kept, theta[-1]])
-
-
-class _PeriodicBasis:
-    """Periodic quintic B-splines with knots on the table, and the Gram matrix of their third derivative."""
-
-    def __init__(self, theta: Array) -> None:
-        turn = theta[-1] - theta[0]
-        breaks = _breaks(theta)
-        count = breaks.size - 1
-        self.knots = np.concatenate([breaks[-DEGREE - 1 : -1] - turn, breaks, breaks[1 : DEGREE + 1] + turn])
-        size = count + DEGREE
-        columns = np.arange(size)
-        self.fold = sparse.csr_matrix((np.ones(size), (columns, columns % count)), shape=(size, count))
-        self.at_knots = (BSpline.design_matrix(theta[:-1], self.knots, DEGREE) @ self.fold).tocsc()
-        self.penalty = self._penalty(breaks)
-
-    def _penalty(self, breaks: Array) -> sparse.csc_matrix:
-        """Return the Gram matrix of y''' by Gauss quadrature, exact for its quadratic pieces."""
-        nodes, weights = np.polynomial.legendre.leggauss(DEGREE - PENALISED + 1)
-        width = np.diff(breaks)
-        points = (breaks[:-1, None] + 0.5 * width[:, None] * (nodes + 1.0)).ravel()
-        scale = np.sqrt((0.5 * width[:, None] * weights).ravel())
-        jerk, knots = self._derivative()
-        design = sparse.diags(scale) @ BSpline.design_matrix(points, knots, DEGREE - PENALISED) @ jerk @ self.fold
-        return (design.T @ design).tocsc()
-
-    def _derivative(self) -> tuple[sparse.csr_matrix, Array]:
-        """Return the matrix from the coefficients to those of y''', and the knots of its splines (de Boor 1978)."""
-        matrix, knots = sparse.identity(self.knots.size - DEGREE - 1, format="csr"), self.knots
-        for degree in range(DEGREE, DEGREE - PENALISED, -1):
-            rows = matrix.shape[0]
-            scale = degree / (knots[degree + 1 : degree + rows] - knots[1:rows])
-            matrix, knots = sparse.diags(scale) @ (matrix[1:] - matrix[:-1]), knots[1:-1]
-        return matrix, knots
-
-    def solve(self, weight: Array, values: Array, smoothing: float) -> Array:
-        """Return the coefficients that minimise sum w (y - values)^2 + smoothing * integral (y''')^2."""
-        normal = self.at_knots.T @ sparse.diags(weight)
-        return splu((normal @ self.at_knots + smoothing * self.penalty).tocsc()).solve(normal @ values)
-
-    def spline(self, coefficients: Array) -> PPoly:
-        """Return the piecewise polynomial of the coefficients."""
-        return PPoly.from_spline(BSpline(self.knots, self.fold @ coefficients, DEGREE))

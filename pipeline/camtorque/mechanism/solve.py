@@ -56,8 +56,11 @@ def solve_rigid(
     mounting = Mounting() if mounting is None else mounting
     tables = closed_form_tables(pump, law, theta, mounting, friction)
     run = prescribed_motion(1, theta, pressure, speed, acceleration)
-    unit = PumpUnit(pump, law, mounting=mounting, friction=friction)
-    outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
+    if method == "closed":
+        outputs = tables.all_outputs(run.pressure[0], run.speed, run.acceleration)
+    else:
+        unit = PumpUnit(pump, law, mounting=mounting, friction=friction)
+        outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
     causes = tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration)
     lost = outputs["contact_normal"] <= 0.0
     if np.any(lost):

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BPoly, PPoly
 
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.interpolants import smoothing_law
@@ -54,9 +53,19 @@ def spectral_law(table: CamTable) -> CamLaw:
     n = int(PIECES_PER_HARMONIC * np.ceil(corner))
     knots = theta[0] + np.arange(n + 1) * TURN / n
     derivatives = [_harmonic_sum(spectrum, harmonic, order, knots - theta[0], theta.size) for order in range(3)]
-    pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, np.column_stack(derivatives)))
     spread = table_error(np.append(theta, theta[0] + TURN), table.lift, table.resolution)
-    return CamLaw(knots, np.ascontiguousarray(pieces.c), spread)
+    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), spread)
+
+
+def _quintic_pieces(width: float, lift: Array, slope: Array, curve: Array) -> Array:
+    """Return the polynomials of degree 5 that meet lift, slope and curvature at both ends, (6, m), highest first."""
+    c = np.array([lift[:-1], slope[:-1] * width, 0.5 * curve[:-1] * width**2])
+    rise = lift[1:] - c[0] - c[1] - c[2]
+    steeper = slope[1:] * width - c[1] - 2.0 * c[2]
+    bent = 0.5 * curve[1:] * width**2 - c[2]
+    cubic, quartic = 10.0 * rise - 4.0 * steeper + bent, -15.0 * rise + 7.0 * steeper - 2.0 * bent
+    quintic = 6.0 * rise - 3.0 * steeper + bent
+    return np.array([quintic, quartic, cubic, c[2], c[1], c[0]]) / width ** np.arange(5.0, -1.0, -1.0)[:, None]
 
 
 def _harmonic_sum(spectrum: Any, harmonic: Any, order: int, theta: Array, size: int) -> Array:

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import elementwise, njit
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss, hertz_factor, hertz_pressure, jump_speed
@@ -110,19 +110,19 @@ def constants_of(pump: PumpData, mounting: Mounting, friction: Friction) -> Cons
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+@elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def axial_force(c, one, load, rise, y):  # type: ignore[no-untyped-def]
     """Return what spring, weight, pressure and the acceleration ``rise`` [m/s^2] put on the follower [N]."""
     return one * (c.preload + c.weight + c.stiffness * y) + c.area * load + c.mass * rise
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+@elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def contact_torque(c, along, across, height, slope, secant):  # type: ignore[no-untyped-def]
     """Return the torque that lambda_y and F_t ask of the cam [N m]: y' q r_r = F_t (r_r - L) with L = s / cos phi."""
     return along * slope + across * (c.radius - height * secant)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+@elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, secant):  # type: ignore[no-untyped-def]
     """Return all of `OUTPUTS` from lambda_y and F_t; ``one`` is 0 where the factor of a load is wanted, not a force."""
     contact_x = c.turn * (across * secant - along * tangent)
@@ -144,7 +144,7 @@ def joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, sec
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+@elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def solve_angle(c, one, load, squared, alpha, y, slope, curve, path):  # type: ignore[no-untyped-def]
     """Return all of `OUTPUTS` at one cam angle; linear in (one, pressure, omega^2, alpha)."""
     height, tangent, secant, ratio, ratio_slope, _ = path
@@ -173,20 +173,13 @@ def _outputs(c, lift, pressure, speed, acceleration, out):  # type: ignore[no-un
         _store(out, i, v)
 
 
-@njit(cache=True, error_model="numpy")
-def _tables(c, lift, out):  # type: ignore[no-untyped-def]
-    """Write the factors of 1, p, omega^2 and alpha in all of `OUTPUTS`, (11, 4, n)."""
-    for i in range(lift.shape[1]):
-        y, slope, curve = lift[0, i], lift[1, i], lift[2, i]
-        path = path_at(y, slope, curve, c.base, c.offset, c.radius)
-        rest = solve_angle(c, 1.0, 0.0, 0.0, 0.0, y, slope, curve, path)
-        load = solve_angle(c, 0.0, 1.0, 0.0, 0.0, y, slope, curve, path)
-        squared = solve_angle(c, 0.0, 0.0, 1.0, 0.0, y, slope, curve, path)
-        alpha = solve_angle(c, 0.0, 0.0, 0.0, 1.0, y, slope, curve, path)
-        _store(out[:, 0], i, rest)
-        _store(out[:, 1], i, load)
-        _store(out[:, 2], i, squared)
-        _store(out[:, 3], i, alpha)
+def _tables(c: Constants, lift: Array) -> Array:
+    """Return the factors of 1, p, omega^2 and alpha in all of `OUTPUTS`, (11, 4, n), from the lift (3, n)."""
+    path, out = path_at(*lift, c.base, c.offset, c.radius), np.empty((len(OUTPUTS), 4, lift.shape[1]))
+    for k, unit in enumerate(np.eye(4)):
+        for row, values in zip(out[:, k], solve_angle(c, *unit, *lift, path), strict=True):
+            row[:] = values
+    return out
 
 
 @dataclass(frozen=True)
@@ -295,8 +288,7 @@ def closed_form_tables(
     path = kinematics(pump, law, theta, mounting.rotation)
     refuse_jammed(path, friction)
     constants = constants_of(pump, mounting, friction)
-    out = np.empty((len(OUTPUTS), 4, path.theta.size))
-    _tables(constants, np.stack([path.lift, path.velocity, path.acceleration]), out)
+    out = _tables(constants, np.stack([path.lift, path.velocity, path.acceleration]))
     factor = hertz_factor(pump, path.relative_radius)
     outputs = dict(zip(OUTPUTS, out, strict=True))
     return ClosedForm(path, outputs, factor, mounting, friction, constants)

@@ -10,7 +10,7 @@ from camtorque.limits import Limit
 from camtorque.records import CamCycles, Finding, FittedTorque, Recording, RigidTorque
 
 if TYPE_CHECKING:  # only named here: drawing a page does not load the fit
-    from camtorque.fit import CampaignFit
+    from camtorque.fit.joint import CampaignFit
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,62 @@
+"""Functions that numba compiles where they are first needed: importing numba costs what reading and aligning 3 s costs.
+
+`njit` is numba's, put off. A function of single numbers that compiled loops call is also called with arrays, by
+commands that do without compiled code: `elementwise` says that it is the same function both ways.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, cached_property, partial, update_wrapper
+from types import ModuleType
+from typing import Any
+
+
+class Compiled:
+    """A function that is compiled, or loaded from numba's cache, at its first call; to numba it is a dispatcher.
+
+    Attributes
+    ----------
+    py_func, targetoptions : the function and its options, under the names by which numba inlines a function
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        self.py_func, self.targetoptions = function, options
+        update_wrapper(self, function)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of the function."""
+        return _numba().njit(**self.targetoptions)(self.py_func)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the compiled function."""
+        return self.dispatcher(*arguments)
+
+
+class Elementwise(Compiled):
+    """A function that is plain in Python, for numbers and arrays, and compiled where a compiled function calls it."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the function as it is written."""
+        return self.py_func(*arguments)
+
+
+@cache
+def _numba() -> ModuleType:
+    """Return numba, which is told how to type these functions."""
+    import numba
+    from numba.extending import typeof_impl
+
+    typeof_impl.register(Compiled)(lambda value, _: numba.typeof(value.dispatcher))
+    return numba
+
+
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Return a function that numba compiles when it is called first, with the options of numba's decorator."""
+    return partial(njit, **options) if function is None else Compiled(function, options)
+
+
+def elementwise(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Return a function of numbers that holds for arrays too, with the options of `njit`."""
+    return partial(elementwise, **options) if function is None else Elementwise(function, options)
