@@ -17,8 +17,8 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import usual_rate
-from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, refusing
-from camtorque.ingest.timebase import TimeBase, agreed_rate, time_base
+from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, read_each, refusing
+from camtorque.ingest.stamps import Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, is_known_unit, unit_factor
 
@@ -48,20 +48,16 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of a catman binary file."""
     with refusing(path, "catman binary"):
         headers, sources = _layout(path)
-    channels: list[RawChannel] = []
-    findings: list[Finding] = []
-    for spec in specs:
+
+    def one(spec: ChannelSpec) -> tuple[RawChannel, tuple[Finding, ...]]:
         number = _find(path, headers, spec.channel)
-        header, source = headers[number], sources[number]
+        header = headers[number]
         if not header.length:
             raise Refusal(f"{path}: channel {spec.channel!r} holds no samples")
-        base = _times(path, headers, sources, spec, number)
-        raw = RawChannel(
-            spec.channel, header.unit, source, base.start, base.rate, header.stamp, base.breaks, base.break_steps
-        )
-        channels.append(raw)
-        findings += base.findings
-    return RawFile(tuple(channels), tuple(findings))
+        times = _times(path, headers, sources, spec, number)
+        return times.channel(spec.channel, header.unit, sources[number], header.stamp), times.findings
+
+    return read_each(path, "catman binary", specs, one)
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -174,7 +170,7 @@ def _find(path: Path, headers: list[CatmanChannel], name: str) -> int:
 
 def _times(
     path: Path, headers: list[CatmanChannel], sources: list[FileSource], spec: ChannelSpec, number: int
-) -> TimeBase:
+) -> Stamps:
     """Return the time base: the named time channel, the only one of this length, else the step in the header."""
     where = f"{path.name} {spec.channel}"
     length = headers[number].length
@@ -187,15 +183,13 @@ def _times(
     if not mates:
         step = headers[number].time_step
         if not step > 0.0:
-            return TimeBase(spec.start_time or 0.0, spec.sample_rate, findings=(_no_time(where),))
+            text = "the file holds no times and no rate; the declared rate is used"
+            note = Finding("no_time_in_file", "info", text, where)
+            return Stamps(spec.start_time or 0.0, spec.sample_rate, findings=(note,))
         rate, findings = agreed_rate(1.0 / step, spec.sample_rate, where, 1e-9, "the channel header says")
-        return TimeBase(spec.start_time or 0.0, rate, findings=findings)
+        return Stamps(spec.start_time or 0.0, rate, findings=findings)
     mate = headers[mates[0]]
     if mate.length != length:
         raise Refusal(f"{where}: {mate.length} times in {mate.name!r} for {length} samples")
     factor = unit_factor(mate.unit, "time", f"{path.name} {mate.name}") if is_known_unit(mate.unit) else 1.0
-    return time_base(sources[mates[0]], spec.sample_rate, where, to_seconds=factor)
-
-
-def _no_time(where: str) -> Finding:
-    return Finding("no_time_in_file", "info", "the file holds no times and no rate; the declared rate is used", where)
+    return read_stamps(sources[mates[0]], spec.sample_rate, where, to_seconds=factor)

@@ -12,7 +12,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.csv_layout import UNDATED, CsvLayout
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
-from camtorque.ingest.timebase import RATE_NOTE, TimeBase, agreed_rate, time_base
+from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, unit_factor
 
@@ -39,10 +39,7 @@ def raw_file(
         column = column_of(path, layout, spec.channel)
         source, stamps, cut = _without_footer(sources[column], sources.get(time) if time is not None else None, path)
         base, stamp = _times(path, layout, stamps, time, spec)
-        raw = RawChannel(
-            spec.channel, layout.units[column], source, base.start, base.rate, stamp, base.breaks, base.break_steps
-        )
-        channels.append(raw)
+        channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
         findings += (*base.findings, *cut) if time not in told else ()
         told.add(time)
     return RawFile(tuple(channels), tuple(findings))
@@ -186,7 +183,7 @@ def column_of(path: Path, layout: CsvLayout, name: str) -> int:
 
 def _times(
     path: Path, layout: CsvLayout, times: SampleSource | None, column: int | None, spec: ChannelSpec
-) -> tuple[TimeBase, float | None]:
+) -> tuple[Stamps, float | None]:
     """Return the time base of a channel, and its date where the file has stamps."""
     where, stated = path.name, layout.header_rate
     if column is None or times is None:
@@ -194,10 +191,10 @@ def _times(
         findings: tuple[Finding, ...] = ()
         if stated is not None:
             rate, findings = agreed_rate(stated, spec.sample_rate, where, 1e-9, "the header says")
-        return TimeBase(spec.start_time or layout.start or 0.0, rate, findings=findings), None
+        return Stamps(spec.start_time or layout.start or 0.0, rate, findings=findings), None
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
-    base = time_base(times, spec.sample_rate, where, to_seconds=factor)
+    base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)
     if not layout.units[column] and factor * spec.sample_rate == 1.0:
         text = (
             f"the column {layout.names[column]!r} counts samples; the declared {spec.sample_rate:g} Hz make times of it"

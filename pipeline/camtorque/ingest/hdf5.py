@@ -18,8 +18,8 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import with_times
 from camtorque.ingest.hdf5_heaps import check_heaps
 from camtorque.ingest.header import time_unit
-from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, refusing
-from camtorque.ingest.timebase import agreed_rate, time_base
+from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, read_each, refusing
+from camtorque.ingest.stamps import agreed_rate, read_stamps
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, unit_factor
@@ -42,14 +42,8 @@ STAMP_NAMES = ("starttime", "wfstarttime", "datetime", "start")
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an HDF5 file in slices."""
     check_heaps(path)
-    channels, findings = [], []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
-        for spec in specs:
-            with refusing(path, "HDF5", f"{spec.group}/{spec.channel}"):
-                channel, more = _channel(file, path, spec)
-            channels.append(channel)
-            findings += more
-    return RawFile(tuple(channels), tuple(findings))
+        return read_each(path, "HDF5", specs, lambda spec: _channel(file, path, spec))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -107,9 +101,8 @@ def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel
         _same_length(path, times, time_source.n_samples, source.n_samples)
         stated = "" if time_field else str(_first(dict(times.attrs), UNIT_NAMES) or "")
         factor = unit_factor(time_unit(spec.time_channel, stated) or "s", "time", f"{path.name} {times.name}")
-        base = time_base(time_source, spec.sample_rate, where, to_seconds=factor)
-        raw = RawChannel(spec.channel, unit, source, base.start, base.rate, stamp, base.breaks, base.break_steps)
-        return raw, [*notes, *base.findings]
+        stamps = read_stamps(time_source, spec.sample_rate, where, to_seconds=factor)
+        return stamps.channel(spec.channel, unit, source, stamp), [*notes, *stamps.findings]
     rate, findings = _declared_rate(attributes, spec, where)
     start = _first(attributes, START_NAMES)
     start = float(start) if start is not None else float(spec.start_time or 0.0)

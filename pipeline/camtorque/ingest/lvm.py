@@ -12,8 +12,8 @@ from pathlib import Path
 from camtorque.config import ChannelSpec
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, encoding_of, sniff, text_pieces
 from camtorque.ingest.csv_log import channels_of, read_table
-from camtorque.ingest.raw import FileChannel, RawFile
-from camtorque.records import Finding, Refusal
+from camtorque.ingest.raw import FileChannel, RawFile, missing_samples
+from camtorque.records import Refusal
 
 END = "***End_of_Header***"
 UNITS = {"volts": "V", "volt": "V", "seconds": "s", "newton-meters": "N m", "pascals": "Pa", "degrees celsius": "degC"}
@@ -42,12 +42,9 @@ class Segment:
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a LabVIEW measurement file."""
     result = read_table(path, _layout(path, tuple(spec.channel for spec in specs)), specs, hint)
-    declared = _segment(path).number("Samples", path)
     found = min(channel.source.n_samples for channel in result.channels)
-    if declared is None or found >= declared:
-        return result
-    text = f"{found} of {declared:.0f} declared samples are there"
-    return RawFile(result.channels, (*result.findings, Finding("samples_missing", "error", text, path.name)))
+    missing = missing_samples(found, _segment(path).number("Samples", path) or 0, path.name)
+    return RawFile(result.channels, (*result.findings, *missing))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:

@@ -21,8 +21,8 @@ from camtorque.ingest import hdf5
 from camtorque.ingest.columns import with_times
 from camtorque.ingest.formats import first_bytes, is_hdf5
 from camtorque.ingest.header import time_unit
-from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
-from camtorque.ingest.timebase import agreed_rate, time_base
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, read_each, refusing
+from camtorque.ingest.stamps import agreed_rate, read_stamps
 from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, unit_factor
@@ -41,12 +41,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     with refusing(path, "MATLAB v5"):
         variables = loadmat(str(path), variable_names=sorted(names), squeeze_me=False, struct_as_record=True)
     members = _members(variables)
-    channels, findings = [], []
-    for spec in specs:
-        channel, more = _channel(path, members, spec)
-        channels.append(channel)
-        findings += more
-    return RawFile(tuple(channels), tuple(findings))
+    return read_each(path, "MATLAB v5", specs, lambda spec: _channel(path, members, spec))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -154,9 +149,8 @@ def _channel(path: Path, members: Mapping[tuple[str, str], Any], spec: ChannelSp
     if times.size != samples.size:
         raise Refusal(f"{where}: {times.size} times for {samples.size} samples; save both from one recording")
     factor = unit_factor(time_unit(spec.time_channel) or "s", "time", where)
-    base = time_base(ArraySource(times), spec.sample_rate, where, to_seconds=factor)
-    raw = RawChannel(spec.channel, unit, source, base.start, base.rate, None, base.breaks, base.break_steps)
-    return raw, list(base.findings)
+    stamps = read_stamps(ArraySource(times), spec.sample_rate, where, to_seconds=factor)
+    return stamps.channel(spec.channel, unit, source), list(stamps.findings)
 
 
 def _numbers(path: Path, members: Mapping[tuple[str, str], Any], group: str, name: str) -> np.ndarray:

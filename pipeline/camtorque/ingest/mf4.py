@@ -18,8 +18,18 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import usual_rate
 from camtorque.ingest.mf4_structure import check_mf4
-from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, CallSource, FileChannel, RawChannel, RawFile, refusing
-from camtorque.ingest.timebase import time_base
+from camtorque.ingest.raw import (
+    IN_MEMORY_BYTES,
+    ArraySource,
+    CallSource,
+    FileChannel,
+    RawChannel,
+    RawFile,
+    missing_samples,
+    read_each,
+    refusing,
+)
+from camtorque.ingest.stamps import read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean
 
@@ -28,15 +38,9 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an MDF 4 file with the time base of their group."""
     library = _library()
     check_mf4(path)
-    channels, findings = [], []
     with refusing(path, "MDF 4"), library.MDF(path) as mdf:
         stamp = mdf.header.start_time.replace(tzinfo=UTC).timestamp()
-        for spec in specs:
-            with refusing(path, "MDF 4", f"{spec.group}/{spec.channel}"):
-                channel, more = _channel(mdf, path, spec, stamp)
-            channels.append(channel)
-            findings += more
-    return RawFile(tuple(channels), tuple(findings))
+        return read_each(path, "MDF 4", specs, lambda spec: _channel(mdf, path, spec, stamp))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -74,22 +78,16 @@ def _library() -> Any:
     return asammdf
 
 
-def _channel(mdf: Any, path: Path, spec: ChannelSpec, stamp: float) -> tuple[RawChannel, list[Finding]]:
+def _channel(mdf: Any, path: Path, spec: ChannelSpec, stamp: float) -> tuple[RawChannel, tuple[Finding, ...]]:
     group, index = _find(mdf, path, spec)
     cycles = int(mdf.groups[group].channel_group.cycles_nr)
     where = f"{path.name} {spec.group}/{spec.channel}"
     if cycles == 0:
         raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
-    block = mdf.groups[group].channels[index]
-    unit = _unit(block)
     times, source = _sources(path, mdf, group, index, cycles)
-    findings = []
-    if source.n_samples < cycles:
-        text = f"{source.n_samples} of {cycles} declared samples are there"
-        findings.append(Finding("samples_missing", "error", text, where))
-    base = time_base(times, spec.sample_rate, where)
-    raw = RawChannel(spec.channel, unit, source, base.start, base.rate, stamp, base.breaks, base.break_steps)
-    return raw, [*findings, *base.findings]
+    stamps = read_stamps(times, spec.sample_rate, where)
+    raw = stamps.channel(spec.channel, _unit(mdf.groups[group].channels[index]), source, stamp)
+    return raw, (*missing_samples(source.n_samples, cycles, where), *stamps.findings)
 
 
 def _find(mdf: Any, path: Path, spec: ChannelSpec) -> tuple[int, int]:

@@ -19,8 +19,18 @@ from nptdms.scaling import get_scaling
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import with_times
-from camtorque.ingest.raw import CallSource, FileChannel, FileSource, Piece, RawChannel, RawFile, refusing
-from camtorque.ingest.timebase import agreed_rate
+from camtorque.ingest.raw import (
+    CallSource,
+    FileChannel,
+    FileSource,
+    Piece,
+    RawChannel,
+    RawFile,
+    missing_samples,
+    read_each,
+    refusing,
+)
+from camtorque.ingest.stamps import agreed_rate
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean
 
@@ -38,17 +48,12 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of a TDMS file; each may have its own rate."""
     # what the library would write to standard error about a cut file is a finding here
     log_manager.set_level(logging.CRITICAL)
-    findings = list(check_segments(path))
+    findings = check_segments(path)
     with refusing(path, "TDMS"):
         file = TdmsFile.open(path)
     with file:
-        channels = []
-        for spec in specs:
-            with refusing(path, "TDMS", f"{spec.group}/{spec.channel}"):
-                channel, more = _channel(file, path, spec)
-            channels.append(channel)
-            findings += more
-    return RawFile(tuple(channels), tuple(findings))
+        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec))
+    return RawFile(found.channels, (*findings, *found.findings))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -118,12 +123,7 @@ def _channel(file: TdmsFile, path: Path, spec: ChannelSpec) -> tuple[RawChannel,
     if not source.n_samples:
         raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
     properties = channel.properties
-    findings = []
-    declared = properties.get("wf_samples")
-    if declared is not None and int(declared) > source.n_samples:
-        findings.append(
-            Finding("samples_missing", "error", f"{source.n_samples} of {declared} declared samples are there", where)
-        )
+    findings = list(missing_samples(source.n_samples, int(properties.get("wf_samples", 0)), where))
     rate = spec.sample_rate
     if "wf_increment" in properties:
         increment = float(properties["wf_increment"])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camtorque.ingest.raw import RawChannel
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 BLOCK = 1_000_000
@@ -26,8 +27,8 @@ RATE_GROSS = 0.05
 
 
 @dataclass(frozen=True)
-class TimeBase:
-    """What the stamps of one channel say."""
+class Stamps:
+    """What the time stamps of one channel say, or what stands in their place."""
 
     start: float
     rate: float
@@ -35,8 +36,12 @@ class TimeBase:
     break_steps: tuple[float, ...] = ()
     findings: tuple[Finding, ...] = ()
 
+    def channel(self, name: str, unit: str, source: SampleSource, stamp: float | None = None) -> RawChannel:
+        """Return a channel whose samples were taken at these times."""
+        return RawChannel(name, unit, source, self.start, self.rate, stamp, self.breaks, self.break_steps)
 
-def time_base(times: SampleSource, declared_rate: float, where: str, *, to_seconds: float = 1.0) -> TimeBase:
+
+def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_seconds: float = 1.0) -> Stamps:
     """Check stamps and return start, rate and jumps.
 
     Parameters
@@ -66,7 +71,7 @@ def time_base(times: SampleSource, declared_rate: float, where: str, *, to_secon
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
     start = first[1] - first[0] / rate
-    return TimeBase(start, rate, tuple(index.tolist()), tuple(size.tolist()), (*findings, *more))
+    return Stamps(start, rate, tuple(index.tolist()), tuple(size.tolist()), (*findings, *more))
 
 
 def _is_coarse(times: SampleSource, to_seconds: float) -> bool:
@@ -76,7 +81,7 @@ def _is_coarse(times: SampleSource, to_seconds: float) -> bool:
     return bool(steps.size) and float(np.mean(steps == 0.0)) > MANY_SHARED and float(steps.sum()) > 0.0
 
 
-def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_seconds: float) -> TimeBase:
+def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_seconds: float) -> Stamps:
     """Return start and rate of stamps that several samples share; they have to follow the declared rate.
 
     Raises
@@ -102,7 +107,7 @@ def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_secon
         "start against other loggers is known to that"
     )
     start = float(np.mean(off))
-    return TimeBase(start, declared_rate, findings=(Finding("time_stamps_coarse", "warning", text, where),))
+    return Stamps(start, declared_rate, findings=(Finding("time_stamps_coarse", "warning", text, where),))
 
 
 def agreed_rate(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from camtorque.ingest.raw import ArraySource
-from camtorque.ingest.timebase import time_base
+from camtorque.ingest.stamps import read_stamps
 from camtorque.records import Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,7 +19,7 @@ def stamps(rate: float, count: int, start: float = 0.0) -> np.ndarray:
 @settings(deadline=None)
 @given(rate=RATES, count=st.integers(200, 5000), start=st.floats(0.0, 100.0))
 def test_rounded_stamps_give_the_declared_rate(rate: float, count: int, start: float):
-    base = time_base(ArraySource(stamps(rate, count, start)), rate, "log")
+    base = read_stamps(ArraySource(stamps(rate, count, start)), rate, "log")
     assert base.rate == rate
     assert base.breaks == ()
     assert base.findings == ()
@@ -31,7 +31,7 @@ def test_rounded_stamps_give_the_declared_rate(rate: float, count: int, start: f
 def test_a_jump_is_found_where_it_is(at: int, jump: float, sign: float):
     times = stamps(10_000.0, 1000)
     times[at:] += sign * jump
-    base = time_base(ArraySource(times), 10_000.0, "log")
+    base = read_stamps(ArraySource(times), 10_000.0, "log")
     assert base.breaks == (at,)
     assert base.break_steps[0] == pytest.approx(sign * jump, abs=5e-6)  # the rounding of steps and stamps
     assert base.rate == pytest.approx(10_000.0, rel=1e-4)
@@ -43,7 +43,7 @@ def test_a_jump_is_found_where_it_is(at: int, jump: float, sign: float):
 def test_one_wrong_stamp_is_not_a_jump(at: int, size: float):
     times = stamps(10_000.0, 1000)
     times[at] += size
-    base = time_base(ArraySource(times), 10_000.0, "log")
+    base = read_stamps(ArraySource(times), 10_000.0, "log")
     assert base.breaks == ()
     assert [finding.code for finding in base.findings] == ["time_stamp_damaged"]
 
@@ -53,7 +53,7 @@ def test_one_wrong_stamp_is_not_a_jump(at: int, size: float):
 def test_missing_stamps_are_bridged(places: list[int]):
     times = stamps(10_000.0, 1000)
     times[places] = np.nan
-    base = time_base(ArraySource(times), 10_000.0, "log")
+    base = read_stamps(ArraySource(times), 10_000.0, "log")
     assert base.rate == 10_000.0
     assert base.start == pytest.approx(0.0, abs=1e-9)
     assert base.findings[0].text.startswith(f"{len(places)} time stamps")
@@ -61,11 +61,11 @@ def test_missing_stamps_are_bridged(places: list[int]):
 
 def test_rates_that_contradict():
     times = ArraySource(stamps(10_000.0, 5000))
-    base = time_base(times, 10_010.0, "log")
+    base = read_stamps(times, 10_010.0, "log")
     assert base.rate == pytest.approx(10_000.0, rel=1e-6)
     assert [finding.code for finding in base.findings] == ["rate_differs"]
     with pytest.raises(Refusal, match="the time stamps say 10000 Hz"):
-        time_base(times, 20_000.0, "log")
+        read_stamps(times, 20_000.0, "log")
 
 
 @pytest.mark.parametrize(
@@ -80,4 +80,4 @@ def test_rates_that_contradict():
 )
 def test_what_is_no_time_base_is_refused(times: np.ndarray, message: str):
     with pytest.raises(Refusal, match=message):
-        time_base(ArraySource(times), 1000.0, "log")
+        read_stamps(ArraySource(times), 1000.0, "log")
