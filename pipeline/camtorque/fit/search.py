@@ -356,9 +356,9 @@ class Move:
 
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
-    "load anew": Move(load_anew, SMOOTHINGS_DEG, DISSATISFYING),
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
     "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
+    "load anew": Move(load_anew, SMOOTHINGS_DEG, DISSATISFYING),
     "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
 }
 """Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
