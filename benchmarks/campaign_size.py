@@ -16,7 +16,7 @@ import os
 import pickle
 import tempfile
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -24,7 +24,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from camtorque.campaign import CampaignOptions, flow, run_campaign, task
-from camtorque.fit.joint_input import held_once, joint_input
+from camtorque.fit.joint_input import HeldOnce, JointInput, joint_input
 from camtorque.records import Finding, Recording
 from camtorque.report.files import write_json
 from camtorque.run import RunOptions, analyse
@@ -102,9 +102,10 @@ def prepare_result(folder: Path, bare: bool) -> None:
         os.environ[BARE] = str(folder / "report" / "result.json")
 
 
-def no_joint_fit(found: Iterable[Any], threads: int) -> tuple[None, tuple[Finding, ...]]:
-    """Read every input of the joint fit, fit nothing."""
-    return None, (Finding("joint", "info", f"{len(held_once(found))} inputs"),)
+def no_joint_fit(count: int, read: Callable[[int], JointInput], threads: int) -> tuple[None, tuple[Finding, ...]]:
+    """Read and hold of every recording what a joint fit does, fit nothing."""
+    known = list(map(HeldOnce(), map(read, range(count))))
+    return None, (Finding("joint", "info", f"{len(known)} inputs"),)
 
 
 def peak_mb() -> float:

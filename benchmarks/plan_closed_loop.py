@@ -84,14 +84,14 @@ class Bench:
                 for (one, _), data in zip(pairs, problem.data, strict=True)
             )
             names = tuple(slot.name for slot in problem.slots)
-            self.fits[key] = KnownFit(names, solution.z, fit.covariance.matrix, recordings)
+            self.fits[key] = KnownFit(names, solution.z, fit.covariance.arrow, recordings)
         return self.fits[key]
 
     def known(self, added: Runs, target: str) -> tuple[float, bool]:
         """Return the standard error of a number [SI], and whether its 95 % interval holds the truth."""
         fit = self.fitted(added)
         k = fit.names.index(target)
-        std = float(np.sqrt(fit.covariance[k, k]))
+        std = float(fit.covariance.std[k])
         return std, bool(abs(fit.values[k] - TRUE[target](self.truth)) < 1.96 * std)
 
 

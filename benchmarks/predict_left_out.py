@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.align import align
+from camtorque.fit import leftout
 from camtorque.fit.ends import Curve, ends_for
 from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import joint_input
-from camtorque.fit.leftout import left_out_predictions
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
@@ -40,13 +40,14 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
     inputs = [joint_input(item) for item in used]
     problem, solution = solve_joint(inputs)
     fit = joint_fit_of(inputs, problem, solution)
-    held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in left_out_predictions(inputs, fit, solution)
-            if row.mode == "own_zero_and_end"}  # fmt: skip
+    others = leftout.left_out(fit)
+    found = (row for k, item in enumerate(inputs) for row in leftout.predicted(fit, others, k, item))
+    held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in found if row.mode == "own_zero_and_end"}
     recordings = [
         FittedAt(item.data.name, item.cycles.mean_speed, data.structure, held[item.data.name], True)
         for item, data in zip(used, problem.data, strict=True)
     ]
-    return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, fit.covariance.matrix, tuple(recordings))
+    return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, fit.covariance.arrow, tuple(recordings))
 
 
 def from_file(left: Prepared, step_deg: float) -> Curve:

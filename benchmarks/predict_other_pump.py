@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
+from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import Curve, ends_for
 from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
 from camtorque.fit.prepare import on_grid
@@ -30,7 +31,8 @@ def known_fit(item: Prepared) -> KnownFit:
     """Return the fit of one recording as a prediction takes it."""
     fit = fit_prepared(item, FitOptions(evidence=False))
     source = FittedAt(item.data.name, item.cycles.mean_speed, fit.problem.data[0].structure, SHARE, False)
-    return KnownFit(tuple(s.name for s in fit.problem.slots), fit.solution.z, fit.covariance.matrix, (source,))
+    names = tuple(slot.name for slot in fit.problem.slots)
+    return KnownFit(names, fit.solution.z, ArrowCovariance.whole(fit.covariance.matrix), (source,))
 
 
 def others(truth: RigTruth) -> dict[str, RigTruth]:

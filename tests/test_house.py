@@ -31,6 +31,7 @@ SMALL = {
     "limits",
     "progress",
     "results",
+    "shelf",
     "stacks",
     "threads",
     "version",

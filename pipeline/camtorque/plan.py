@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from camtorque.fit.forecast import KnownFit
+from camtorque.fit.forecast import FittedAt, KnownFit
 from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, chamber_peak, plan, point_of, weighed
 from camtorque.laws import ROWS
 from camtorque.plain import now as created
@@ -75,6 +75,8 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     Refusal : see `wanted_number`, `camtorque.predict_from.read_fit`
     """
     known, folder, rows = read_fit(Path(fit))
+    loads = _loads(known)
+    known = known.only([item.id for item in (*loads, _fastest(known))])
     shared = [name for name in known.names if name in ROWS and ROWS[name].role == "shared"]
     name, size, relative = wanted_number(target, [CHAMBER_PEAK, *shared])
     reports = {row["id"]: folder / row["folder"] for row in rows}
@@ -82,7 +84,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
     points = []
-    for item in _loads(known):
+    for item in loads:
         rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
         for speed in speeds:
             chain = chain_of(rig, speed, curve)
@@ -93,7 +95,11 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     return _document(known, goal, steps, alone)
 
 
-def _loads(known: KnownFit) -> list[Any]:
+def _fastest(known: KnownFit) -> FittedAt:
+    return max(known.recordings, key=lambda one: one.speed)
+
+
+def _loads(known: KnownFit) -> list[FittedAt]:
     ordered = sorted(known.recordings, key=lambda item: item.speed)
     places = sorted({0, len(ordered) // 2, len(ordered) - 1})
     return [ordered[k] for k in places[:MOST_LOADS]]
@@ -107,7 +113,7 @@ def _scatter(report: Path) -> float:
 
 def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float, relative: bool) -> Target:
     if name == CHAMBER_PEAK:
-        item = max(known.recordings, key=lambda one: one.speed)
+        item = _fastest(known)
         chain = chain_of(rig_of(reports[item.id], None, None), item.speed, curve_of(reports[item.id], item.speed))
         value, gradient = chamber_peak(known, chain, item)
         unit, per = "bar", BAR
@@ -119,7 +125,7 @@ def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float
 
 
 def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Sequence[Step]) -> dict[str, Any]:
-    now = float(np.sqrt(goal.gradient @ known.covariance @ goal.gradient))
+    now = float(np.sqrt(goal.gradient @ known.matrix @ goal.gradient))
     last = steps[-1].std if steps else now
     return {
         "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,

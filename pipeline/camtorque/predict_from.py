@@ -35,7 +35,7 @@ from camtorque.mechanism.mounting import assumed_roller
 from camtorque.mechanism.predict import pressure_at
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
-from camtorque.report.fit_file import NAME, SCHEMA
+from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
 from camtorque.report.forecast_page import forecast_document
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
@@ -105,10 +105,9 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
             f"{file}: holds {', '.join(strange[:3])}, expected parameters of this version ({__version__}); it was "
             "written by another one: make the report again"
         )
-    std = np.array(doc["stderr"], dtype=np.float64)
-    covariance = np.array(doc["correlation"], dtype=np.float64) * np.outer(std, std)
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
-    known = KnownFit(tuple(doc["names"]), np.array(doc["values"], dtype=np.float64), covariance, recordings)
+    values = np.array(doc["values"], dtype=np.float64)
+    known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings)
     return known, folder, doc["recordings"]
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from camtorque.fit import joint as joint_room
+from camtorque.fit.arrow import Arrow, arrow_inverse
+from camtorque.fit.forecast import KnownFit
 from camtorque.fit.joint import (
     common_error,
     fit_joint,
@@ -18,19 +21,28 @@ from camtorque.fit.joint import (
     started_at,
     with_common_rows,
 )
-from camtorque.fit.joint_input import held_once, joint_input
-from camtorque.fit.joint_solver import Arrow, joint_task, solve_many, try_at
+from camtorque.fit.joint_input import HeldOnce, joint_input
+from camtorque.fit.joint_solver import joint_task, solve_many, try_at
 from camtorque.fit.leftout import MODES, left_out_values, own_values, predicted_end, shares
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import SEPARATOR, build_problem
 from camtorque.fit.solver import solve
-from camtorque.fit.uncertainty import covariance
+from camtorque.fit.uncertainty import covariance, covariance_of
 from camtorque.laws.chain import BINS
 from camtorque.records import Refusal
+from camtorque.report.bundle import CampaignEntry, CampaignResult
+from camtorque.report.fit_file import campaign_fit_document, known_covariance
 from fit_cases import quick_prepared, rig
 
 SPEEDS = (700.0, 900.0, 1200.0)
 FAMILY = ("closed_volume", 3)
+
+
+def dense(arrow: Arrow) -> np.ndarray:
+    total = np.diag(arrow.diagonal)
+    for place, block in zip(arrow.places, arrow.blocks, strict=True):
+        total[np.ix_(place, place)] += block
+    return total
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +59,7 @@ def solved(prepared):
 def campaign(prepared, solved):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_room, "solve_joint", lambda used, each: solved)  # the same three, solved once
-        return fit_joint(prepared)
+        return fit_joint(prepared, prepared.__getitem__)
 
 
 @pytest.fixture(scope="module")
@@ -142,8 +154,8 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     problem, solution = solved
     found = left_out_values(joint, shares(solution), index)
     rest = build_problem([started_at(problem, solution, k) for k in (0, 1)])
-    lifts = joint_task(problem, solution.z, 0.0).lifts
-    alone = solve(rest, rest.start, 12, lifts[:2])
+    task = joint_task(problem, solution.z, 0.0)
+    alone = solve(rest, rest.start, 12, (task.lift(0), task.lift(1)))
     names = [slot.name for slot in problem.slots]
     std = covariance(rest, alone).std
     for name in ("trigger_offset", "dead_volume", "shaft_compliance", "port_closing_lift"):
@@ -157,7 +169,7 @@ def test_left_out_values_are_those_of_the_whole_matrix(joint, solved):
     _, solution = solved
     for index in range(3):
         place, kept = solution.hessian.places[index], solution.hessian.recording != index
-        rest, vector = solution.hessian.dense(), solution.gradient.copy()
+        rest, vector = dense(solution.hessian), solution.gradient.copy()
         rest[np.ix_(place, place)] -= solution.hessian.blocks[index]
         vector[place] -= solution.parts[index]
         scale = joint.covariance.prior_std[kept]
@@ -175,7 +187,7 @@ def test_many_recordings_are_solved_as_few_are(prepared):
     data = with_common_rows([common_error(item.data, 3) for item in prepared])
     problem = build_problem(data)
     task = joint_task(problem, problem.start, 0.02)
-    whole = solve(problem, problem.start, 4, task.lifts, 0.02)
+    whole = solve(problem, problem.start, 4, tuple(map(task.lift, range(3))), 0.02)
     blocks = solve_many(problem, problem.start, 4, 0.02)
     assert (blocks.iterations, blocks.evaluations) == (whole.iterations, whole.evaluations)
     np.testing.assert_allclose(blocks.z, whole.z, rtol=1e-6, atol=1e-9 * problem.steps.max())
@@ -183,7 +195,7 @@ def test_many_recordings_are_solved_as_few_are(prepared):
     assert blocks.data_chi_square == pytest.approx(whole.data_chi_square, rel=1e-8)
     scale = np.sqrt(np.diag(whole.hessian))
     np.testing.assert_allclose(
-        blocks.hessian.dense() / np.outer(scale, scale), whole.hessian / np.outer(scale, scale), atol=1e-6
+        dense(blocks.hessian) / np.outer(scale, scale), whole.hessian / np.outer(scale, scale), atol=1e-6
     )
     assert np.sum(blocks.misfits) == pytest.approx(blocks.data_chi_square, rel=1e-8)
     assert try_at(task, whole.z).chi_square == pytest.approx(whole.chi_square, rel=1e-8)
@@ -198,12 +210,65 @@ def test_an_arrow_is_solved_without_its_whole_matrix(pseudo):
     arrow = Arrow(places, tuple(h.T @ h for h in halves), np.full(7, 0.1), recording)
     free = np.array([True, False, True, True, False, True, True])
     vector = chance.normal(size=7)
-    whole = arrow.dense()
+    whole = dense(arrow)
     expected = np.zeros(7)
     expected[free] = np.linalg.solve(whole[np.ix_(free, free)], vector[free])
     np.testing.assert_allclose(arrow.solve(free, vector, pseudo), expected, rtol=1e-9)
     np.testing.assert_allclose(arrow.times(vector), whole @ vector, rtol=1e-12)
     np.testing.assert_allclose(arrow.main_diagonal(), np.diag(whole), rtol=1e-12)
+
+
+def test_the_inverse_of_an_arrow_is_told_without_the_whole_matrix():
+    chance = np.random.default_rng(4)
+    recording = np.array([-1, 0, -1, 1, -1, 0, 2])
+    places = tuple(np.flatnonzero((recording < 0) | (recording == k)) for k in range(3))
+    halves = [chance.normal(size=(p.size + 2, p.size)) * 10.0 ** chance.integers(-3, 3, p.size) for p in places]
+    arrow = Arrow(places, tuple(h.T @ h for h in halves), np.full(7, 1e-3), recording)
+    found, expected = arrow_inverse(arrow), np.linalg.inv(dense(arrow))
+    scale = np.outer(*[np.sqrt(np.diag(expected))] * 2)
+    np.testing.assert_allclose(found.among(range(7)) / scale, expected / scale, atol=1e-8)
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(expected)), rtol=1e-8)
+    chosen = [6, 1, 0, 5]  # own ones of two recordings, in any order
+    np.testing.assert_allclose(found.among(chosen), expected[np.ix_(chosen, chosen)], rtol=1e-6)
+    of, block = found.of(0)
+    np.testing.assert_allclose(block, expected[np.ix_(of, of)], rtol=1e-6)
+
+
+def test_the_joint_covariance_is_that_of_the_whole_matrix(joint, solved):
+    problem, solution = solved
+    data = dense(replace(solution.hessian, diagonal=np.zeros(problem.size)))
+    whole = covariance_of(problem, data, solution.lift_share, solution.data_chi_square)
+    assert joint.covariance.freedom == pytest.approx(whole.freedom, rel=1e-6)
+    assert joint.covariance.inflation == pytest.approx(whole.inflation, rel=1e-6)
+    scale = np.outer(whole.std, whole.std)
+    found = joint.covariance.arrow.among(range(problem.size))
+    np.testing.assert_allclose(found / scale, whole.matrix / scale, atol=1e-5)
+    one = joint.recording(1)
+    kept = [k for k, slot in enumerate(problem.slots) if slot.recording in (-1, 1)]
+    assert [slot.name for slot in one.problem.slots] == [problem.slots[k].name for k in kept]
+    np.testing.assert_allclose(one.covariance.std, whole.std[kept], rtol=1e-5)
+    np.testing.assert_array_equal(one.solution.z, solution.z[kept])
+
+
+def test_the_file_of_a_joint_fit_grows_with_its_recordings_and_not_with_their_square(campaign):
+    """What one recording adds is told beside it; the matrix is that of the shared parameters."""
+    entries = [CampaignEntry(name, name, "ok", "", {"speed_rpm": 900.0}, folder=name) for name in campaign.names]
+    doc = campaign_fit_document(CampaignResult(tuple(entries), campaign, (), {}, ""))
+    shared = [name for name in doc["names"] if SEPARATOR not in name]
+    assert np.shape(doc["correlation"]) == (len(shared), len(shared))
+    assert len(json.dumps(doc["recordings"])) < 12_000 * len(entries)
+    found, names = known_covariance(json.loads(json.dumps(doc))), doc["names"]
+    scale = np.outer(campaign.covariance.std, campaign.covariance.std)
+    everything = range(len(names))
+    np.testing.assert_allclose(
+        found.among(everything) / scale, campaign.covariance.among(everything) / scale, atol=1e-5
+    )
+    known = KnownFit(tuple(names), np.array(doc["values"]), found, ())
+    only = known.only([campaign.names[2]])
+    assert {name for name in only.names if SEPARATOR not in name} == set(shared)
+    assert {name.split(SEPARATOR)[1] for name in only.names if SEPARATOR in name} == {campaign.names[2]}
+    kept = [names.index(name) for name in only.names]
+    np.testing.assert_allclose(only.covariance.matrix, found.among(kept))
 
 
 def test_the_error_of_the_laws_does_not_average_out(prepared):
@@ -236,10 +301,12 @@ def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):
 
 def test_what_is_the_same_is_held_once(prepared):
     copies = pickle.loads(pickle.dumps(prepared))
-    for item, copy in zip(prepared, held_once(copies), strict=True):
+    for item, copy in zip(prepared, map(HeldOnce(), copies), strict=True):
         for name in ("theta", "line_pressure", "shaft_torque", "substeps"):
             np.testing.assert_array_equal(getattr(copy.data.chain, name), getattr(item.data.chain, name))
-        np.testing.assert_array_equal(copy.lift, item.lift)
-    found = held_once([*copies, *pickle.loads(pickle.dumps(prepared))])
+        assert copy.data.rows == item.data.rows
+        assert copy.alone == item.alone
+        assert not hasattr(copy, "means"), "curves are read again"
+    found = list(map(HeldOnce(), [*copies, *pickle.loads(pickle.dumps(prepared))]))
     assert len({id(item.data.chain.law) for item in found}) == 1, "one pump, one lift table"
-    assert len({id(item.lift_velocity) for item in found}) == 1
+    assert len({id(item.data.rows["leakage"].meaning) for item in found}) == 1

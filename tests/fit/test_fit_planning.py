@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.commands.plan import plan_table
+from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.forecast import FittedAt, KnownFit
 from camtorque.fit.planning import (
     MOST_RUNS,
@@ -22,7 +23,7 @@ from camtorque.plan import wanted_number
 from camtorque.records import Refusal
 
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
-KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), np.diag([1.0, 1.0]),
+KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovariance.whole(np.eye(2)),
                  (FittedAt("a", 100.0, "land", 0.01, False),))  # fmt: skip
 LEAKAGE = np.array([1.0, 0.0])
 

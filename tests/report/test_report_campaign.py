@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from camtorque.campaign.task import SUMMARY_KEYS
+from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.joint import CampaignFit, Drift, JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
@@ -18,6 +20,7 @@ from camtorque.report.campaign_page import campaign_answer, campaign_drawings, c
 from camtorque.report.campaign_view import CampaignView, Column, campaign_view
 from camtorque.report.campaign_write import campaign_document
 from camtorque.report.document import result_document
+from camtorque.report.files import write_rows
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, shares, source_chart
 from report_cases import NASTY, run_result
@@ -150,7 +153,8 @@ def joint_of(view: CampaignView) -> CampaignFit:
     values, errors = (tuple(row.tolist()) for row in (view.quantities[0].values, view.quantities[0].stderr))
     drifts = tuple(Drift(f"parameter_{k}", "bar", ids, speeds, values, errors, 0.1, 0.2) for k in range(45))
     one = JointRecording((), "land", found, True)
-    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros((0, 0)), held, drifts, (), ())
+    cov = ArrowCovariance.whole(np.zeros((0, 0)))
+    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), ())
 
 
 def page_of_many(count: int) -> str:
@@ -168,6 +172,26 @@ def test_a_thousand_recordings_fit_into_three_megabytes() -> None:
     assert page.count('/report.html"') >= 1000
     assert "<summary>1000 recordings</summary>" in page
     assert "The numbers of all 1000 stand in" in page
+
+
+def test_the_index_of_a_thousand_recordings_fits_into_three_megabytes(tmp_path: Path) -> None:
+    """A line for each recording, what all have in common once; the reports hold every digit."""
+    view, doc = many(1000), result_document(run_result())
+    summary = {key: doc[key] for key in SUMMARY_KEYS} | {"speed_rpm": 1234.56789012}
+    rows = tuple(replace(entry(name, doc), thumbnail="", summary=summary) for name in view.names)
+    index = campaign_document(CampaignResult(rows, joint_of(view), (), {}, ""))
+    write_rows(tmp_path / "campaign.json", index)
+    text = (tmp_path / "campaign.json").read_text(encoding="utf-8")
+    assert len(text) <= 3_000_000
+    found = json.loads(text)
+    assert found["recordings"][7]["metrics_joint"]["fitted"] == pytest.approx(doc["metrics"]["fitted"], rel=1e-6)
+    assert found["recordings"][7]["speed_rpm"] == 1234.568
+    assert [len(row) for row in (found["recordings"], found["held_out"], found["drifts"])] == [1000, 2000, 45]
+    assert found["drifts"][0]["slope_per_1000_rpm"] == 0.1
+    assert found["drifts"][0]["values"] is None
+    few = many(5)
+    told = campaign_document(CampaignResult(rows[:5], joint_of(few), (), {}, ""))
+    assert len(told["drifts"][0]["values"]) == len(told["drift_recordings"]) == 5
 
 
 def test_of_few_recordings_errors_and_the_left_out_table_are_shown() -> None:

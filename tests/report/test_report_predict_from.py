@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
+from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, ends_for, matched_end
 from camtorque.fit.forecast import FittedAt, KnownFit, law_share, law_std
 from camtorque.predict_from import file_curve, leakage_factor, read_fit
@@ -23,7 +24,8 @@ def known(shares: list[float], left_out: bool = True) -> KnownFit:
     speeds = 50.0 * 1.25 ** np.arange(len(shares))
     recordings = [FittedAt(f"r{k}", float(s), "land", share, left_out)
                   for k, (s, share) in enumerate(zip(speeds, shares, strict=True))]  # fmt: skip
-    return KnownFit(("leakage", "end_of_delivery__r1"), np.array([1.0, 2.0]), np.eye(2), tuple(recordings))
+    names, covariance = ("leakage", "end_of_delivery__r1"), ArrowCovariance.whole(np.eye(2))
+    return KnownFit(names, np.array([1.0, 2.0]), covariance, tuple(recordings))
 
 
 def test_error_beyond_the_fitted_speeds_grows_as_left_out_ends_were_off() -> None:
@@ -83,7 +85,7 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
 
     def taught(ends: list[float], width: float = 1e-3, step: float = 0.0) -> float:
-        fit = KnownFit(names, np.array(ends), width**2 * np.eye(3), recordings)
+        fit = KnownFit(names, np.array(ends), ArrowCovariance.whole(width**2 * np.eye(3)), recordings)
         known_ends = [KnownEnd(n, end, falling(0.8, speeds[n])) for n, end in zip("abc", ends, strict=True)]
         return float(np.sqrt(end_variance(fit, "land", known_ends, RISING, RISING, step)))
 
@@ -91,7 +93,7 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     assert taught([0.8, 0.85, 0.8]) > 0.02, "an end that the shape does not show is in the band"
     assert taught([0.8, 0.85, 0.8], 0.05) == pytest.approx(LEAST_STD), "what the fit leaves open is in its covariance"
     alone = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
-    fit = KnownFit(names[:1], np.array([0.8]), np.eye(1), recordings[:1])
+    fit = KnownFit(names[:1], np.array([0.8]), ArrowCovariance.whole(np.eye(1)), recordings[:1])
     assert end_variance(fit, "land", alone, RISING, RISING) == pytest.approx(UNKNOWN_STD**2)
     coarse = np.radians(6.0)
     assert end_variance(fit, "land", alone, RISING, RISING, coarse) == pytest.approx(UNKNOWN_STD**2 + coarse**2 / 12.0)
@@ -117,7 +119,7 @@ def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_p
 def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(tmp_path: Path) -> None:
     names = ("end_of_delivery__a",)
     source = FittedAt("a", 50.0, "land", 0.01, True)
-    fit = KnownFit(names, np.array([0.8]), 1e-8 * np.eye(1), (source,))
+    fit = KnownFit(names, np.array([0.8]), ArrowCovariance.whole(1e-8 * np.eye(1)), (source,))
     law = SimpleNamespace(evaluate=lambda theta, order: np.sin(np.minimum(theta, np.pi)))
     chain = SimpleNamespace(theta=THETA, law=law)
 
@@ -180,7 +182,7 @@ def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> No
     (tmp_path / "fit.json").write_text(json.dumps({**doc, "stderr": [1e4, 1e-9]}))
     fit, folder, _ = read_fit(tmp_path / "result.json")
     assert folder == tmp_path
-    assert fit.covariance[0, 1] == pytest.approx(0.4 * 1e4 * 1e-9)
+    assert fit.covariance.among([0, 1])[0, 1] == pytest.approx(0.4 * 1e4 * 1e-9)
     assert fit.recordings[0].id == "case"
 
 

@@ -90,7 +90,7 @@ def run_campaign(
         mapped = time.perf_counter() - start
         usable = [out / entry.folder for entry in entries if entry.status == "ok"]
         progress(f"joint fit of {len(usable)} recordings")
-        joint, more = joint_fit(map(read_joint_input, usable), how.workers or os.cpu_count() or 1)
+        joint, more = joint_fit(len(usable), lambda k: read_joint_input(usable[k]), how.workers or os.cpu_count() or 1)
         total = time.perf_counter() - start
         timing = {"recordings": mapped, "joint": total - mapped, "total": total}
         return _write_index(out, entries, joint, (*findings, *more), timing)

@@ -3,34 +3,44 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable
 
 from camtorque.fit.joint import CampaignFit, fit_joint
-from camtorque.fit.joint_input import JointInput, held_once
+from camtorque.fit.joint_input import HeldOnce, JointInput, Known
 from camtorque.records import Finding, Refusal
 from camtorque.threads import on_one_thread
 
 
 @on_one_thread
-def joint_fit(found: Iterable[JointInput], threads: int) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
+def joint_fit(
+    count: int, read: Callable[[int], JointInput], threads: int
+) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or ids that repeat cannot be fitted together.
 
     Parameters
     ----------
-    found : what the joint fit needs of each recording
+    count : usable recordings
+    read : gives what the joint fit needs of one of them; nothing is held of those that cannot be fitted together
     threads : recordings that are worked at side by side
     """
-    usable = held_once(found)
-    if len(usable) < 2:
-        return _none(f"{len(usable)} usable recordings, a joint fit needs at least 2")
-    pumps = sorted({item.pump_id for item in usable})
-    names = [item.name for item in usable]
-    if len(pumps) > 1 or len(set(names)) < len(names):
-        repeated = sorted(name for name, count in Counter(names).items() if count > 1)
-        what = f"pumps {', '.join(pumps)}" if len(pumps) > 1 else f"recording ids that repeat: {', '.join(repeated)}"
+    if count < 2:
+        return _none(f"{count} usable recordings, a joint fit needs at least 2")
+    held, known, names, pumps = HeldOnce(), list[Known](), Counter[str](), set[str]()
+    for item in map(read, range(count)):
+        names[item.name] += 1
+        pumps.add(item.pump_id)
+        if len(pumps) > 1:
+            known.clear()
+        else:
+            known.append(held(item))
+    repeated = sorted(name for name, times in names.items() if times > 1)
+    if len(pumps) > 1 or repeated:
+        what = f"pumps {', '.join(sorted(pumps))}"
+        if len(pumps) == 1:
+            what = f"recording ids that repeat: {', '.join(repeated)}"
         return _none(f"no joint fit: found {what}, expected one pump and one id per recording")
     try:
-        return fit_joint(usable, threads), ()
+        return fit_joint(known, read, threads), ()
     except Refusal as refusal:
         return _none(str(refusal))
 

@@ -187,9 +187,8 @@ def end_variance(
 
 def _difference_variance(known: KnownFit, name: str, recordings: tuple[str, str]) -> float:
     """Return the variance of the difference of two fitted ends [SI^2]."""
-    i, j = (known.own(recording)[name] for recording in recordings)
-    cov = known.covariance
-    return float(cov[i, i] + cov[j, j] - 2.0 * cov[i, j])
+    cov = known.covariance.among([known.own(recording)[name] for recording in recordings])
+    return float(cov[0, 0] + cov[1, 1] - 2.0 * cov[0, 1])
 
 
 def _end_angle(known: KnownFit, item: FittedAt, rising: Array, lift: Array) -> float:

@@ -8,12 +8,13 @@ needs the torque itself, which is found by a fixed point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 
+from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, SPILL_NAMES
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
@@ -56,11 +57,16 @@ class KnownFit:
 
     names: tuple[str, ...]
     values: Array
-    covariance: Array
+    covariance: ArrowCovariance
     recordings: tuple[FittedAt, ...]
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
+
+    @property
+    def matrix(self) -> Array:
+        """The whole covariance, (k, k)."""
+        return self.covariance.among(range(len(self.names)))
 
     def nearest(self, speed: float) -> FittedAt:
         """Return the recording nearest in speed."""
@@ -71,6 +77,12 @@ class KnownFit:
         plain = {name: k for k, name in enumerate(self.names) if SEPARATOR not in name}
         mine = {n.split(SEPARATOR)[0]: k for k, n in enumerate(self.names) if n.endswith(f"{SEPARATOR}{recording}")}
         return {**plain, **mine}
+
+    def only(self, recordings: Sequence[str]) -> KnownFit:
+        """Return the fit with the shared parameters and the own ones of some recordings alone."""
+        kept = sorted({place for recording in recordings for place in self.own(recording).values()})
+        covariance = ArrowCovariance.whole(self.covariance.among(kept))
+        return KnownFit(tuple(self.names[k] for k in kept), self.values[kept], covariance, self.recordings)
 
 
 @dataclass(frozen=True)
@@ -211,7 +223,7 @@ def _draws(
 ) -> list[dict[str, float]]:
     """Return drawn values within the bounds of the rows."""
     index = list(places.values())
-    block = known.covariance[np.ix_(index, index)]
+    block = known.covariance.among(index)
     scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
     values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]

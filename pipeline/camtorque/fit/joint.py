@@ -7,24 +7,24 @@ share of the weights, and the lift table's, grow with the number of recordings.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.joint_input import JointInput
-from camtorque.fit.joint_solver import JointSolution, joint_covariance, solve_many
-from camtorque.fit.leftout import HeldOut, left_out_predictions
-from camtorque.fit.metrics import metrics
+from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.joint_fit import JointFit, JointRecording, joint_covariance, joint_recording
+from camtorque.fit.joint_input import JointInput, Known
+from camtorque.fit.joint_solver import JointSolution, solve_many
+from camtorque.fit.leftout import HeldOut, left_out, predicted
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
-from camtorque.fit.residual import is_explained
-from camtorque.fit.result import modelled, parameter_estimates, prior_findings
+from camtorque.fit.result import parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES, begun, ends_at
-from camtorque.fit.single import SWITCHING, Fit, switching_shift
+from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import Solution, lifts_at, solve
 from camtorque.laws.chain import BINS
-from camtorque.records import Array, Finding, Metrics, ParameterEstimate, Refusal
+from camtorque.records import Array, Finding, ParameterEstimate, Refusal
 from camtorque.threads import Each, in_turn, side_by_side
 from camtorque.units import DEGREE
 
@@ -73,28 +73,19 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class JointRecording:
-    """One recording of a joint fit: its parameters (shared ones first), structure, metrics as in its own report."""
-
-    parameters: tuple[ParameterEstimate, ...]
-    structure: str
-    metrics: Mapping[str, Metrics]
-    explained: bool
-
-
-@dataclass(frozen=True)
 class CampaignFit:
     """The joint fit: shared parameters, every recording's result, predictions of left-out recordings.
 
-    ``correlation`` is (k, k), of the parameters ``correlation_names``.
+    ``covariance`` is that of the free parameters ``free``, at ``values`` (k,) [SI].
     """
 
     names: tuple[str, ...]
     effects: tuple[str, ...]
     shared_parameters: tuple[ParameterEstimate, ...]
     fitted: tuple[JointRecording, ...]
-    correlation_names: tuple[str, ...]
-    correlation: Array
+    free: tuple[str, ...]
+    values: Array
+    covariance: ArrowCovariance
     held_out: tuple[HeldOut, ...]
     drifts: tuple[Drift, ...]
     left_aside: tuple[str, ...]
@@ -119,7 +110,7 @@ def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
     return [with_rows(item, limits) for item in data]
 
 
-def anchors(inputs: Sequence[JointInput]) -> list[int]:
+def anchors(inputs: Sequence[Known]) -> list[int]:
     """Return the places of the recordings that are explained alone, best first."""
     inflation = [item.inflation for item in inputs]
     limit = max(ANCHOR_LIMIT, ANCHOR_FACTOR * min(inflation))
@@ -127,7 +118,7 @@ def anchors(inputs: Sequence[JointInput]) -> list[int]:
     return [k for k in order if inflation[k] <= limit][:MOST_ANCHORS]
 
 
-def shared_starts(found: Sequence[JointInput]) -> list[dict[str, float]]:
+def shared_starts(found: Sequence[Known]) -> list[dict[str, float]]:
     """Return the anchors' shared values, the mean weighted by their information first."""
     top: dict[str, float] = {}
     bottom: dict[str, float] = {}
@@ -140,7 +131,7 @@ def shared_starts(found: Sequence[JointInput]) -> list[dict[str, float]]:
     return [{name: top[name] / bottom[name] for name in top}, *each]
 
 
-def solve_joint(inputs: Sequence[JointInput], each: Each = in_turn) -> tuple[Problem, JointSolution]:
+def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem, JointSolution]:
     """Return the joint minimum: that of the anchors first, then with every other recording searched anew.
 
     ``each`` calls with every recording; it changes no number.
@@ -236,12 +227,13 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     return min(fitted, key=lambda trial: begun(trial, None, held))
 
 
-def fit_joint(inputs: Sequence[JointInput], threads: int = 1) -> CampaignFit:
+def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads: int = 1) -> CampaignFit:
     """Return the joint fit of several recordings of one pump.
 
     Parameters
     ----------
-    inputs : recordings whose minima are found
+    known : recordings whose minima are found
+    read : gives all of one of them by its place; only so many are held at a time as are worked at
     threads : recordings that are worked at side by side; it changes no number
 
     Raises
@@ -249,75 +241,50 @@ def fit_joint(inputs: Sequence[JointInput], threads: int = 1) -> CampaignFit:
     Refusal : two recordings at one speed cannot be one pump in one state
     """
     with side_by_side(threads) as each:
-        return _fit_joint(inputs, each)
+        return _fit_joint(known, read, each)
 
 
-def _fit_joint(inputs: Sequence[JointInput], each: Each) -> CampaignFit:
-    refuse_two_states(inputs)
-    used, aside = list(inputs), []
+def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
+    refuse_two_states(known)
+    places, aside = list(range(len(known))), []
     while True:
+        used = [known[k] for k in places]
         problem, solution = solve_joint(used, each)
         misfit = solution.misfits
         worst = int(np.argmax(misfit))
         if len(used) <= 3 or misfit[worst] < max(ASIDE_FACTOR * float(np.median(misfit)), 10.0 * INDEPENDENT):
             break
-        aside.append(used.pop(worst).name)
+        aside.append(known[places.pop(worst)].name)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts)
-    fitted = tuple(each(lambda k: joint_recording(fit, solution, k, used[k]), range(len(used))))
-    held = left_out_predictions(used, fit, solution, each) if len(used) > 1 else ()
-    rows = fitted[0].parameters
-    findings = (*prior_findings(rows), *_drift_findings(drifts), *_aside_findings(aside))
-    shared = tuple(row for row in rows if row.role == "shared")
-    std = fit.covariance.std
+    others = left_out(fit) if len(used) > 1 else None
+
+    def told(index: int) -> tuple[JointRecording, tuple[HeldOut, ...]]:
+        item = read(places[index])
+        return joint_recording(fit, index, item), () if others is None else predicted(fit, others, index, item)
+
+    fitted, held = zip(*each(told, range(len(used))), strict=True)
+    shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
+    findings = (*prior_findings((*shared, *fitted[0].parameters)), *_drift_findings(drifts), *_aside_findings(aside))
     return CampaignFit(
-        tuple(item.name for item in used), (), shared, fitted, tuple(slot.name for slot in problem.slots),
-        fit.covariance.matrix / np.outer(std, std), held, drifts, tuple(aside), findings,
+        tuple(item.name for item in used), (), shared, fitted, tuple(slot.name for slot in problem.slots), solution.z,
+        fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(aside), findings,
     )  # fmt: skip
 
 
 def joint_fit_of(
-    inputs: Sequence[JointInput], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = ()
-) -> Fit:
-    """Return a joint minimum with its covariance as a fit; it holds no curve of any recording."""
-    cov = joint_covariance(problem, solution)
-    nothing = np.zeros((0, 0))
-    light = Solution(
-        solution.z, solution.chi_square, solution.data_chi_square, nothing, nothing, solution.gradient, (), (), (),
-        solution.iterations, solution.evaluations, solution.converged,
-    )  # fmt: skip
+    inputs: Sequence[Known], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = ()
+) -> JointFit:
+    """Return a joint minimum with its covariance and the uncertainties that do not average out."""
     shifts = {
         "drift of what should be the same": drift_spread(problem, solution.z, drifts),
         # one sensor, one delay: the angle at the mean speed
         SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs]))),
     }
-    return Fit(
-        problem, light, cov, shifts, (), (), (), (), tuple(item.measured for item in inputs),
-        tuple(item.pressure_gain_std for item in inputs),
-    )  # fmt: skip
+    return JointFit(problem, solution, joint_covariance(problem, solution), shifts)
 
 
-def joint_recording(fit: Fit, solution: JointSolution, index: int, item: JointInput) -> JointRecording:
-    """Return what the joint fit makes of one recording."""
-    means, problem = item.means, fit.problem
-
-    def torque(measured: Array, pressure: Array) -> Array:
-        return modelled(problem, solution.z, index, solution.lift[index], item.measured, (measured, pressure)).torque
-
-    def scored(measured: Array, model: Array) -> Metrics:
-        return metrics(measured, model, item.rigid_torque, item.lift, item.lift_velocity)
-
-    fitted, held = torque(means.torque, means.pressure), torque(means.held_torque, means.held_pressure)
-    found = {
-        "rigid": scored(means.torque_all, item.rigid_torque), "fitted": scored(means.torque, fitted),
-        "fitted_held_out_cycles": scored(means.held_torque, held),
-    }  # fmt: skip
-    odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
-    explained = is_explained(means.torque - fitted, odd_even, float(np.max(means.torque_all)))
-    return JointRecording(parameter_estimates(fit, index), problem.data[index].structure, found, explained)
-
-
-def refuse_two_states(inputs: Sequence[JointInput]) -> None:
+def refuse_two_states(inputs: Sequence[Known]) -> None:
     """Refuse recordings at one speed whose shared parameters contradict each other."""
     speeds = np.array([item.data.chain.speed for item in inputs])
     rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
@@ -332,7 +299,7 @@ def refuse_two_states(inputs: Sequence[JointInput]) -> None:
             raise _two_states(inputs[j], one, COMPARED[place])
 
 
-def _two_states(other: JointInput, one: JointInput, name: str) -> Refusal:
+def _two_states(other: Known, one: Known, name: str) -> Refusal:
     first, second = one.alone[name], other.alone[name]
     (a, s), (b, t) = ((row.value / row.per_unit, row.std / row.per_unit) for row in (first, second))
     return Refusal(
@@ -342,7 +309,7 @@ def _two_states(other: JointInput, one: JointInput, name: str) -> Refusal:
     )
 
 
-def shared_drifts(inputs: Sequence[JointInput]) -> tuple[Drift, ...]:
+def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
     """Return every shared parameter as each recording alone tells it, with its slope over speed."""
     speeds = np.array([item.data.chain.speed for item in inputs]) * 60.0 / (2.0 * np.pi)
     names = tuple(item.name for item in inputs)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from sys import intern
 from typing import Any
 
 import numpy as np
 
 from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData
-from camtorque.fit.single import Prepared, pressure_gain_std, switching_std
+from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
 from camtorque.records import Array, freeze_arrays
+
+TEXTS = ("name", "symbol", "unit", "meaning", "source", "role")
+"""Of a parameter row, the same in most recordings."""
 
 
 @dataclass(frozen=True)
@@ -27,17 +31,13 @@ class Alone:
 
 
 @dataclass(frozen=True)
-class JointInput:
-    """One recording as a joint fit takes it.
+class Known:
+    """What is held of a recording while all are fitted.
 
     Attributes
     ----------
     pump_id : recordings of different pumps are not fitted together
     data : the recording in its best structure, started at its own minimum
-    means : mean cycles of both halves, without scatter
-    rigid_torque, lift, lift_velocity : (n_theta,) of the rigid solution [N m], [m], [m/rad]
-    measured : (n,) mean torque on the grid of the fit [N m]
-    pressure_gain_std : relative
     switching_std : of the trigger's switching delay as an angle at this speed [rad]
     alone : shared parameter -> as this recording alone tells it
     inflation : of its residual, fitted alone
@@ -45,23 +45,35 @@ class JointInput:
 
     pump_id: str
     data: FitData
-    means: MeanCycles
-    rigid_torque: Array
-    lift: Array
-    lift_velocity: Array
-    measured: Array
-    pressure_gain_std: float
     switching_std: float
     alone: Mapping[str, Alone]
     inflation: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def name(self) -> str:
         """Name of the recording."""
         return self.data.name
+
+
+@dataclass(frozen=True)
+class JointInput(Known):
+    """One recording as a joint fit takes it: what is held of it, and what is read again when all are fitted.
+
+    Attributes
+    ----------
+    means : mean cycles of both halves, without scatter
+    rigid_torque, lift, lift_velocity : (n_theta,) of the rigid solution [N m], [m], [m/rad]
+    measured : (n,) mean torque on the grid of the fit [N m]
+    """
+
+    means: MeanCycles
+    rigid_torque: Array
+    lift: Array
+    lift_velocity: Array
+    measured: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
 
 
 def joint_input(prepared: Prepared) -> JointInput:
@@ -75,27 +87,32 @@ def joint_input(prepared: Prepared) -> JointInput:
     }
     means, rigid = prepared.means, prepared.rigid
     return JointInput(
-        prepared.recording.config.pump_id, best.data, replace(means, pressure_all=np.zeros(0)),
-        rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured, pressure_gain_std(prepared.recording),
-        switching_std(prepared.cycles), alone, found.inflation,
+        prepared.recording.config.pump_id, best.data, switching_std(prepared.cycles), alone, found.inflation,
+        replace(means, pressure_all=np.zeros(0)), rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured,
     )  # fmt: skip
 
 
-def held_once(inputs: Iterable[JointInput]) -> list[JointInput]:
-    """Return the inputs with lift, lift law and grid held once where they are the same: a third of their memory."""
-    known: dict[bytes, Any] = {}
+class HeldOnce:
+    """Takes of each recording what is held of it, with lift law, grid and texts once where they are the same."""
 
-    def once(value: Any, *arrays: Array) -> Any:
+    def __init__(self) -> None:
+        self._known: dict[bytes, Any] = {}
+
+    def __call__(self, item: JointInput) -> Known:
+        """Return what is held of a recording."""
+        chain = item.data.chain
+        law = self._once(chain.law, chain.law.knots, chain.law.coefficients)
+        rows = {
+            intern(name): replace(row, **{field: intern(getattr(row, field)) for field in TEXTS})  # type: ignore[arg-type]
+            for name, row in item.data.rows.items()
+        }
+        alone = {intern(name): replace(row, unit=intern(row.unit)) for name, row in item.alone.items()}
+        chain = replace(chain, theta=self._once(chain.theta, chain.theta), law=law)
+        data = replace(item.data, chain=chain, rows=rows)
+        return Known(intern(item.pump_id), data, item.switching_std, alone, item.inflation)
+
+    def _once(self, value: Any, *arrays: Array) -> Any:
         digest = sha256(repr([array.shape for array in arrays]).encode())
         for array in arrays:
             digest.update(array.tobytes())
-        return known.setdefault(digest.digest(), value)
-
-    result = []
-    for item in inputs:
-        chain = item.data.chain
-        law = once(chain.law, chain.law.knots, chain.law.coefficients)
-        data = replace(item.data, chain=replace(chain, theta=once(chain.theta, chain.theta), law=law))
-        lift, velocity = (once(array, array) for array in (item.lift, item.lift_velocity))
-        result.append(replace(item, data=data, lift=lift, lift_velocity=velocity))
-    return result
+        return self._known.setdefault(digest.digest(), value)

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from camtorque.fit.arrow import Arrow, Mask, Places
 from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import (
@@ -22,104 +22,13 @@ from camtorque.fit.solver import (
     lift_modes,
     smoother,
 )
-from camtorque.fit.uncertainty import Covariance, covariance_of
 from camtorque.laws.chain import evaluate
 from camtorque.records import Array, freeze_arrays
+from camtorque.shelf import Shelf
 from camtorque.threads import Each, in_turn
 
 Smooth = Callable[[Array], Array]
-Mask = NDArray[np.bool_]
-Places = NDArray[np.int64]
-SMALLEST_EIGENVALUE = 1.0e-12
-"""Relative to the largest one; what is weaker is no direction in which a step promises anything."""
-
-
-@dataclass(frozen=True)
-class Arrow:
-    """A symmetric matrix that is the sum of one small block a recording and a diagonal.
-
-    places : per recording the indices of its parameters; blocks : (p, p) each; diagonal : (k,)
-    recording : (k,) whose own each parameter is, -1: shared
-    """
-
-    places: tuple[Places, ...]
-    blocks: tuple[Array, ...]
-    diagonal: Array
-    recording: Places
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
-    def main_diagonal(self) -> Array:
-        """Return the diagonal of the sum, (k,)."""
-        total = self.diagonal.copy()
-        for place, block in zip(self.places, self.blocks, strict=True):
-            total[place] += np.diag(block)
-        return total
-
-    def times(self, vector: Array) -> Array:
-        """Return the product with a vector (k,)."""
-        total = self.diagonal * vector
-        for place, block in zip(self.places, self.blocks, strict=True):
-            total[place] += block @ vector[place]
-        return total
-
-    def dense(self) -> Array:
-        """Return the whole matrix, (k, k)."""
-        total = np.diag(self.diagonal)
-        for place, block in zip(self.places, self.blocks, strict=True):
-            total[np.ix_(place, place)] += block
-        return total
-
-    def reduced(
-        self, index: int, vector: Array, free: Mask, pseudo: bool = False
-    ) -> tuple[Places, Array, Array, Array]:
-        """Return a recording's share of the equations of the shared parameters, its own ones eliminated.
-
-        Returns
-        -------
-        shared, matrix, vector : places of its shared parameters, (s, s), what the vector of those changes by (s,)
-        back : (o, s + 1) own parameters = last column - the others @ shared ones
-        """
-        place, block = self.places[index], self.blocks[index]
-        own = (self.recording[place] >= 0) & free[place]
-        shared = (self.recording[place] < 0) & free[place]
-        cross = block[np.ix_(own, shared)]
-        inner = block[np.ix_(own, own)] + np.diag(self.diagonal[place[own]])
-        columns = np.column_stack([cross, vector[place[own]]])
-        back = _least(inner, columns) if pseudo else np.asarray(np.linalg.solve(inner, columns))
-        matrix = block[np.ix_(shared, shared)] - cross.T @ back[:, :-1]
-        return place[shared], matrix, -cross.T @ back[:, -1], back
-
-    def solve(self, free: Mask, vector: Array, pseudo: bool = False) -> Array:
-        """Return x (k,) with ``M x = vector`` in the free parameters, zero in the others.
-
-        ``pseudo`` leaves directions out that the matrix says nothing of.
-        """
-        shared = np.flatnonzero((self.recording < 0) & free)
-        where = np.zeros(vector.size, dtype=np.int64)
-        where[shared] = np.arange(shared.size)
-        head, top = np.diag(self.diagonal[shared]), vector[shared].copy()
-        backs = []
-        for index in range(len(self.places)):
-            place, matrix, part, back = self.reduced(index, vector, free, pseudo)
-            head[np.ix_(where[place], where[place])] += matrix
-            top[where[place]] += part
-            backs.append((place, back))
-        x = np.zeros(vector.size)
-        x[shared] = _least(head, top) if pseudo else np.linalg.solve(head, top)
-        for place, (used, back) in zip(self.places, backs, strict=True):
-            own = place[(self.recording[place] >= 0) & free[place]]
-            x[own] = back[:, -1] - back[:, :-1] @ x[used]
-        return x
-
-
-def _least(matrix: Array, right: Array) -> Array:
-    """Return the shortest x of least ``|M x - right|``, whatever the units of M (symmetric)."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    column = scale.reshape(-1, *[1] * (right.ndim - 1))
-    scaled = matrix * np.outer(scale, scale)
-    return np.asarray(column * np.linalg.lstsq(scaled, column * right, rcond=SMALLEST_EIGENVALUE)[0])
+NOTHING: Array = np.zeros((0, 0))
 
 
 @dataclass(frozen=True)
@@ -156,11 +65,20 @@ class JointSolution:
 
 
 @dataclass(frozen=True)
+class KeptModes:
+    """The lift correction of a recording, its two matrices on a shelf: with them a recording would take a megabyte."""
+
+    vectors: Callable[[], Array]
+    strength: Array
+    to_lift: Callable[[], Array]
+
+
+@dataclass(frozen=True)
 class Task:
     """A problem with what stays the same while it is solved: the lift corrections and the smoothing."""
 
     problem: Problem
-    lifts: tuple[LiftModes, ...]
+    kept: tuple[KeptModes, ...]
     smooth: Smooth
     steps: Array
     means: Array
@@ -168,6 +86,16 @@ class Task:
     bounds: tuple[Array, Array]
     recording: Places
     each: Each
+
+    def lift(self, index: int) -> LiftModes:
+        """Return the lift correction of a recording."""
+        kept = self.kept[index]
+        return LiftModes(kept.vectors(), kept.strength, kept.to_lift())
+
+    def whitened(self, index: int, left: Array, right: Array) -> Array:
+        """Return the product of two matrices of weighted residuals (BINS, m) with the lift correction taken out."""
+        kept = self.kept[index]
+        return LiftModes(kept.vectors(), kept.strength, NOTHING).product(left, right)
 
 
 @dataclass(frozen=True)
@@ -184,11 +112,12 @@ def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_tur
 
     ``smoothing`` is that of the residual, a standard deviation [rad].
     """
-    inflate = float(np.sqrt(len(problem.data)))
+    inflate, shelf = float(np.sqrt(len(problem.data))), Shelf()
 
-    def modes(index: int) -> LiftModes:
+    def modes(index: int) -> KeptModes:
         item, (values, _) = problem.data[index], problem.values(z, index)
-        return lift_modes(item, evaluate(item.chain, values), values, inflate)
+        found = lift_modes(item, evaluate(item.chain, values), values, inflate)
+        return KeptModes(shelf.put(found.vectors), found.strength, shelf.put(found.to_lift))
 
     lifts = tuple(each(modes, range(len(problem.data))))
     recording = np.array([slot.recording for slot in problem.slots], dtype=np.int64)
@@ -208,7 +137,7 @@ def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array]:
     column = task.smooth(output.linear[:, chain[linear] - N_NONLINEAR] * item.weight[:, None])
     target = task.smooth((item.torque - output.torque - output.linear @ held) * item.weight)
     both = np.column_stack([column * task.steps[own[linear]], target])
-    return own[linear] - first, task.lifts[index].product(both, both)
+    return own[linear] - first, task.whitened(index, both, both)
 
 
 def try_at(task: Task, z: Array) -> Trial:
@@ -263,7 +192,7 @@ def _linearised(task: Task, z: Array, index: int) -> tuple[Array, Array, Array]:
     both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
     jacobian = task.smooth(both * (item.weight[:, None] * task.steps[own]))
     residual = task.smooth((item.torque - output.torque - output.linear @ coefficients) * item.weight)
-    product = task.lifts[index].product(jacobian, np.column_stack([jacobian, residual]))
+    product = task.whitened(index, jacobian, np.column_stack([jacobian, residual]))
     return product[:, :-1], product[:, -1], residual
 
 
@@ -321,13 +250,17 @@ def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int,
     """Return the solution in SI units."""
     steps, places = task.steps, point.matrix.places
     blocks = tuple(block / np.outer(steps[p], steps[p]) for p, block in zip(places, point.matrix.blocks, strict=True))
-    misfits = [float(lift.product(r, r)) for lift, r in zip(task.lifts, point.residuals, strict=True)]
+    misfits, lifts, share = [], [], 0.0
+    for index, residual in enumerate(point.residuals):
+        lift = task.lift(index)
+        misfits.append(float(lift.product(residual, residual)))
+        lifts.append(lift.coefficients(residual))
+        share += float(np.sum(lift.shrink))
     return JointSolution(
         trial.z, trial.chi_square, trial.data_chi_square,
         Arrow(places, blocks, point.matrix.diagonal / steps**2, task.recording), point.vector / steps,
-        tuple(part / steps[p] for p, part in zip(places, point.parts, strict=True)), np.array(misfits),
-        tuple(lift.coefficients(r) for lift, r in zip(task.lifts, point.residuals, strict=True)),
-        sum(float(np.sum(lift.shrink)) for lift in task.lifts), *cost,
+        tuple(part / steps[p] for p, part in zip(places, point.parts, strict=True)), np.array(misfits), tuple(lifts),
+        share, *cost,
     )  # fmt: skip
 
 
@@ -362,9 +295,3 @@ def _step(task: Task, point: Linearised, z: Array, damping: float) -> tuple[Arra
         free &= ~over
     promise = float(2.0 * point.vector @ step - step @ point.matrix.times(step))
     return step * task.steps, promise
-
-
-def joint_covariance(problem: Problem, solution: JointSolution) -> Covariance:
-    """Return the covariance at a joint minimum."""
-    data = replace(solution.hessian, diagonal=np.zeros(problem.size)).dense()
-    return covariance_of(problem, data, solution.lift_share, solution.data_chi_square)

@@ -7,20 +7,19 @@ exact for a linear model and costs nothing, however many recordings there are.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.joint_fit import JointFit
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.metrics import metrics
 from camtorque.fit.problem import END_NAMES, SPILL_NAMES, FitData, Problem, build_problem, with_starts
-from camtorque.fit.result import model_on_grid
-from camtorque.fit.single import Fit
+from camtorque.fit.result import modelled
 from camtorque.fit.solver import Solution, lifts_at, solve, try_at
 from camtorque.records import Array, Metrics
-from camtorque.threads import Each, in_turn
 
 ZERO_SPREAD_SHARE = 1.0e-3
 """Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
@@ -76,7 +75,7 @@ def shares(solution: JointSolution) -> Shares:
     return Shares(places, matrix, vector, tuple(parts))
 
 
-def left_out_values(fit: Fit, found: Shares, index: int) -> Array:
+def left_out_values(fit: JointFit, found: Shares, index: int) -> Array:
     """Return the shared parameters that all recordings but one give, at their places in z (own ones as they are)."""
     places, (matrix, vector) = found.places, found.parts[index]
     z, (lower, upper) = fit.solution.z.copy(), fit.problem.bounds
@@ -94,29 +93,35 @@ def _cautious(matrix: Array, scale: Array) -> Array:
     return (vectors * shares) @ vectors.T * np.outer(scale, scale)
 
 
-def left_out_predictions(
-    inputs: Sequence[JointInput], fit: Fit, solution: JointSolution, each: Each = in_turn
-) -> tuple[HeldOut, ...]:
-    """Return both predictions of every recording by the others; ``each`` calls with every recording."""
-    found, owns = shares(solution), own_values(fit)
+@dataclass(frozen=True)
+class Others:
+    """What predictions of each recording by the others rest on: shares of the equations, values of every recording."""
 
-    def both(index: int) -> tuple[HeldOut, HeldOut]:
-        z, item = left_out_values(fit, found, index), inputs[index]
-        shared = {s.row.name: float(v) for s, v in zip(fit.problem.slots, z, strict=True) if s.recording < 0}
-        data = with_starts(fit.problem.data[index], shared)
-        own = _prediction(item, fit, data, {**shared, "pressure_zero": 0.0}, MODES[0])
-        blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, owns, index)}
-        return own, _prediction(item, fit, with_starts(data, blind), blind, MODES[1])
-
-    return tuple(row for pair in each(both, range(len(inputs))) for row in pair)
+    found: Shares
+    owns: list[dict[str, float]]
 
 
-def _prediction(item: JointInput, fit: Fit, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
+def left_out(fit: JointFit) -> Others:
+    """Return what predictions of left-out recordings rest on."""
+    return Others(shares(fit.solution), own_values(fit))
+
+
+def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> tuple[HeldOut, ...]:
+    """Return both predictions of a recording by the others."""
+    z = left_out_values(fit, others.found, index)
+    shared = {s.row.name: float(v) for s, v in zip(fit.problem.slots, z, strict=True) if s.recording < 0}
+    data = with_starts(fit.problem.data[index], shared)
+    own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0])
+    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, others.owns, index)}
+    return own, _prediction(item, with_starts(data, blind), blind, MODES[1])
+
+
+def _prediction(item: JointInput, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
     problem = build_problem([data], held)
     solution = solve(problem, None, 20) if problem.size else _evaluated(problem)
-    alone = replace(fit, problem=problem, solution=solution, measured=(item.measured,))
-    means = item.means
-    torque = model_on_grid(alone, 0, means.held_torque, means.held_pressure).torque
+    means, lifts = item.means, solution.lifts[0].coefficients(solution.residuals[0])
+    held_out = (means.held_torque, means.held_pressure)
+    torque = modelled(problem, solution.z, 0, lifts, item.measured, held_out).torque
     if mode == "blind" and _zero_unknown(item):
         torque = torque + float(np.mean(means.held_torque) - np.mean(torque))
     scored = metrics(means.held_torque, torque, item.rigid_torque, item.lift, item.lift_velocity)
@@ -139,7 +144,7 @@ def _zero_unknown(item: JointInput) -> bool:
     return prior is None or prior[1] > ZERO_SPREAD_SHARE * peak
 
 
-def own_values(fit: Fit) -> list[dict[str, float]]:
+def own_values(fit: JointFit) -> list[dict[str, float]]:
     """Return the values of each recording's parameters, shared ones and its own [SI]."""
     pairs = list(zip(fit.problem.slots, fit.solution.z.tolist(), strict=True))
     shared = {slot.row.name: value for slot, value in pairs if slot.recording < 0}
@@ -150,7 +155,7 @@ def own_values(fit: Fit) -> list[dict[str, float]]:
     return found
 
 
-def predicted_end(fit: Fit, owns: Sequence[Mapping[str, float]], index: int) -> dict[str, float]:
+def predicted_end(fit: JointFit, owns: Sequence[Mapping[str, float]], index: int) -> dict[str, float]:
     """Return where delivery ends by the line pressure, as it looked around the ends of the recordings next in speed.
 
     ``owns`` are those of `own_values`; the recording's own are not used.

@@ -130,7 +130,7 @@ def plan(
     teeth : whether runs without and with a second tooth may be chosen
     """
     chosen: list[Step] = []
-    std = float(np.sqrt(target @ known.covariance @ target))
+    std = float(np.sqrt(target @ known.matrix @ target))
     while std > wanted and len(chosen) < MOST_RUNS:
         offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
         worth = weighed(known, target, offers, chosen)
@@ -155,7 +155,7 @@ def weighed(
 ) -> list[Step]:
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
-    before = inverse(known.covariance)
+    before = inverse(known.matrix)
     for number, row in enumerate(made, len(known.recordings) + 1):
         before = before + information(row.point, row.offer, number)
     fitted = any(row.offer.tooth for row in made)

@@ -22,12 +22,39 @@ def write_page(path: Path, html: str) -> None:
     path.write_text(html, encoding="utf-8", errors=ESCAPED)
 
 
-def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document under a temporary name, then rename it; NaN is never written."""
+def write_json(path: Path, document: Mapping[str, Any], lines: bool = True) -> None:
+    """Write a document under a temporary name, then rename it; NaN is never written. ``lines``: one for each value."""
     partial = path.with_name(f".{path.name}.partial")
-    text = json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(document), indent=1 if lines else None, ensure_ascii=False, allow_nan=False)
     partial.write_text(text + "\n", encoding="utf-8", errors=ESCAPED)
     os.replace(partial, path)
+
+
+def write_rows(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a document of many rows: one line each, numbers of 7 digits; the reports of the rows have all of them."""
+    partial = path.with_name(f".{path.name}.partial")
+    with partial.open("w", encoding="utf-8", errors=ESCAPED) as stream:
+        stream.write("{")
+        for place, (key, value) in enumerate(plain(document).items()):
+            stream.write(f"{',' if place else ''}\n {json.dumps(key)}: ")
+            if isinstance(value, list) and value and isinstance(value[0], dict | list):
+                stream.write("[\n  " + ",\n  ".join(map(_line, value)) + "\n ]")
+            else:
+                stream.write(_line(value))
+        stream.write("\n}\n")
+    os.replace(partial, path)
+
+
+def _line(value: Any) -> str:
+    return json.dumps(_short(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def _short(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.7g}")
+    if isinstance(value, dict):
+        return {key: _short(item) for key, item in value.items()}
+    return [_short(item) for item in value] if isinstance(value, list) else value
 
 
 def inputs_document(recording: Recording) -> list[dict[str, str]]:

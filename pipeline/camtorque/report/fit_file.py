@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.fit.problem import SEPARATOR
+from camtorque.fit.arrow import ArrowCovariance
 from camtorque.laws import ROWS
-from camtorque.records import ParameterEstimate
+from camtorque.records import Array
 from camtorque.report.bundle import CampaignResult, RunResult
 from camtorque.units import RPM
 
 NAME = "fit.json"
 SCHEMA = "camtorque.fit/1"
+DIGITS = 7
+"""Of what ties a recording's own parameters to the shared ones."""
 
 
 def run_fit_document(result: RunResult) -> dict[str, Any]:
@@ -23,7 +25,13 @@ def run_fit_document(result: RunResult) -> dict[str, Any]:
     share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
     about = (str(fitted.details.get("delivery", "")), share, fitted.explained)
     row = _recording(result.recording.config.id, ".", result.cycles.mean_speed / RPM, about)
-    return _document(fitted.parameters, fitted.correlation_names, fitted.correlation, [row])
+    rows = {item.name: item for item in fitted.parameters}
+    kept = [k for k, name in enumerate(fitted.correlation_names) if name in rows]
+    names = [fitted.correlation_names[k] for k in kept]
+    scale = np.array([ROWS[name].per_unit for name in names])
+    values = np.array([rows[name].value for name in names], dtype=np.float64) * scale
+    std = np.array([rows[name].stderr_statistical for name in names], dtype=np.float64) * scale
+    return _document(names, values, std, fitted.correlation[np.ix_(kept, kept)], [row])
 
 
 def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
@@ -40,8 +48,42 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
         row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], about)
         modes = {mode: left.get((name, mode)) for mode in ("own_zero_and_end", "blind")}
         rows.append({**row, "left_out_rms_percent": modes})
-    parameters = [row for fitted in joint.fitted for row in fitted.parameters]
-    return _document(parameters, joint.correlation_names, joint.correlation, rows)
+    arrow, std = joint.covariance, joint.covariance.std
+    scale = std[arrow.shared]
+    for row, place, through, rest in zip(rows, arrow.own, arrow.through, arrow.rest, strict=True):
+        own = std[place]
+        row["own"] = {
+            "names": [joint.free[k] for k in place], "through": _rounded(through * scale / own[:, None]),
+            "rest": _rounded(rest / np.outer(own, own)),
+        }  # fmt: skip
+    correlation = arrow.matrix / np.outer(scale, scale)
+    return _document(joint.free, joint.values, std, correlation, rows)
+
+
+def known_covariance(document: Mapping[str, Any]) -> ArrowCovariance:
+    """Return the covariance that a fit.json states [SI]; of one recording, no parameter is its own."""
+    place = {name: k for k, name in enumerate(document["names"])}
+    std = np.array(document["stderr"], dtype=np.float64)
+    owns = [row["own"] for row in document["recordings"] if row.get("own")]
+    taken = {name for own in owns for name in own["names"]}
+    shared = np.array([k for name, k in place.items() if name not in taken], dtype=np.int64)
+    scale = std[shared]
+    matrix = np.array(document["correlation"], dtype=np.float64) * np.outer(scale, scale)
+    places = [np.array([place[name] for name in own["names"]], dtype=np.int64) for own in owns]
+    through = [
+        np.array(own["through"], dtype=np.float64).reshape(at.size, shared.size) * std[at][:, None] / scale
+        for at, own in zip(places, owns, strict=True)
+    ]
+    rest = [
+        np.array(own["rest"], dtype=np.float64).reshape(at.size, at.size) * np.outer(std[at], std[at])
+        for at, own in zip(places, owns, strict=True)
+    ]
+    return ArrowCovariance(shared, matrix, tuple(places), tuple(through), tuple(rest))
+
+
+def _rounded(matrix: Array) -> list[list[float]]:
+    """Return a matrix with as many digits as its numbers have: those of a thousand recordings fill a file."""
+    return [[float(f"{value:.{DIGITS}g}") for value in row] for row in matrix]
 
 
 def _recording(name: str, folder: str, speed: object, about: tuple[str, float, bool]) -> dict[str, Any]:
@@ -54,17 +96,9 @@ def _recording(name: str, folder: str, speed: object, about: tuple[str, float, b
 
 
 def _document(
-    parameters: Sequence[ParameterEstimate], all_names: Sequence[str], all_correlations: Any,
-    recordings: Sequence[Mapping[str, Any]],
-) -> dict[str, Any]:  # fmt: skip
-    rows = {row.name: row for row in parameters}
-    kept = [k for k, name in enumerate(all_names) if name in rows]
-    names = [all_names[k] for k in kept]
-    scale = np.array([ROWS[name.split(SEPARATOR)[0]].per_unit for name in names])
-    std = np.array([rows[name].stderr_statistical for name in names], dtype=np.float64) * scale
-    correlation = np.asarray(all_correlations)[np.ix_(kept, kept)]
-    values = [rows[name].value * factor for name, factor in zip(names, scale, strict=True)]
+    names: Sequence[str], values: Array, std: Array, correlation: Array, recordings: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     return {
-        "schema": SCHEMA, "names": names, "units": "SI", "values": values, "stderr": std.tolist(),
+        "schema": SCHEMA, "names": list(names), "units": "SI", "values": values.tolist(), "stderr": std.tolist(),
         "correlation": correlation.tolist(), "recordings": recordings,
     }  # fmt: skip

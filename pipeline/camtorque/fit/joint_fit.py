@@ -1,0 +1,132 @@
+"""A joint minimum with its covariance, and one recording of it as if it were fitted alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
+from camtorque.fit.joint_input import JointInput
+from camtorque.fit.joint_solver import JointSolution
+from camtorque.fit.metrics import metrics
+from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.problem import Problem
+from camtorque.fit.residual import is_explained
+from camtorque.fit.result import modelled, parameter_estimates
+from camtorque.fit.single import Fit
+from camtorque.fit.solver import Solution
+from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
+from camtorque.records import Array, Metrics, ParameterEstimate, freeze_arrays
+
+
+@dataclass(frozen=True)
+class JointCovariance:
+    """Covariance of all parameters of a joint fit; its fields are those of `uncertainty.Covariance`."""
+
+    arrow: ArrowCovariance
+    std: Array
+    prior_std: Array
+    inflation: float
+    freedom: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """A joint minimum and how sure it is; ``shifts`` as in `single.Fit`, (k,) each [SI]."""
+
+    problem: Problem
+    solution: JointSolution
+    covariance: JointCovariance
+    shifts: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def std(self) -> Array:
+        """Total standard uncertainty, (k,) [SI]."""
+        return np.sqrt(self.covariance.std**2 + sum(shift**2 for shift in self.shifts.values()))
+
+    def recording(self, index: int) -> Fit:
+        """Return one recording with the shared parameters as a fit of its own; it holds no curve."""
+        places, matrix = self.covariance.arrow.of(index)
+        order = np.argsort(places)
+        places, matrix = places[order], matrix[np.ix_(order, order)]
+        slots = tuple(self.problem.slots[k] for k in places)
+        small = Problem(
+            (self.problem.data[index],), tuple(replace(s, recording=min(s.recording, 0)) for s in slots),
+            int(np.sum(places < self.problem.n_nonlinear)), self.problem.fixed,
+        )  # fmt: skip
+        cov, nothing = self.covariance, np.zeros((0, 0))
+        known = Covariance(matrix, cov.prior_std[places], cov.inflation, cov.freedom, nothing)
+        light = Solution(
+            self.solution.z[places], self.solution.chi_square, self.solution.data_chi_square, nothing, nothing,
+            self.solution.gradient[places], (), (), (), self.solution.iterations, self.solution.evaluations,
+            self.solution.converged,
+        )  # fmt: skip
+        return Fit(
+            small, light, known, {name: shift[places] for name, shift in self.shifts.items()}, (), (), (), (), (), ()
+        )
+
+
+@dataclass(frozen=True)
+class JointRecording:
+    """One recording of a joint fit: its own parameters, structure, metrics as in its own report."""
+
+    parameters: tuple[ParameterEstimate, ...]
+    structure: str
+    metrics: Mapping[str, Metrics]
+    explained: bool
+
+
+def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovariance:
+    """Return the covariance at a joint minimum, as `uncertainty.covariance_of` does for one recording."""
+    before = prior_std(problem)
+    blocks, count = solution.hessian.blocks, len(problem.data)
+
+    def inverse(inflation: float) -> ArrowCovariance:
+        information = tuple(block / inflation for block in blocks)
+        return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / before**2))
+
+    taken = _overlap(inverse(1.0), solution.hessian) + solution.lift_share
+    freedom = max(INDEPENDENT * count - taken, LEAST_FREEDOM * count)
+    inflation = max(1.0, solution.data_chi_square / freedom)
+    found = inverse(inflation)
+    return JointCovariance(found, found.std, before, inflation, freedom)
+
+
+def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:
+    """Return the number of values that parameters take: the sum of the products of both matrices' elements."""
+    total = 0.0
+    for index, (place, block) in enumerate(zip(information.places, information.blocks, strict=True)):
+        places, matrix = covariance.of(index)
+        order = np.argsort(places)
+        kept = order[np.searchsorted(places[order], place)]
+        total += float(np.sum(matrix[np.ix_(kept, kept)] * block))
+    return total
+
+
+def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecording:
+    """Return what the joint fit makes of one recording."""
+    means, problem, solution = item.means, fit.problem, fit.solution
+
+    def torque(measured: Array, pressure: Array) -> Array:
+        return modelled(problem, solution.z, index, solution.lift[index], item.measured, (measured, pressure)).torque
+
+    def scored(measured: Array, model: Array) -> Metrics:
+        return metrics(measured, model, item.rigid_torque, item.lift, item.lift_velocity)
+
+    fitted, held = torque(means.torque, means.pressure), torque(means.held_torque, means.held_pressure)
+    found = {
+        "rigid": scored(means.torque_all, item.rigid_torque), "fitted": scored(means.torque, fitted),
+        "fitted_held_out_cycles": scored(means.held_torque, held),
+    }  # fmt: skip
+    odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
+    explained = is_explained(means.torque - fitted, odd_even, float(np.max(means.torque_all)))
+    own = tuple(row for row in parameter_estimates(fit.recording(index), 0) if row.role == "own")
+    return JointRecording(own, problem.data[index].structure, found, explained)
