@@ -8,7 +8,7 @@ Weights are as large as the residual, so that what is usual counts from the firs
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +67,9 @@ FAR = 30.0
 """A structure whose chi-square exceeds the best one's by this factor (and what is unexplained) gets no more starts."""
 HELPED, MOST_MOVES = 0.7, 14
 """Ratio of chi-squares below which a move has helped much, and how many are made at most."""
-HOPS, HOP_SMOOTHINGS_DEG = ((DOUBTFUL, 6), (DISSATISFYING, 20)), (1.5, 0.0, 0.0)
+Hops = tuple[tuple[float, int], ...]
+HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 20))
+HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
 """Chi-square above which the best start hops, and hops at most; ladder that each walks down."""
 REDRAWN = (
     tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
@@ -306,18 +308,18 @@ def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
     return with_starts(start.data, drawn)
 
 
-def hopped(result: dict[str, list[Start]]) -> dict[str, list[Start]]:
-    """Return the starts with those that follow from drawing the chamber or the valve of the best one anew.
+def hops(result: dict[str, list[Start]], most: Hops) -> Iterator[tuple[str, dict[str, list[Start]]]]:
+    """Yield the starts with those that follow from drawing the chamber or the valve of the best one anew.
 
     Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
     """
-    for hop in range(max(most for _, most in HOPS)):
+    for hop in range(max(count for _, count in most)):
         best = least(result)
-        if not any(best.chi_square > above and hop < most for above, most in HOPS):
-            break
+        if not any(best.chi_square > above and hop < count for above, count in most):
+            return
         names = REDRAWN[hop % len(REDRAWN)]
         result = joined(result, descend({best.data.structure: [redrawn(best, names, hop)]}, HOP_SMOOTHINGS_DEG, False))
-    return result
+        yield "hop", result
 
 
 def load_anew(result: Starts, rough: FitData) -> Items:
@@ -365,25 +367,37 @@ MOVES: dict[str, Move] = {
 
 
 def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> dict[str, list[Start]]:
-    """Return the best starts of each structure, least chi-square first.
+    """Return the best starts of each structure, least chi-square first."""
+    *_, (_, result) = stages(data, structures)
+    return result
+
+
+def stages(
+    data: FitData, structures: tuple[str, ...], most: Hops = HOPS
+) -> Iterator[tuple[str, dict[str, list[Start]]]]:
+    """Yield what was done last and the best starts of each structure so far, until the search ends.
 
     Further moves are for recordings that are not explained yet; each is made again after others have helped much.
     """
     seen = rough(data)
     first = descend({name: candidates(seen, name) for name in structures}, SMOOTHINGS_DEG, True)
     result = {name: first.get(name, []) for name in structures}
-    pending = dict(MOVES) if set(first) - {"line"} else {}
+    yield "first starts", result
+    if not set(first) - {"line"}:
+        return
+    pending = dict(MOVES)
     for _ in range(MOST_MOVES):
-        before = least(result).chi_square if pending else 0.0
+        before = least(result).chi_square
         name = next((name for name, move in pending.items() if before > move.above), None)
         if name is None:
             break
         move = pending.pop(name)
         items = {structure: group for structure, group in move.starts(result, seen).items() if group}
         result = joined(result, descend(items, move.smoothings, False))
+        yield name, result
         if least(result).chi_square < HELPED * before:
             pending = dict(MOVES)
-    return hopped(result) if set(first) - {"line"} else result
+    yield from hops(result, most)
 
 
 def likely(result: Starts) -> list[str]:
