@@ -27,8 +27,8 @@ from nptdms import ChannelObject, TdmsFile, TdmsWriter
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "align"))
 from align_truth import PRESSURE_GAIN, TORQUE_GAIN, Rig, pressure_of, torque_of, trigger_volts
 from camtorque.align import AlignOptions, align
+from camtorque.hashes import input_file
 from camtorque.ingest import read_recording
-from camtorque.ingest.hashes import input_file
 from usual_script import mean_cycles
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -27,6 +27,7 @@ SMALL = {
     "units",
     "records",
     "grid_choice",
+    "hashes",
     "plain",
     "limits",
     "progress",

@@ -7,7 +7,6 @@ read by `camtorque.ingest.pump_file.read_pump`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from camtorque.config import PumpData
 from camtorque.records import Array, CamTable, Refusal, freeze_arrays
 from camtorque.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
-from camtorque.units import did_you_mean
 
 ONCE = ("pump", "cam", "mounting", "shaft", "friction")
 """Tables that are there once or not at all."""
@@ -83,7 +81,7 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     file = Path(path)
     text, values = read_toml(file, f"expected a pump file (schema {PUMP_SCHEMA})")
     root = Table(values, file, "")
-    _known_keys(values, "top", ("schema", *ONCE), file)
+    root.only(("schema", *ONCE))
     check_schema(values, file, PUMP_SCHEMA)
     problems = Problems()
     tables = {name: _values(root, name, problems) for name in ONCE}
@@ -110,17 +108,9 @@ def _values(root: Table, name: str, problems: Problems) -> dict[str, Any]:
     with problems.collecting():
         table = root.table(name, optional=not schema.required)
         inner = ("sections",) if name == "cam" else ()
-        _known_keys(table.values, name, (*schema.names, *inner), root.file)
+        table.only((*schema.names, *inner))
         return read_keys(table, schema, problems)
     return {}
-
-
-def _known_keys(values: Mapping[str, Any], name: str, known: tuple[str, ...], file: Path) -> None:
-    """Refuse a key that a table does not have."""
-    for key in values:
-        if key not in known:
-            hint = did_you_mean(key, known) or f", expected one of {', '.join(known)}"
-            raise Refusal(f"{file} [{name}]: unknown key {key[:80]!r}{hint}")
 
 
 def _sections(cam: Table, problems: Problems) -> tuple[SectionSpec, ...]:
@@ -137,7 +127,7 @@ def _sections(cam: Table, problems: Problems) -> tuple[SectionSpec, ...]:
 def _section(table: Table) -> SectionSpec:
     """Return one section; a tangent lobe takes the angle that it needs."""
     schema = PUMP_FILE_TABLES["cam.sections"]
-    _known_keys(table.values, "cam.sections", schema.names, table.file)
+    table.only(schema.names)
     problems = Problems()
     values = read_keys(table, schema, problems)
     problems.raise_any()

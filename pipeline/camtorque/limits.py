@@ -74,11 +74,10 @@ def read_limits(path: Path | str) -> tuple[Limit, ...]:
     file = Path(path)
     _, values = read_toml(file, f"expected a limits file (schema {LIMITS_SCHEMA})")
     check_schema(values, file, LIMITS_SCHEMA)
-    unknown = sorted(set(values) - {"schema", "limit"})
-    if unknown:
-        raise Refusal(f"{file}: unknown key {unknown[0]!r}, expected schema and [[limit]] tables")
+    root = Table(values, file, "")
+    root.only(("schema", "limit"))
     problems, limits = Problems(), []
-    for table in Table(values, file, "").tables("limit"):
+    for table in root.tables("limit"):
         with problems.collecting():
             limits.append(_limit(table, problems))
     problems.raise_any()
@@ -86,10 +85,7 @@ def read_limits(path: Path | str) -> tuple[Limit, ...]:
 
 
 def _limit(table: Table, problems: Problems) -> Limit:
-    for key in table.values:
-        if key not in LIMIT.names:
-            hint = did_you_mean(key, LIMIT.names) or f", expected some of {', '.join(LIMIT.names)}"
-            raise Refusal(f"{table.file} {table.header}: unknown key {key!r}{hint}")
+    table.only(LIMIT.names)
     values = read_keys(table, LIMIT, problems)
     problems.raise_any()
     limit = Limit(**values)

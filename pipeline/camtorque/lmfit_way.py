@@ -30,7 +30,7 @@ from camtorque.laws.chain import ChainOutput, evaluate
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.threads import on_one_thread
-from camtorque.toml_table import check_schema, read_toml
+from camtorque.toml_table import Table, check_schema, read_toml
 from camtorque.units import did_you_mean
 
 SCHEMA = "camtorque-parameters/1"
@@ -187,10 +187,7 @@ def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:
     if not isinstance(changes, dict) or not all(isinstance(row, dict) for row in changes.values()):
         raise Refusal(f"{file}: expected tables [parameters.NAME]")
     for name, row in changes.items():
-        for key in row:
-            if key not in KEYS:
-                hint = did_you_mean(key, KEYS) or f", expected some of {', '.join(KEYS)}"
-                raise Refusal(f"{file} [parameters.{name}]: unknown key {key!r}{hint}")
+        Table(row, file, f"[parameters.{name}]").only(KEYS)
     return changes
 
 

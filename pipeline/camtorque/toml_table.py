@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import date, datetime
@@ -14,7 +14,7 @@ from typing import Any
 
 from camtorque.records import CONTROL, Refusal
 from camtorque.toml_schema import UNKNOWN, Key, TableSchema
-from camtorque.units import did_you_mean
+from camtorque.units import did_you_mean, expected_one_of
 
 LARGEST_FILE = 512 * 1024
 """A bench file has a few kilobytes; beyond this the parser itself could take minutes [bytes]."""
@@ -123,6 +123,13 @@ class Table:
     def has(self, key: str) -> bool:
         """Tell whether the key is given."""
         return key in self.values
+
+    def only(self, known: Sequence[str]) -> None:
+        """Refuse a key that is not one of some."""
+        for key in self.values:
+            if key not in known:
+                where = f"{self.file} {self.header or 'top'}"
+                raise Refusal(f"{where}: unknown key {key[:80]!r}{expected_one_of(key, tuple(known))}")
 
     def value(self, key: Key) -> Any:
         """Return the value of a key in SI, its default where it is left out and may be.

@@ -236,3 +236,8 @@ def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
     lowered = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), list(lowered), n=1, cutoff=0.5)
     return f", did you mean {lowered[near[0]]!r}?" if near else ""
+
+
+def expected_one_of(word: str, known: list[str] | tuple[str, ...]) -> str:
+    """Return the nearest known word as a question, or all of them where none is near."""
+    return did_you_mean(word, known) or f", expected one of {', '.join(known)}"

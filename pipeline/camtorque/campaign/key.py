@@ -10,6 +10,7 @@ from pathlib import Path
 
 from camtorque.campaign.find import CONFIG_NAME
 from camtorque.config_toml import load_recording_config
+from camtorque.hashes import file_digest
 from camtorque.ingest.sensors import read_sensor
 from camtorque.records import Refusal
 from camtorque.run import RunOptions
@@ -68,7 +69,6 @@ def input_paths(path: Path) -> tuple[Path, ...]:
 def _digest(file: Path) -> str:
     """Return the SHA-256 of a file, or why it cannot be read: another reason is another key."""
     try:
-        with file.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return file_digest(file)
     except OSError as error:
         return f"cannot be read: {error.strerror}"

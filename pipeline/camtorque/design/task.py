@@ -22,7 +22,7 @@ from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, Refusal
 from camtorque.toml_schema import Key, TableSchema
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
-from camtorque.units import DEGREE, RPM, did_you_mean
+from camtorque.units import DEGREE, RPM, did_you_mean, expected_one_of
 
 SLIP = 50.0
 """Bounds further than this factor from the value of the pump file are taken for a slip of units."""
@@ -101,7 +101,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     file = Path(path)
     text, values = read_toml(file, f"expected a design file (schema {DESIGN_SCHEMA})")
     root = Table(values, file, "")
-    _known(root, (*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
+    root.only((*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
     top = _read(root, TOP)
     check_schema(values, file, DESIGN_SCHEMA)
     config, _ = read_pump(top["pump"])
@@ -135,16 +135,9 @@ def _read(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
     values = read_keys(table, schema, problems)
     if schema is not TOP:
         with problems.collecting():
-            _known(table, (*schema.names, *others))
+            table.only((*schema.names, *others))
     problems.raise_any()
     return {key.name: values[key.attribute] for key in schema.keys}
-
-
-def _known(table: Table, names: tuple[str, ...]) -> None:
-    for key in table.values:
-        if key not in names:
-            hint = did_you_mean(key, names) or f", expected one of {', '.join(names)}"
-            raise Refusal(f"{table.file} {table.header or '[top]'}: unknown key {key[:80]!r}{hint}")
 
 
 def _families(table: Table, shape: Mapping[str, Any]) -> tuple[Family, ...]:
@@ -182,8 +175,7 @@ def _variables(free: Table, values: dict[str, float], pumps: int) -> tuple[Varia
     found = []
     for name, bounds in free.values.items():
         if name not in allowed:
-            hint = did_you_mean(name, allowed) or f", expected one of {', '.join(allowed)}"
-            raise Refusal(f"{free.where(name)}: nothing of this name can be free{hint}")
+            raise Refusal(f"{free.where(name)}: nothing of this name can be free{expected_one_of(name, allowed)}")
         low, high = _bounds(free, name, bounds)
         least = QUANTITIES[name].least if name in QUANTITIES else -360.0
         if low < least:
@@ -288,8 +280,7 @@ def _aims(table: Table) -> tuple[str, ...]:
 
 def _known_response(table: Table, name: str) -> None:
     if name not in RESPONSES:
-        hint = did_you_mean(name, tuple(RESPONSES)) or f", expected one of {', '.join(RESPONSES)}"
-        raise Refusal(f"{table.where(name)}: unknown{hint}")
+        raise Refusal(f"{table.where(name)}: unknown{expected_one_of(name, tuple(RESPONSES))}")
 
 
 def _limits(table: Table) -> tuple[Limit, ...]:

@@ -13,9 +13,9 @@ import numpy as np
 
 from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
 from camtorque.config_toml import load_recording_config
+from camtorque.hashes import input_file
 from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
-from camtorque.ingest.hashes import input_file
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor, with_idle_zero

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from camtorque.hashes import file_digest
 from camtorque.records import Refusal
 
 SUMS = "SHA256SUMS"
@@ -20,12 +20,6 @@ class Fault:
 
     path: str
     kind: str
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file in hex."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_checksums(folder: Path, files: Iterable[Path]) -> None:

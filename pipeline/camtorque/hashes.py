@@ -1,4 +1,4 @@
-"""SHA-256 of the files that were read."""
+"""SHA-256 of files."""
 
 from __future__ import annotations
 
@@ -17,6 +17,12 @@ def input_file(path: Path) -> InputFile:
         raise Refusal(f"{path}: cannot be read ({error.strerror})") from error
 
 
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file in hex."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _state(path: Path) -> tuple[int, int]:
     status = path.stat()
     return status.st_size, status.st_mtime_ns
@@ -24,8 +30,7 @@ def _state(path: Path) -> tuple[int, int]:
 
 def _hash(path: Path, state: tuple[int, int]) -> str:
     try:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = file_digest(path)
         if _state(path) == state:
             return digest
     except OSError as error:
