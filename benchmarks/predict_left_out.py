@@ -28,6 +28,7 @@ from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.predict_from import chain_of, file_curve
+from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.units import BAR
 
@@ -102,7 +103,10 @@ def left_out_rows(prepared: Sequence[Prepared]) -> list[dict[str, object]]:
         used = [item for j, item in enumerate(prepared) if j != k]
         known = known_fit(used)
         for step_deg in STEPS_DEG:
-            rows.append(predicted(known, used, left, step_deg))
+            try:
+                rows.append(predicted(known, used, left, step_deg))
+            except Refusal as refusal:
+                rows.append({"left_out": left.data.name, "load": f"file, {step_deg:g} deg: {refusal}"})
             print(rows[-1], flush=True)
     return rows
 

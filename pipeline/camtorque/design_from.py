@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.config_pump import PressureCurve
 from camtorque.design.answer import Answer
-from camtorque.design.fitted import FittedPump
+from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
 from camtorque.fit.ends import Curve
@@ -33,6 +33,8 @@ from camtorque.threads import on_one_thread
 STROKES = np.linspace(0.004, 0.996, 250)
 """Shares of the lift by which angles of one cam are told on another."""
 FINE = 7200
+LEAST_FLOW = 0.02
+"""Share of the plunger's largest flow below which nothing is said to be delivered by it."""
 BASE = 1.0e-3
 """Share of the lift below which the follower rests on the base circle."""
 
@@ -72,17 +74,20 @@ def fitted_pump(known: Known) -> FittedPump:
     places = {name: k for k, name in enumerate(known.fit.names)}
     guide, bearing, pin = (float(known.fit.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES)
 
-    def chamber(name: str, speed: float) -> tuple[str, PressureCurve]:
+    def stroke(name: str, speed: float) -> FittedStroke:
         source = known.source(name, speed)
         rig = rig_of(known.reports[source.id], None, None)
         item, _ = _run(known, source, rig, curve_of(known.reports[source.id], source.speed), speed)
-        order = np.argsort(np.mod(item.true_angle, TURN), kind="stable")
-        return source.id, PressureCurve(np.mod(item.true_angle, TURN)[order], item.pressure[order])
+        angle = np.mod(item.true_angle, TURN)
+        order = np.argsort(angle, kind="stable")
+        pushed = rig.pump.plunger_area * lift_law(rig.table).evaluate(angle, 1) * speed
+        share = np.clip(item.flow / np.maximum(pushed, LEAST_FLOW * np.max(pushed)), 0.0, 1.0)
+        return FittedStroke(source.id, PressureCurve(angle[order], item.pressure[order]), share[order])
 
     return FittedPump(
         path=known.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
         friction=(guide, bearing, pin), law=lift_law(rig_of(first, None, None).table),
-        recordings=tuple(item.id for item in known.fit.recordings), chamber=chamber,
+        recordings=tuple(item.id for item in known.fit.recordings), stroke=stroke,
     )  # fmt: skip
 
 

@@ -328,7 +328,10 @@ def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
 def _load_text(source: FittedAt, name: str, given: Curve | None, speed: float) -> str:
     """Return what was taken as the load; ``name`` of the recording or file that was given."""
     if given is None:
-        return f"the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle as it was recorded"
+        return (
+            f"at {speed / RPM:.0f} rpm the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle "
+            "as it was recorded"
+        )
     if np.isfinite(given.speed):
         return f"the line pressure of {name}"
     text = f"the line pressure of {name}, at every speed, over the cam angle that the trigger's nominal angle counts"

@@ -67,6 +67,16 @@ def test_the_cheapest_run_that_suffices_is_taken_not_the_one_that_narrows_most()
     assert costs[0].minutes == pytest.approx(SETUP_MINUTES + 20.0 / 60.0)
 
 
+def test_two_cheap_runs_are_preferred_to_a_dear_one_that_would_do() -> None:
+    cheap, dear = point(100.0, 0.016), point(100.0, 0.016, tooth=6e-4)
+    steps = plan(KNOWN, LEAKAGE, 0.4, [cheap, dear], (20.0,))
+    assert [step.offer.tooth for step in steps] == [False, False]
+    assert steps[0].std > 0.4 > steps[1].std
+    alone = weighed(KNOWN, LEAKAGE, [(dear, Offer(100.0, "a", 20.0, True))])[0]
+    assert alone.std < 0.4
+    assert sum(step.minutes for step in steps) < alone.minutes
+
+
 def test_a_run_that_a_later_one_made_needless_is_not_in_the_plan() -> None:
     weak, tooth = point(100.0, 0.008), point(100.0, 0.0, tooth=0.01)
     before = weighed(KNOWN, LEAKAGE, [(weak, Offer(100.0, "a", 20.0, False))])

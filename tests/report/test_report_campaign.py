@@ -221,7 +221,7 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
         "shared_parameters": {"leakage": {"knowledge": "measured"}, "spring": {"knowledge": "narrowed"}},
     }  # fmt: skip
     parts = {part["head"]: part["text"] for part in campaign_answer(doc)}
-    assert "+8 to +26 % off the rigid model" in parts["The gap"]
+    assert "lies 8 to 26 % above the rigid model" in parts["The gap"]
     assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
     assert parts["What to do"].startswith("Not explained: B; open their reports first. 1 refused")
     assert parts["What to do"].endswith("Coupling resonance drifts.")

@@ -127,13 +127,21 @@ def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(
         return ends_for(fit, source, {"a": falling(0.8, 50.0)}, chain, curve)["end_of_delivery"]  # type: ignore[arg-type]
 
     assert of_file(tmp_path, 3.0).step == pytest.approx(np.radians(3.0))
-    fine, coarse = end(of_file(tmp_path, 0.25)), end(of_file(tmp_path, 5.0))
+    fine, coarse = end(of_file(tmp_path, 0.25)), end(of_file(tmp_path, 2.8))
     assert [of_file(tmp_path, step).coarse for step in (0.5, 1.0)] == [False, True]
     assert not replace(of_file(tmp_path, 1.0), speed=75.0).coarse, "what is fine goes with the time between points"
     assert fine.value == pytest.approx(0.8, abs=0.01)
     assert fine.stderr == pytest.approx(float(UNKNOWN_STD))
-    assert coarse.stderr > 1.5 * fine.stderr
+    assert coarse.stderr > 1.2 * fine.stderr
     assert abs(coarse.value - 0.8) < 2.0 * coarse.stderr
+
+
+def test_points_too_far_apart_in_time_to_show_an_end_are_refused(tmp_path: Path) -> None:
+    source = FittedAt("a", 50.0, "land", 0.01, True)
+    fit = KnownFit(("end_of_delivery__a",), np.array([0.8]), np.eye(1), (source,))
+    coarse = replace(of_file(tmp_path, 4.0), speed=40.0)
+    with pytest.raises(Refusal, match=r"points 4 deg apart under load, 1\.7 ms at 382 rpm, .* expected 1 ms"):
+        ends_for(fit, source, {"a": falling(0.8, 50.0)}, SimpleNamespace(), coarse)  # type: ignore[arg-type]
 
 
 def ringing() -> Curve:

@@ -36,7 +36,7 @@ def test_page_is_self_contained_and_small(prediction):
 
 
 def test_page_says_what_the_model_found(prediction):
-    page = prediction_page(prediction, "pump")
+    page = prediction_page(prediction, "pump").replace("\u00a0", " ")
     assert f"leaves the cam from {prediction.jump.speed / RPM:.0f} rpm" in page
     assert "The follower leaves the cam at" in page
     assert "<small><code>contact_lost</code></small></td><td>3000 rpm</td>" in page

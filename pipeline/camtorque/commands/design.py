@@ -10,7 +10,7 @@ from typing import Any
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.design import Answer, answer_document, design_page, read_task, solve_task, write_chosen
 from camtorque.design.answer import TABLE
-from camtorque.design.page import fitted_cells, label_of
+from camtorque.design.page import fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design_from import Known, as_fitted, fitted_pump, read_known
 from camtorque.plain import plain
@@ -55,13 +55,13 @@ def _table(answer: Answer) -> list[str]:
     """Return the chosen design against the first guess, and the dearest limits."""
     problem, chosen = answer.chosen.problem, answer.chosen
     before, after = problem.evaluated(problem.start()), problem.evaluated(chosen.variables)
-    lines = [f"design {answer.front.chosen + 1} of {len(answer.front.points)}, {chosen.design.family.name}"]
+    lines = [f"design {answer.front.chosen + 1} of {len(answer.front.points)}, {law_name(chosen.design.family.name)}"]
     lines.append(f"{'':44}{'first guess':>14}{'design':>14}")
     for name in problem.names:
         values = (RESPONSES[name].value(design) for design in (before, after))
-        lines.append(f"{label_of(name):44}" + "".join(f"{value:14.5g}" for value in values))
+        lines.append(f"{label_of(name):44}" + "".join(f"{value:14.4g}" for value in values))
     for variable in problem.task.variables:
-        lines.append(f"{label_of(variable.name):44}{variable.start:14.5g}{chosen.design.values[variable.name]:14.5g}")
+        lines.append(f"{label_of(variable.name):44}{variable.start:14.4g}{chosen.design.values[variable.name]:14.4g}")
     for price in answer.prices[:5]:
         costs = "; ".join(f"{label_of(name)} {value:+.3g}" for name, value in price.per_aim.items())
         lines.append(f"per {price.unit or 'unit'} by which {price.what} is loosened: {costs}")

@@ -9,11 +9,30 @@ from pathlib import Path
 
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import CamLaw
-from camtorque.records import Refusal
+from camtorque.records import Array, Refusal, freeze_arrays
 from camtorque.results import read_result
 
 FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
 NAMES = ("guide_friction", "bearing_arm", "pin_arm")
+
+
+@dataclass(frozen=True)
+class FittedStroke:
+    """The fitted chamber under the load of a recording.
+
+    Attributes
+    ----------
+    recording : its name
+    pressure : on the plunger over the angle of the fitted cam
+    delivering : share of the plunger's flow that leaves for the line, at the angles of ``pressure``
+    """
+
+    recording: str
+    pressure: PressureCurve
+    delivering: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
 
 
 @dataclass(frozen=True)
@@ -27,8 +46,7 @@ class FittedPump:
     friction : guide coefficient, bearing and pin arm [-, m, m]
     law : lift of the cam that it was fitted with
     recordings : names of what was fitted
-    chamber : recording ("" for the one nearest in speed), speed [rad/s] -> its name, and the fitted pressure on the
-        plunger over the angle of that cam
+    stroke : recording ("" for the one nearest in speed), speed [rad/s] -> what the fitted chamber does there
     """
 
     path: Path
@@ -36,7 +54,7 @@ class FittedPump:
     friction: tuple[float, float, float]
     law: CamLaw
     recordings: tuple[str, ...]
-    chamber: Callable[[str, float], tuple[str, PressureCurve]]
+    stroke: Callable[[str, float], FittedStroke]
 
 
 def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ class Load:
     back_lifts, back_pressures : on the return
     events : (j,) lifts at which the rise is evaluated exactly [m]
     source : recording whose fitted chamber pressure it is, empty for none
+    delivering : (k,) share of the plunger's flow that leaves for the line at ``lifts``; empty: as the pressure is high
     """
 
     name: str
@@ -35,6 +36,7 @@ class Load:
     back_pressures: Array
     events: Array
     source: str = ""
+    delivering: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -49,13 +51,18 @@ class Load:
 
     @property
     def share(self) -> tuple[Array, Array]:
-        """Corners of the share of the peak pressure over lift on the rise, for delivery."""
+        """Corners of the share of the plunger's flow that is delivered over lift on the rise.
+
+        Where it is not known it is the share of the peak pressure.
+        """
+        if self.delivering.size:
+            return self.lifts, self.delivering
         peak = float(np.max(self.pressures))
         return self.lifts, self.pressures / peak if peak > 0.0 else np.ones_like(self.pressures)
 
     @cached_property
     def half(self) -> tuple[float, float]:
-        """The lifts between which the pressure is at least half its peak [m]; inf where it stays so to the end."""
+        """The lifts between which that share is at least a half [m]; inf where it stays so to the end."""
         corners, share = self.share
         steps = np.flatnonzero(np.diff(share >= 0.5))
         ends = corners[steps] + (0.5 - share[steps]) / np.diff(share)[steps] * np.diff(corners)[steps]

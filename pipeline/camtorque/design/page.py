@@ -30,6 +30,13 @@ RARELY = 0.05
 """Share of made cams that may miss a limit before the headline says so."""
 
 
+def law_name(name: str) -> str:
+    """Return the name of a lift law as one would write it."""
+    return {"bspline": "B-spline", "polynomial_345": "polynomial 3-4-5", "polynomial_4567": "polynomial 4-5-6-7"}.get(
+        name, name.replace("_", " ")
+    )
+
+
 def label_of(name: str) -> str:
     """Return a response or quantity as words with its unit."""
     unit = unit_of(name)
@@ -53,7 +60,7 @@ def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before
     parts += [f"<circle {place} {stroke('muted')}><title>first guess</title></circle>"] if near else []
     for k, point in enumerate(front.points):
         tone, radius = ("bad", 6.5) if k == front.chosen else (CYCLE[_family_number(front, point)], 4.5)
-        hint = f"design {k + 1}: {label_of(aims[across])} {x[k]:.5g}, {label_of(aims[up])} {y[k]:.5g}"
+        hint = f"design {k + 1}: {label_of(aims[across])} {x[k]:.4g}, {label_of(aims[up])} {y[k]:.4g}"
         place = f'cx="{horizontal(x[k]):.1f}" cy="{vertical(y[k]):.1f}" r="{radius}"'
         parts.append(f'<a href="#d{k + 1}"><circle {place} {fill(tone)}><title>{hint}</title></circle></a>')
     return drawing(width, height, f"Pareto front of {aims[across]} and {aims[up]}", parts)
@@ -118,7 +125,7 @@ def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Seque
         "design.html", {}, title=f"{task.path.stem}: design", aims=[label_of(name) for name in task.aims],
         fronts=[Markup(front_svg(front, task.aims, (a, b), before)) for a, b in pairs],
         designs=designs, chosen=front.chosen + 1,
-        families=[f.name.replace("_", " ") for f in task.families],
+        families=[law_name(f.name) for f in task.families],
         gains="; ".join(_gain(n, responses[n], before[n]) for n in task.aims), targets=_targets(answer, before),
         missed=_most_missed(answer),
         prices=[(p.what, p.unit, [p.per_aim.get(name) for name in task.aims]) for p in answer.prices],
@@ -167,7 +174,7 @@ def _design(number: int, point: FrontPoint, loads: tuple[str, ...]) -> dict[str,
     values = point.design.values
     responses = responses_of(point.problem.evaluated(point.variables))
     return {
-        "number": number + 1, "law": point.design.family.name.replace("_", " "),
+        "number": number + 1, "law": law_name(point.design.family.name),
         "free": [(label_of(v.name), values[v.name]) for v in point.problem.task.variables],
         "responses": [(label_of(name), value) for name, value in responses.items()],
         "svg": Markup(design_svg(point, loads)),

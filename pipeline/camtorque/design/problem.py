@@ -49,7 +49,7 @@ class Problem:
         )
         guide = self.task.config.friction[0]
         if guide > 0.0:
-            steepest = float(np.rad2deg(np.arctan(LARGEST_JAM / guide)))
+            steepest = round(float(np.rad2deg(np.arctan(LARGEST_JAM / guide))), 1)
             always = (*always, Limit("pressure_angle_rise_deg", "most", steepest))
         return (*self.task.limits, *(limit for limit in always if limit.response not in own))
 

@@ -229,8 +229,14 @@ def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump 
             f"{where}: {recording!r} is no recording of {fitted.path}{did_you_mean(recording, fitted.recordings)}; "
             f"there are {', '.join(fitted.recordings)}"
         )
-    name, curve = fitted.chamber(recording, speed)
-    return Load(f"{speed / RPM:g} rpm, {name}", speed, *_carried(curve, fitted.law, table), source=name)
+    stroke = fitted.stroke(recording, speed)
+    corners = _carried(stroke.pressure, fitted.law, table)
+    theta, lift = _from_rest(fitted.law)
+    rise = slice(0, int(np.argmax(lift)) + 1)
+    share = np.interp(theta[rise], stroke.pressure.theta, stroke.delivering, period=2.0 * np.pi)
+    delivering = np.interp(corners[0], np.maximum.accumulate(lift[rise]), share)
+    name = f"{speed / RPM:g} rpm, {stroke.recording}"
+    return Load(name, speed, *corners, source=stroke.recording, delivering=delivering)
 
 
 def _trapezoid(table: Table, values: Mapping[str, Any]) -> Corners:
@@ -251,12 +257,8 @@ def _trapezoid(table: Table, values: Mapping[str, Any]) -> Corners:
 
 def _carried(curve: PressureCurve, law: CamLaw, table: Table) -> Corners:
     """Return a curve over the angle of a cam as pressure over lift: it belongs to the stroke."""
-    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
-    lift, pressure = law.evaluate(theta), pressure_at(curve, theta)
-    top = int(np.argmax(lift))
-    shift = -int(np.argmin(np.where(lift < 1e-3 * lift[top], (theta - theta[top]) % (2.0 * np.pi), np.inf)))
-    lift, pressure = np.roll(lift, shift), np.roll(pressure, shift)
-    peak = int(np.argmax(lift))
+    theta, lift = _from_rest(law)
+    pressure, peak = pressure_at(curve, theta), int(np.argmax(lift))
     highest = np.minimum(lift[int(np.argmax(pressure))], lift[peak])
     grid = np.unique(np.append(np.linspace(0.0, lift[peak], 400), highest))
     rise, back = np.maximum.accumulate(lift[: peak + 1]), np.maximum.accumulate(lift[:peak:-1])
@@ -264,6 +266,15 @@ def _carried(curve: PressureCurve, law: CamLaw, table: Table) -> Corners:
         raise Refusal(f"{table.where('pressure_file')}: its cam has no rise and return to carry it by")
     up, down = (np.interp(grid, y, p) for y, p in ((rise, pressure[: peak + 1]), (back, pressure[:peak:-1])))
     return grid, up, grid, down, grid[[int(np.argmax(up))]]
+
+
+def _from_rest(law: CamLaw) -> tuple[Array, Array]:
+    """Return a revolution that begins where the return ends, (3600,): angles [rad] and lift [m]."""
+    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    lift = law.evaluate(theta)
+    top = int(np.argmax(lift))
+    shift = -int(np.argmin(np.where(lift < 1e-3 * lift[top], (theta - theta[top]) % (2.0 * np.pi), np.inf)))
+    return np.roll(theta, shift), np.roll(lift, shift)
 
 
 def _aims(table: Table) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ import numpy as np
 
 from camtorque.fit.forecast import FittedAt, KnownFit
 from camtorque.laws.chain import ChainInput
-from camtorque.records import Array, Estimate, freeze_arrays
+from camtorque.records import Array, Estimate, Refusal, freeze_arrays
+from camtorque.units import DEGREE, RPM
 
 MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
 """Time before and after an end of delivery over which the slope of the line pressure is compared [s]; points."""
@@ -139,9 +140,20 @@ def ends_for(
     ----------
     source : recording whose structure is that of the run
     templates : line pressure of every fitted recording, by name
+
+    Raises
+    ------
+    Refusal : the points of a file are too far apart in time to show an end
     """
     if source.structure not in END_OF:
         return {}
+    if curve.step > MATCH_WINDOW * curve.speed:
+        raise Refusal(
+            f"predict: found a pressure file with points {curve.step / DEGREE:.2g} deg apart under load, "
+            f"{1e3 * curve.step / curve.speed:.2g} ms at {curve.speed / RPM:.0f} rpm, which do not show where delivery "
+            f"ends, expected {1e3 * MATCH_WINDOW:g} ms or closer ({MATCH_WINDOW * curve.speed / DEGREE:.2g} deg); give "
+            "more points, or name the recording itself with --load-of"
+        )
     rising = rising_angles(chain)
     lift = np.asarray(chain.law.evaluate(rising, 0))
     alike = [item for item in known.recordings if item.structure == source.structure and item.id in templates]

@@ -115,6 +115,7 @@ class Forecast:
     pressure, pressure_std : (n,) on the plunger [Pa]
     contact, contact_std : (n,) contact force along the follower [N]
     true_angle : (n,) [rad]
+    flow : (n,) from the chamber to the line [m^3/s]
     delivered, delivered_std : volume that leaves the chamber for the line in a stroke [m^3]
     law_share : rms of the law's error as a share of the peak
     beyond : distance from the fitted speeds in ln speed, 0 inside
@@ -132,6 +133,7 @@ class Forecast:
     contact: Array
     contact_std: Array
     true_angle: Array
+    flow: Array
     delivered: float
     delivered_std: float
     law_share: float
@@ -203,7 +205,8 @@ def forecast(
         by_cause={name[6:]: center[name] for name in causes}, by_cause_std={name[6:]: std[name] for name in causes},
         pressure=center["pressure"], pressure_std=std["pressure"], contact=center["contact"],
         contact_std=std["contact"], true_angle=center["angle"],
-        delivered=float(center["delivered"]), delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
+        flow=center["flow"], delivered=float(center["delivered"]),
+        delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
     )  # fmt: skip
 
 
@@ -272,7 +275,7 @@ def _parts(chain: ChainInput, values: Mapping[str, float]) -> dict[str, Array]:
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
     return {
         **named, "torque": torque, "pressure": output.pressure, "contact": output.load, "angle": output.motion.theta,
-        "delivered": np.array(stroke_volume(chain, values, output)),
+        "flow": output.flows[:, SEAT], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
 
 

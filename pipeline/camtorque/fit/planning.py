@@ -121,7 +121,10 @@ def plan(
     known: KnownFit, target: Array, wanted: float, points: Sequence[Point], durations: Sequence[float],
     teeth: Sequence[bool] = (False, True),
 ) -> tuple[Step, ...]:  # fmt: skip
-    """Return the runs that bring the standard uncertainty of ``target @ values`` to ``wanted`` [SI], cheapest first.
+    """Return the runs that bring the standard uncertainty of ``target @ values`` to ``wanted`` [SI], best first.
+
+    The run that narrows most per minute is taken, then the next; at each place the cheapest run that would suffice is
+    kept as an end of the plan, and the cheapest whole is returned.
 
     Parameters
     ----------
@@ -130,6 +133,7 @@ def plan(
     teeth : whether runs without and with a second tooth may be chosen
     """
     chosen: list[Step] = []
+    sufficient: list[list[Step]] = []
     std = float(np.sqrt(target @ known.matrix @ target))
     while std > wanted and len(chosen) < MOST_RUNS:
         offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
@@ -137,16 +141,21 @@ def plan(
         tried = [row for row in worth if row.std <= (1.0 - LEAST_GAIN) ** (row.minutes / SETUP_MINUTES) * std]
         if not tried:
             break
-        best = _best(tried, std, wanted)
+        enough = [row for row in tried if row.std <= wanted]
+        if enough:
+            sufficient.append([*chosen, min(enough, key=lambda row: (row.minutes, row.std))])
+        best = _most_per_minute(tried, std)
         chosen, std = [*chosen, best], best.std
-    return tuple(chosen if std > wanted else needed(known, target, wanted, chosen))
+    if std <= wanted and chosen:
+        sufficient.append(chosen)
+    if not sufficient:
+        return tuple(chosen)
+    trimmed = [needed(known, target, wanted, rows) for rows in sufficient]
+    return tuple(min(trimmed, key=lambda rows: sum(row.minutes for row in rows)))
 
 
-def _best(tried: Sequence[Step], std: float, wanted: float) -> Step:
-    """Return the cheapest run that suffices, else the one that narrows most per minute."""
-    enough = [row for row in tried if row.std <= wanted]
-    if enough:
-        return min(enough, key=lambda row: (row.minutes, row.std))
+def _most_per_minute(tried: Sequence[Step], std: float) -> Step:
+    """Return the run that narrows most per minute."""
     return max(tried, key=lambda row: float(np.log(std / row.std)) / row.minutes)
 
 

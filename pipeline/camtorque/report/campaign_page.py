@@ -13,7 +13,7 @@ from camtorque.report.campaign_figures import drift_chart, overlay, predictions,
 from camtorque.report.campaign_view import MANY, CampaignView
 from camtorque.report.chart import Chart
 from camtorque.report.drawings import drawn
-from camtorque.report.numbers import named, num, plus, words
+from camtorque.report.numbers import fixed, named, num, plus, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
@@ -77,8 +77,11 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     parts = []
     if rows:
         gaps = [row["metrics"]["rigid"]["forward_gap_percent"] or 0.0 for row in rows]
-        least, most = plus(min(gaps), 0), plus(max(gaps), 0)
-        text = f"On the loaded forward stroke the measured torque is {least} to {most} % off the rigid model."
+        if min(gaps) > 0.0:
+            how = f"lies {fixed(min(gaps), 0)} to {fixed(max(gaps), 0)} % above the rigid model"
+        else:
+            how = f"differs from the rigid model by {plus(min(gaps), 0)} to {plus(max(gaps), 0)} %"
+        text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
     if known:
         text = f"Of {len(known)} shared parameters {measured} are measured; the rest are narrowed or as the sheet says."

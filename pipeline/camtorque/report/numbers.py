@@ -25,6 +25,11 @@ SIGNS = (
 )
 
 
+UNITS = "%|rpm|bar|GPa|deg|Hz|kHz|s|ms|min|minutes|mm|mm\u00b2|mm\u00b3|\u00b5m|N|N m|kN|J"
+TIES = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w\u00b2\u00b3]))|(?<=\u00b1) ")
+"""Spaces between a number and its unit, and after a sign of uncertainty."""
+
+
 def typeset(text: str) -> str:
     """Return a sentence with the signs of print: \u00b1, \u00b5m, mm\u00b3, N m."""
     for pattern, sign in SIGNS:
@@ -34,8 +39,13 @@ def typeset(text: str) -> str:
 
 def exponents(text: str) -> str:
     """Return a sentence with minus signs and with powers of ten in place of ``e-06``; not every terminal has them."""
-    text = re.sub(r"(?<=[\s(])-(?=\d)", MINUS, text)
+    text = re.sub(r"(?:(?<=[\s(])|^)-(?=\d)", MINUS, text)
     return re.sub(r"(?<=\d)e([+-]?\d+)\b", lambda found: "\u00b710" + str(int(found[1])).translate(POWERS), text)
+
+
+def tied(text: str) -> str:
+    """Return a sentence whose numbers are not parted from their units at the end of a line."""
+    return TIES.sub("\u00a0", text)
 
 
 def unit_text(unit: str) -> str:
@@ -107,6 +117,7 @@ def plus_minus(stderr: float | None) -> str:
 
 FILTERS = {
     "num": num, "signed": signed, "fixed": fixed, "scaled": scaled, "near": near, "plus_minus": plus_minus,
+    "tied": tied,
     "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(named(text))), "plus": plus,
     "path": posixpath.normpath, "sentence": lambda text: text[:1].upper() + text[1:],
 }  # fmt: skip

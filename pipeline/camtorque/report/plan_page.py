@@ -46,7 +46,7 @@ def plan_answer(document: Mapping[str, Any]) -> str:
     unit, runs = unit_text(document["unit"]), document["runs"]
     now, wanted = (f"± {plus_minus(document[key])} {unit}".strip() for key in ("stderr_now", "stderr_wanted"))
     value = f"{near(document['value'], document['stderr_now'])} {now}"
-    known = f"{words(document['target'])} is known as {value}, wanted {wanted}."
+    known = f"{words(document['target'])} is {value} now, wanted {wanted}."
     if not runs:
         end = "Nothing needs to be recorded." if document["reached"] else (
             "No run on offer narrows it: a better sheet, sensor or certificate is needed; the report's How sure names "
@@ -97,9 +97,10 @@ def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
         "cycles at one point soon bring nothing.",
     ]
     if beyond:
+        speed = "these speeds" if len(beyond) > 1 else "this speed"
         texts.append(
             f"{' and '.join(beyond)} rpm lie{'' if len(beyond) > 1 else 's'} beyond the fitted speeds: that rig and "
-            "pump bear them is for you to know, and the model is less sure there."
+            f"pump bear {speed} is for you to know, and the model is less sure there."
         )
     return tuple(texts)
 
@@ -132,7 +133,8 @@ def _expected(document: Mapping[str, Any]) -> Rows:
     tones = ("c7", *(len(values) - 1) * ("c1",))
     marks = Marks("", tuple(values), tones)
     notes = tuple(f"± {plus_minus(value)}" for value in values)
-    panel = RowPanel(_abscissa(document), (marks,), shaded=(0.0, document["stderr_wanted"]), notes=notes)
+    panel = RowPanel(_abscissa(document), (marks,), shaded=(0.0, document["stderr_wanted"]), notes=notes,
+                     limits=(0.0, 1.25 * max(*values, document["stderr_wanted"])))  # fmt: skip
     return Rows(labels, (panel,), HALF)
 
 
@@ -154,5 +156,10 @@ def _offer(document: Mapping[str, Any]) -> Curves:
     ends = (Line("now", now, "muted", 1.2, "2 3"), Line("wanted", wanted, "good", 1.2, "2 3"))
     limits = (0.0, 1.08 * max(document["stderr_now"], document["stderr_wanted"]))
     unit = unit_text(document["unit"])
-    panel = Panel(f"± [{unit}]" if unit else "±", (*lines[:MOST_CURVES], *ends), height=220.0, limits=limits)
+    panel = Panel(
+        f"± one standard uncertainty [{unit}]" if unit else "± one standard uncertainty",
+        (*lines[:MOST_CURVES], *ends),
+        height=220.0,
+        limits=limits,
+    )
     return Curves(np.array(speeds), "speed [rpm]", (panel,), full_turn=False, width=HALF, live=False)

@@ -14,7 +14,7 @@ from camtorque.report.chart import CAM_ANGLE, HALF, WIDE, Curves, Line, Panel
 from camtorque.report.drawings import drawn
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import output_folder
-from camtorque.report.numbers import num, words
+from camtorque.report.numbers import fixed, num, words
 from camtorque.report.page import live_charts, render
 from camtorque.report.phases import phases, strokes
 from camtorque.report.tones import CYCLE
@@ -108,9 +108,11 @@ def chart_of(name: str, prediction: Prediction) -> Curves:
     return Curves(prediction.theta / DEGREE, CAM_ANGLE, panels(prediction), spans=spans, width=width)
 
 
-def _cell(value: float | bool) -> str:
-    """Return a number with four digits, or yes or no."""
-    return ("yes" if value else "no") if isinstance(value, bool) else num(value, 4)
+def _cell(key: str, value: float | bool) -> str:
+    """Return a number with four digits, an angle with one decimal, or yes or no."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return fixed(value, 1) if key.endswith("_deg") else num(value, 4)
 
 
 def contact_text(prediction: Prediction) -> str:
@@ -149,7 +151,7 @@ def prediction_page(prediction: Prediction, title: str) -> str:
         "predict.html", live_charts(drawings), phases(prediction.theta, prediction.kinematics.lift), title=title,
         drawings=drawings, findings=prediction.findings, contact=contact_text(prediction), steep=steep, back=-back,
         rough=not prediction.friction.none, peaks=peak_text(rows),
-        sweep=[(SWEEP[key], [_cell(row[key]) for row in rows]) for key in rows[0]],
+        sweep=[(SWEEP[key], [_cell(key, row[key]) for row in rows]) for key in rows[0]],
         lost=any(row["contact_lost"] for row in rows),
     )  # fmt: skip
 
