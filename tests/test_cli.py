@@ -57,6 +57,17 @@ def refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     return one_line(capsys)
 
 
+def test_on_windows_every_command_refuses_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert cli.main(["check", "nowhere"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "found Windows, expected Linux or macOS" in said
+    assert "WSL" in said
+
+
 def test_missing_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a").mkdir()
     assert "recording.toml" in refused(tmp_path / "a" / "none", capsys)

@@ -22,6 +22,10 @@ from camtorque.system import forget, no_tracebacks, silence_output, told, usable
 from camtorque.version import __version__
 
 REFUSED, UNEXPECTED, STOPPED = 2, 70, 130
+ON_WINDOWS = (
+    "camtorque: found Windows, expected Linux or macOS, whose locks and signals its commands need; run it in "
+    "WSL (`wsl --install`)"
+)
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -87,6 +91,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments : without the program's name; None for those of the process
     """
     usable_streams()
+    if sys.platform == "win32":
+        print(ON_WINDOWS, file=sys.stderr)
+        return REFUSED
     parsed = build_parser().parse_args(arguments)
     if parsed.debug:
         return _status(parsed)

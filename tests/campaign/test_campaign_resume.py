@@ -18,6 +18,7 @@ from camtorque import cli
 from camtorque.align import AlignOptions
 from camtorque.campaign import CampaignOptions, flow, key, list_recordings, prune, run_campaign, run_only, store, task
 from camtorque.records import Finding, Refusal
+from camtorque.report import CampaignEntry
 from camtorque.report.checksums import verify
 from camtorque.run import RunOptions
 from camtorque.workers import Lost
@@ -261,3 +262,12 @@ def test_a_page_of_hundreds_has_no_pictures(
     run_campaign(raw, out, OPTIONS)
     assert "<svg></svg>" not in (out / "campaign.html").read_text()
     assert json.loads((out / "campaign.json").read_text())["n_refused"] == 0
+
+
+def test_a_joint_fit_takes_recordings_by_their_ids_whatever_their_folders_are_called(tmp_path: Path) -> None:
+    """Sums in another order have other last digits."""
+    entries = [CampaignEntry(f"folder {k}", id_, "ok", "", {}, folder=id_) for k, id_ in enumerate("cab")]
+    lost = task.refused("folder 9", "no torque")
+    expected = [tmp_path / id_ for id_ in "abc"]
+    assert flow.usable_folders(tmp_path, [*entries, lost]) == expected
+    assert flow.usable_folders(tmp_path, [lost, *reversed(entries)]) == expected

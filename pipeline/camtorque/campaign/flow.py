@@ -88,12 +88,17 @@ def run_campaign(
         done = dict(_mapped(tasks, how, progress))
         entries = [done[name] for name in found]
         mapped = time.perf_counter() - start
-        usable = [out / entry.folder for entry in entries if entry.status == "ok"]
+        usable = usable_folders(out, entries)
         progress(f"joint fit of {len(usable)} recordings")
         joint, more = joint_fit(len(usable), lambda k: read_joint_input(usable[k]), how.workers or os.cpu_count() or 1)
         total = time.perf_counter() - start
         timing = {"recordings": mapped, "joint": total - mapped, "total": total}
         return _write_index(out, entries, joint, (*findings, *more), timing)
+
+
+def usable_folders(out: Path, entries: Sequence[CampaignEntry]) -> list[Path]:
+    """Return the folders that a joint fit reads, by the recordings' ids: other folder names change no digit."""
+    return [out / entry.folder for entry in sorted(entries, key=lambda one: one.id) if entry.status == "ok"]
 
 
 def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_failed: bool = False) -> CampaignEntry:
