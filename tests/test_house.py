@@ -52,6 +52,14 @@ ONLY_SHOWN = {
     "leastsq": "called by lmfit",
 }
 """Used by nothing else in the package, and why it is there."""
+ONLY_WRITTEN = {
+    "scan": "`check --json` writes a summary whole",
+    "seen": "where a range of plausible values comes from",
+    "section_torque": "tests hold the balance of every lobe by it",
+    "identifiable": "result.json holds a parameter whole",
+    **dict.fromkeys(("error_label", "cost_label", "note", "given_cost"), "a study is written whole"),
+}
+"""Fields that nothing in the package reads by name, and why they are there."""
 LAZY = {"numba", "dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
 """Heavy packages that may be imported inside a function: optional ones, and numba by `camtorque.compiled`."""
 
@@ -235,3 +243,13 @@ def test_everything_that_has_a_name_is_used() -> None:
     face = {*camtorque.__all__, *dir(camtorque.Recording), "_repr_html_"}
     unused = {name for tree in trees for name in names_defined(tree)} - used - face
     assert {name for name in unused if not name.endswith("__")} == set(ONLY_SHOWN)
+
+
+def test_every_field_is_read() -> None:
+    trees = [parsed(path) for path in FILES]
+    pages = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.html"))
+    read = {n.attr for t in trees for n in ast.walk(t) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Load)}
+    classes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    fields = {item.target.id for c in classes for item in c.body
+              if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)}  # fmt: skip
+    assert fields - read - set(re.findall(r"\.(\w+)", pages)) == set(ONLY_WRITTEN)
