@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.align import align
 from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
+from camtorque.ingest.raw import ArraySource
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism import closed_form_tables, cubic_law
 from camtorque.mechanism.cam import TURN
@@ -52,22 +53,6 @@ class Damage:
     scatter: float = 0.0
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Samples in memory, as a source of a channel."""
-
-    values: Array
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples."""
-        return self.values.size
-
-    def read(self, start: int, stop: int) -> Array:
-        """Return samples ``[start, stop)``."""
-        return self.values[start:stop]
-
-
 def _calibration(quantity: str, gain: float) -> SensorCalibration:
     return SensorCalibration(
         serial="S", quantity=quantity, gain=gain, gain_relative_std=1e-3, zero_volts=0.0, zero_std=0.0,
@@ -76,12 +61,11 @@ def _calibration(quantity: str, gain: float) -> SensorCalibration:
     )  # fmt: skip
 
 
-def _config() -> RecordingConfig:
-    trigger = TriggerSpec(0.0, np.deg2rad(1.5))
+def _config(loggers: tuple[LoggerSpec, ...]) -> RecordingConfig:
     return RecordingConfig(
         path=NOWHERE, text="", id="study", pump_id="study", nominal_speed=SPEED, file_format="csv", csv_dialect="",
-        rotation=1, pump_sheet=study_pump(), trigger=trigger, sensors={},
-        loggers=(), channels=(),
+        rotation=1, pump_sheet=study_pump(), trigger=TriggerSpec(0.0, np.deg2rad(1.5)), sensors={}, loggers=loggers,
+        channels=(),
     )  # fmt: skip
 
 
@@ -104,11 +88,11 @@ def damaged_recording(damage: Damage) -> Recording:
     late = damage.jitter * random.standard_normal(damage.cycles + 12)
     lost = random.random(damage.cycles + 12) < damage.loss
 
-    def trigger(t: Array) -> Samples:
+    def trigger(t: Array) -> ArraySource:
         theta = angle(t)
         turn = np.floor((theta + PULSE) / TURN).astype(np.int64) % lost.size
         high = (np.mod(theta - SPEED * late[turn], TURN) < PULSE) & ~lost[turn]
-        return Samples(np.where(high, 5.0, 0.0) + damage.trigger_noise * random.standard_normal(t.size))
+        return ArraySource(np.where(high, 5.0, 0.0) + damage.trigger_noise * random.standard_normal(t.size))
 
     torque_law, pressure_law = _curves(damage.mirrored)
     b = "B" if damage.own_clock else "A"
@@ -118,15 +102,15 @@ def damaged_recording(damage: Damage) -> Recording:
     torque = (-1.0 if damage.turned else 1.0) * torque + damage.noise * random.standard_normal(count)
     bar = _calibration("pressure", 1e7)
     channels = [
-        Channel("torque", "A", Samples(torque), 0.0, RATE, _calibration("torque", 1.0), NOWHERE, "torque"),
-        Channel("pressure", b, Samples(pressure / 1e7), 0.0, RATE, bar, NOWHERE, "pressure"),
+        Channel("torque", "A", ArraySource(torque), 0.0, RATE, _calibration("torque", 1.0), NOWHERE, "torque"),
+        Channel("pressure", b, ArraySource(pressure / 1e7), 0.0, RATE, bar, NOWHERE, "pressure"),
         Channel("trigger", "A", trigger(true["A"]), 0.0, RATE, None, NOWHERE, "trigger"),
     ]
     if damage.own_clock and damage.second_trigger:
         channels.append(Channel("trigger", "B", trigger(true["B"]), 0.0, RATE, None, NOWHERE, "trigger B"))
     loggers = (LoggerSpec("A", "independent"), LoggerSpec("B", "independent")) if damage.own_clock else ()
     table = CamTable(angle_grid(360), study_law().evaluate(angle_grid(360)), 1e-6)
-    return Recording(replace(_config(), loggers=loggers), tuple(channels), table, (), ())
+    return Recording(_config(loggers), tuple(channels), table, (), ())
 
 
 @cache
