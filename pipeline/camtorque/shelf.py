@@ -14,7 +14,7 @@ import numpy as np
 
 from camtorque.records import Array
 
-HELD = 1 << 27
+HELD = 1 << 25
 """Bytes of a shelf that stay in memory."""
 
 
