@@ -15,6 +15,7 @@ import numpy as np
 from camtorque.fit.arrow import Arrow, Mask, Places
 from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import Problem
+from camtorque.fit.quadratic import scaled_columns, weighted_columns
 from camtorque.fit.solver import (
     LARGEST_INFORMATION,
     N_NONLINEAR,
@@ -22,13 +23,15 @@ from camtorque.fit.solver import (
     lift_modes,
     smoother,
 )
-from camtorque.laws.chain import evaluate
+from camtorque.laws.chain import BINS, evaluate
 from camtorque.records import Array, freeze_arrays
 from camtorque.shelf import Shelf
 from camtorque.threads import Each, in_turn
 
 Smooth = Callable[[Array], Array]
 NOTHING: Array = np.zeros((0, 0))
+HELD_PATHS = 1 << 24
+"""Bytes of a trial's paths that stay in memory; a recording has some 40 kB."""
 
 
 @dataclass(frozen=True)
@@ -92,19 +95,20 @@ class Task:
         kept = self.kept[index]
         return LiftModes(kept.vectors(), kept.strength, kept.to_lift())
 
-    def whitened(self, index: int, left: Array, right: Array) -> Array:
-        """Return the product of two matrices of weighted residuals (BINS, m) with the lift correction taken out."""
+    def whitened(self, index: int, columns: Array) -> Array:
+        """Return the products of columns of weighted residuals (BINS, m) with the lift correction taken out."""
         kept = self.kept[index]
-        return LiftModes(kept.vectors(), kept.strength, NOTHING).product(left, right)
+        return LiftModes(kept.vectors(), kept.strength, NOTHING).gram(columns)
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The problem at one point with the best linear parameters."""
+    """The problem at one point with the best linear parameters; ``paths`` spare the chamber's derivative a search."""
 
     z: Array
     chi_square: float
     data_chi_square: float
+    paths: tuple[Callable[[], Array], ...]
 
 
 def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_turn) -> Task:
@@ -124,8 +128,8 @@ def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_tur
     return Task(problem, lifts, smoother(smoothing), problem.steps, *problem.priors, problem.bounds, recording, each)
 
 
-def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array]:
-    """Return places of a recording's linear parameters and the products of their columns and of the rest of the torque.
+def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array, Array]:
+    """Return places of a recording's linear parameters, products of their columns and the rest of the torque, and path.
 
     ``fixed`` are the free parameters with the linear ones at zero.
     """
@@ -134,10 +138,11 @@ def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array]:
     output = evaluate(item.chain, values)
     own, chain = problem.places[index]
     linear = chain >= N_NONLINEAR
-    column = task.smooth(output.linear[:, chain[linear] - N_NONLINEAR] * item.weight[:, None])
-    target = task.smooth((item.torque - output.torque - output.linear @ held) * item.weight)
-    both = np.column_stack([column * task.steps[own[linear]], target])
-    return own[linear] - first, task.whitened(index, both, both)
+    column, target = weighted_columns(
+        output.linear, chain[linear] - N_NONLINEAR, item.torque - output.torque, held, item.weight
+    )
+    both = task.smooth(np.column_stack([column * task.steps[own[linear]], target]))
+    return own[linear] - first, task.whitened(index, both), output.path
 
 
 def try_at(task: Task, z: Array) -> Trial:
@@ -145,22 +150,23 @@ def try_at(task: Task, z: Array) -> Trial:
     first = task.problem.n_nonlinear
     scale = task.steps[first:]
     inverse = (scale / task.stds[first:]) ** 2
-    prior = inverse * task.means[first:] / scale
+    pulled = inverse * task.means[first:] / scale
     fixed = np.r_[z[:first], np.zeros(scale.size)]
     found = task.each(lambda index: _tried(task, fixed, index), range(len(task.problem.data)))
     plain = np.zeros(scale.size)
-    for place, product in found:
+    for place, product, _ in found:
         plain[place] += product[:-1, -1]
     matrix = Arrow(
-        tuple(place for place, _ in found), tuple(product[:-1, :-1] for _, product in found), inverse + 1e-9,
+        tuple(place for place, _, _ in found), tuple(product[:-1, :-1] for _, product, _ in found), inverse + 1e-9,
         task.recording[first:],
     )  # fmt: skip
     lower, upper = task.bounds[0][first:] / scale, task.bounds[1][first:] / scale
-    c = bounded_quadratic(matrix, plain + prior, lower, upper, np.clip(z, *task.bounds)[first:] / scale)
+    c = bounded_quadratic(matrix, plain + pulled, lower, upper, np.clip(z, *task.bounds)[first:] / scale)
     full = np.r_[z[:first], c * scale]
-    square = sum(float(product[-1, -1]) for _, product in found)
+    square = sum(float(product[-1, -1]) for _, product, _ in found)
     chi = square - 2.0 * float(plain @ c) + float(c @ replace(matrix, diagonal=np.zeros(c.size)).times(c))
-    return Trial(full, chi + float(np.sum(((full - task.means) / task.stds) ** 2)), chi)
+    prior, shelf = float(np.sum(((full - task.means) / task.stds) ** 2)), Shelf(HELD_PATHS)
+    return Trial(full, chi + prior, chi, tuple(shelf.put(path) for _, _, path in found))
 
 
 def bounded_quadratic(matrix: Arrow, vector: Array, lower: Array, upper: Array, start: Array) -> Array:
@@ -183,17 +189,18 @@ def bounded_quadratic(matrix: Arrow, vector: Array, lower: Array, upper: Array, 
     return np.clip(c, lower, upper)
 
 
-def _linearised(task: Task, z: Array, index: int) -> tuple[Array, Array, Array]:
+def _linearised(task: Task, trial: Trial, index: int) -> tuple[Array, Array, Array]:
     """Return matrix and descent vector of one recording in units of the steps, and its weighted residual (BINS,)."""
     problem, item = task.problem, task.problem.data[index]
-    values, coefficients = problem.values(z, index)
-    output = evaluate(item.chain, values, coefficients, tangents=True)
+    values, coefficients = problem.values(trial.z, index)
+    output = evaluate(item.chain, values, coefficients, True, np.require(trial.paths[index](), requirements="W"))
     own, chain = problem.places[index]
-    both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
-    jacobian = task.smooth(both * (item.weight[:, None] * task.steps[own]))
-    residual = task.smooth((item.torque - output.torque - output.linear @ coefficients) * item.weight)
-    product = task.whitened(index, jacobian, np.column_stack([jacobian, residual]))
-    return product[:, :-1], product[:, -1], residual
+    both = np.empty((BINS, own.size + 1))
+    scaled_columns(output.derivative, output.linear, chain, item.weight, task.steps[own], both)
+    both[:, -1] = (item.torque - output.torque - output.linear @ coefficients) * item.weight
+    both = task.smooth(both)
+    product = task.whitened(index, both)
+    return product[:-1, :-1], product[:-1, -1], both[:, -1].copy()
 
 
 @dataclass(frozen=True)
@@ -206,19 +213,19 @@ class Linearised:
     residuals: tuple[Array, ...]
 
 
-def linearised(task: Task, z: Array) -> Linearised:
-    """Return the normal equations at a point.
+def linearised(task: Task, trial: Trial) -> Linearised:
+    """Return the normal equations at a trial.
 
     Raises
     ------
     FloatingPointError : a tangent has run away
     """
-    found = task.each(lambda index: _linearised(task, z, index), range(len(task.problem.data)))
+    found = task.each(lambda index: _linearised(task, trial, index), range(len(task.problem.data)))
     blocks, parts, residuals = (tuple(column) for column in zip(*found, strict=True))
     if not all(np.max(np.abs(block)) < LARGEST_INFORMATION for block in blocks):
         raise FloatingPointError("the derivative of the chain is not finite")
     inverse = (task.steps / task.stds) ** 2
-    vector = -inverse * (z - task.means) / task.steps
+    vector = -inverse * (trial.z - task.means) / task.steps
     places = tuple(own for own, _ in task.problem.places)
     for place, part in zip(places, parts, strict=True):
         vector[place] += part
@@ -238,7 +245,7 @@ def solve_many(
     task = joint_task(problem, start, smoothing, each)
     descent = Descent[Trial, Linearised](
         try_at=lambda z: try_at(task, z),
-        linearise=lambda trial: linearised(task, trial.z),
+        linearise=lambda trial: linearised(task, trial),
         step=lambda point, z, damping: _step(task, point, z, damping),
         promise=lambda point, z: _promise(task, point, z),
         bounds=problem.bounds,

@@ -83,12 +83,13 @@ def lift_modes(
     shaft, measured, _ = transfer(item.chain, values, BINS)
     columns = filtered(columns, shaft * measured) * (item.weight * basis.prior_std * inflate)[:, None]
     felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2
-    squares, right = np.linalg.eigh(columns[:, felt].T @ columns[:, felt])
+    columns = columns[:, felt]
+    squares, right = np.linalg.eigh(columns.T @ columns)
     kept = squares > cut**2
     strength, right = np.sqrt(squares[kept]), right[:, kept]
     to_lift = np.zeros((felt.size, strength.size))
     to_lift[felt] = right * basis.prior_std * inflate
-    return LiftModes(columns[:, felt] @ right / strength, strength, to_lift)
+    return LiftModes(columns @ right / strength, strength, to_lift)
 
 
 @dataclass(frozen=True)
