@@ -94,9 +94,10 @@ def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
     document = plain(page.document)
     drawings = compare_drawings(page, document)
     write_figures(drawings, folder / "figures", lambda name: True)
+    title = f"{document['before']['name']} against {document['after']['name']}"
     named = phases(page.curves[0].theta, page.curves[0].lift) if page.curves else ()
     html = render(
-        "compare.html", live_charts(drawings), named, title=_title(document), doc=document, drawings=drawings,
+        "compare.html", live_charts(drawings), named, title=title, doc=document, drawings=drawings,
         tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
         answer=compare_answer(document), events=compare_events(document),
     )  # fmt: skip
@@ -106,10 +107,6 @@ def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
 
 
 _TABLES = (("Losses", "losses"), ("Parameters", "parameters"))
-
-
-def _title(document: Mapping[str, Any]) -> str:
-    return f"{document['before']['name']} against {document['after']['name']}"
 
 
 def compare_answer(document: Mapping[str, Any]) -> str:

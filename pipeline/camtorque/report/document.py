@@ -12,7 +12,6 @@ from camtorque.limits import judge, limits_document
 from camtorque.plain import plain
 from camtorque.records import (
     Alternative,
-    AngleError,
     Estimate,
     FittedTorque,
     LossEvidence,
@@ -53,7 +52,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "alignment": _alignment(result),
             "explained": fitted.explained,
             "bumps": [_bump(bump) for bump in fitted.bumps],
-            "evidence": {row.name: _evidence(row) for row in fitted.evidence},
+            "evidence": {row.name: _but_name(row) for row in fitted.evidence},
             "alternatives": [_alternative(row) for row in fitted.alternatives],
             "accuracy": _accuracy(fitted),
             "ladder": [],
@@ -91,13 +90,13 @@ def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, 
     """
     found = {}
     for row in parameters:
-        found[row.name] = {key: value for key, value in asdict(row).items() if key != "name"}
+        found[row.name] = _but_name(row)
         for key in ("stderr", "stderr_statistical"):
             found[row.name][key] = found[row.name][key] or None
     return found
 
 
-def _evidence(row: LossEvidence) -> dict[str, Any]:
+def _but_name(row: LossEvidence | ParameterEstimate) -> dict[str, Any]:
     return {key: value for key, value in asdict(row).items() if key != "name"}
 
 
@@ -178,13 +177,9 @@ def _alignment(result: RunResult) -> dict[str, Any]:
         "trigger_angle_deg": _estimate(fitted.trigger_angle, DEGREE),
         "clock": [asdict(clock) for clock in cycles.clocks],
         "torque_delay_s": _estimate(fitted.torque_delay),
-        "angle_error_budget_deg": _budget(cycles.angle_errors),
-        "angle_error_budget_after_fit_deg": _budget(fitted.angle_errors_after),
+        "angle_error_budget_deg": [asdict(row) for row in cycles.angle_errors],
+        "angle_error_budget_after_fit_deg": [asdict(row) for row in fitted.angle_errors_after],
     }
-
-
-def _budget(rows: tuple[AngleError, ...]) -> list[dict[str, Any]]:
-    return [asdict(row) for row in rows]
 
 
 def _gap(result: RunResult) -> dict[str, Any]:
