@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from camtorque.toml_schema import Band, Key, TableSchema
+from camtorque.toml_table import Problems, Table, read_keys
 
 DESIGN_SCHEMA = "camtorque-design/1"
 ANY_SIZE = Band(-1e12, 1e12, "no response is larger")
@@ -50,3 +53,14 @@ ANSWER = TableSchema("[answer]", "what is wanted", (
     Key("seed", "whole", "of the random starts and of the tolerances", default=0, band=Band(0, 1e9, "any number")),
     Key("starts", "whole", "starts of the search for the best of each aim", default=3, band=Band(1, 100, "minutes")),
 ), required=False)  # fmt: skip
+
+
+def read_values(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
+    """Return key -> value in SI of a table with the keys of a schema and some others; all that is wrong is said."""
+    problems = Problems()
+    values = read_keys(table, schema, problems)
+    if schema is not TOP:
+        with problems.collecting():
+            table.only((*schema.names, *others))
+    problems.raise_any()
+    return {key.name: values[key.attribute] for key in schema.keys}
