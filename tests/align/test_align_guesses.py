@@ -237,3 +237,12 @@ def test_a_counter_states_its_counts_a_revolution() -> None:
         unit_factor("counts", "angle", "log.csv")
     with pytest.raises(Refusal, match=r"'bar abs', write 'bar' and reference = \"absolute\""):
         unit_factor("bar abs", "pressure", "log.csv")
+
+
+def test_a_digital_line_is_no_pressure_whatever_its_name(tmp_path: Path):
+    torque, pressure, trigger = signals()
+    blocky = np.clip(pressure, 0.3 * pressure.max(), 0.5 * pressure.max())
+    file = log(tmp_path, Torque__Nm=torque, Voltage_1=0.01 * blocky, **{"port0/line3": trigger / 5.0})
+    text, _ = written(file)
+    assert re.search(r'quantity = "trigger"[^\[]*channel = "port0/line3"', text)
+    assert re.search(r'quantity = "\?"[^\[]*channel = "Voltage_1"[^\[]*unit = "\?"[^\[]*# its values: ', text)

@@ -53,11 +53,71 @@ def test_a_rate_beside_the_variables_and_times_in_milliseconds(tmp_path: Path):
     assert_torque(mat.read(file, (spec(file, "", "torque", "t_ms"),), ""))
 
 
-def test_a_matrix_is_refused_with_what_to_do(tmp_path: Path):
-    file = tmp_path / "run.mat"
-    savemat(file, {"Data": np.column_stack([TIME, TORQUE])})
-    with pytest.raises(Refusal, match=r"Data \(400, 2\); store each channel as a variable of its own"):
-        mat.channels(file)
+@pytest.mark.parametrize("form", ["v5", "v5 struct", "v5 rows", "v7.3", "hdf5"])
+def test_a_matrix_is_a_table_of_its_columns(tmp_path: Path, form: str):
+    file, matrix, group = tmp_path / "run.mat", np.column_stack([TIME, TORQUE]), "Data"
+    module = mat if form.startswith("v") else hdf5
+    if form.startswith("v5"):
+        matrix = matrix.T if form == "v5 rows" else matrix
+        group = "rec.Data" if form == "v5 struct" else group
+        savemat(file, {"rec": {"Data": matrix}} if form == "v5 struct" else {"Data": matrix})
+    else:
+        with h5py.File(file, "w") as store:
+            store.create_dataset("Data", data=matrix.T if form == "v7.3" else matrix)
+    listed = [(c.group, c.name, c.time_channel, c.sample_rate) for c in module.channels(file)]
+    assert listed == [(group, "column 2", "column 1", pytest.approx(RATE))]
+    assert_torque(module.read(file, (spec(file, group, "column 2", "column 1"),), ""))
+    outer, _, last = group.rpartition(".")
+    with pytest.raises(Refusal, match=rf"group = '{group}', channel = 'column 1'"):
+        module.read(file, (spec(file, outer, last, ""),), "")
+    with pytest.raises(Refusal, match="column 3"):
+        module.read(file, (spec(file, group, "column 3", ""),), "")
+
+
+def test_columns_of_a_matrix_are_named_by_its_attribute(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        data = store.create_dataset("acq/data", data=np.column_stack([TIME, TORQUE]), chunks=(100, 2), compression=3)
+        data.attrs["columns"] = ["time", "Torque"]
+    assert [(c.group, c.name, c.sample_rate) for c in hdf5.channels(file)] == [
+        ("acq/data", "Torque", pytest.approx(RATE))
+    ]
+    for name in ("Torque", "column 2"):
+        assert_torque(hdf5.read(file, (spec(file, "acq/data", name, "time"),), ""))
+    with pytest.raises(
+        Refusal, match=r"'acq/data' has no column 'torqu', did you mean 'Torque'\?; there are time, Tor"
+    ):
+        hdf5.read(file, (spec(file, "acq/data", "torqu", "time"),), "")
+
+
+def test_an_image_is_no_table(tmp_path: Path):
+    with h5py.File(tmp_path / "run.h5", "w") as store:
+        store.create_dataset("map", data=np.zeros((200, 300)))
+    with pytest.raises(Refusal, match=r"map \(200, 300\); store each channel as a data set of its own, a field"):
+        hdf5.channels(tmp_path / "run.h5")
+    savemat(tmp_path / "run.mat", {"map": np.zeros((200, 300))})
+    with pytest.raises(Refusal, match=r"map \(200, 300\); store each channel as a variable or as a column"):
+        mat.channels(tmp_path / "run.mat")
+
+
+def test_true_and_false_are_levels(tmp_path: Path):
+    with h5py.File(tmp_path / "run.h5", "w") as store:
+        store.create_dataset("prox", data=TORQUE > 0.0)
+    (found,) = hdf5.channels(tmp_path / "run.h5")
+    np.testing.assert_array_equal(found.source.read(0, 400), TORQUE > 0.0)
+    pyarrow, store = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    table = pyarrow.table({"timestamp": 1.7e12 + 1e3 * TIME, "prox": TORQUE > 0.0})
+    store.write_table(table, tmp_path / "run.parquet")
+    (found,) = parquet.channels(tmp_path / "run.parquet")
+    np.testing.assert_array_equal(found.source.read(0, 400), TORQUE > 0.0)
+    # milliseconds since 1970 by their size
+    assert found.sample_rate == pytest.approx(RATE, rel=1e-6)
+
+
+def test_an_archive_of_numpy_is_no_workbook(tmp_path: Path):
+    np.savez(tmp_path / "run.npz", torque=TORQUE)
+    with pytest.raises(Refusal, match=r"the content is NumPy \(.npy, .npz\); expected one of"):
+        file_format(tmp_path / "run.npz", "")
 
 
 def matlab_73(file: Path) -> None:
@@ -91,13 +151,6 @@ def test_a_compound_data_set_is_a_table(tmp_path: Path):
         ("log", "torque_Nm", pytest.approx(RATE))
     ]
     assert_torque(hdf5.read(file, (spec(file, "log", "torque_Nm", "time_ms"),), ""))
-
-
-def test_a_matrix_of_hdf5_is_refused_with_what_to_do(tmp_path: Path):
-    with h5py.File(tmp_path / "run.h5", "w") as store:
-        store.create_dataset("data", data=np.column_stack([TIME, TORQUE]))
-    with pytest.raises(Refusal, match=r"data \(400, 2\); store each channel as a data set of its own"):
-        hdf5.channels(tmp_path / "run.h5")
 
 
 def test_a_scale_by_convention_is_applied_another_refused(tmp_path: Path):
@@ -180,7 +233,7 @@ def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, mon
 @pytest.mark.parametrize(
     ("head", "name"),
     [(b"\xd0\xcf\x11\xe0", r"Excel 97 \(\.xls\)"), (b"|CF,2,1,1;", "imc FAMOS"), (b"\x1f\x8b\x08", "gzip"),
-     (b"RIFF\0\0\0\0WAVE", "WAV"), (b"\x93NUMPY\1", r"NumPy \(\.npy\)")],
+     (b"RIFF\0\0\0\0WAVE", "WAV"), (b"\x93NUMPY\1", r"NumPy \(\.npy, \.npz\)")],
 )  # fmt: skip
 def test_a_format_that_is_known_and_not_read_is_named(tmp_path: Path, head: bytes, name: str):
     file = tmp_path / "run.dat"

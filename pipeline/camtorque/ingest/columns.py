@@ -18,6 +18,8 @@ from camtorque.units import did_you_mean, unit_factor
 
 SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
+EPOCH = (1.0e9, 4.1e9)
+"""2001 to 2099 in seconds since 1970: the size of such stamps tells their unit."""
 FOOTER_ROWS = 100_000
 """Rows at the end of a table that are looked at for a time."""
 MOST_ALIKE = 0.9
@@ -118,10 +120,17 @@ def _rises_evenly(source: SampleSource) -> bool:
 def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int) -> float | None:
     stamped = bool(layout.stamp_kind(column))
     unit = "" if stamped else layout.units[column]  # such as hh:mm:ss.000
-    rate = usual_rate(times, unit_factor(unit, "time", f"{path} time") if unit else 1.0)
-    if not unit and not stamped and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
+    epoch = 0.0 if unit or stamped else _epoch_unit(times)
+    rate = usual_rate(times, unit_factor(unit, "time", f"{path} time") if unit else epoch or 1.0)
+    if not unit and not stamped and not epoch and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
         return layout.header_rate  # seconds or milliseconds: the header, or a person, has to say
     return rate
+
+
+def _epoch_unit(times: SampleSource) -> float:
+    """Return the unit [s] in which times are seconds since 1970 of this century, 0 where they are none."""
+    first = times.read(0, 1)
+    return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if EPOCH[0] < float(first[0]) * unit < EPOCH[1]), 0.0)
 
 
 def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
@@ -131,6 +140,8 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
         for item in reversed(found)
         if TIME_NAME.match(item.name) or MAYBE_TIME.match(item.name)
     }
+    first = [item for item in found if item.name == numbered_name(0)]
+    times = {(item.group, item.n_samples): item for item in first if _rises_evenly(item.source)} | times
     listed_channels = []
     for item in found:
         time = times.get((item.group, item.n_samples))

@@ -57,6 +57,12 @@ def _is_catman(head: bytes) -> bool:
     return len(head) > 10 and 5009 <= int.from_bytes(head[:2], "little") <= 5020 and b"\x00" in head
 
 
+def _is_npz(head: bytes) -> bool:
+    """Tell NumPy's archive: a zip file whose first member ends in .npy."""
+    length = int.from_bytes(head[26:28], "little")
+    return head.startswith(b"PK\x03\x04") and head[30 : 30 + length].endswith(b".npy")
+
+
 FORMATS: dict[str, Format] = {
     "tdms": Format("TDMS", (), "tdms", lambda head: head.startswith((b"TDSm", b"TDSh"))),
     "mf4": Format("MDF 4", ("mdf4", "mdf"), "mf4",
@@ -64,7 +70,8 @@ FORMATS: dict[str, Format] = {
     "mat": Format("MATLAB", (), "mat", lambda head: head.startswith(b"MATLAB")),
     "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
     "catman": Format("catman binary", (), "catman", _is_catman),
-    "xlsx": Format("Excel workbook", ("excel",), "xlsx", lambda head: head.startswith(b"PK\x03\x04")),
+    "xlsx": Format("Excel workbook", ("excel",), "xlsx",
+                   lambda head: head.startswith(b"PK\x03\x04") and not _is_npz(head)),
     "parquet": Format("Parquet or Feather", ("feather", "arrow"), "parquet",
                       lambda head: head.startswith((b"PAR1", b"ARROW1"))),
     "lvm": Format("LabVIEW measurement", (), "lvm", lambda head: head.startswith(b"LabVIEW Measurement")),
@@ -77,7 +84,7 @@ UNREADABLE = {
     "MDF 2 or 3": lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] < b"4",
     "Excel 97 (.xls)": lambda head: head.startswith(b"\xd0\xcf\x11\xe0"),
     "imc FAMOS": lambda head: head.startswith(b"|CF,"),
-    "NumPy (.npy)": lambda head: head.startswith(b"\x93NUMPY"),
+    "NumPy (.npy, .npz)": lambda head: head.startswith(b"\x93NUMPY") or _is_npz(head),
     "WAV": lambda head: head.startswith(b"RIFF") and head[8:12] == b"WAVE",
     "gzip": lambda head: head.startswith(b"\x1f\x8b"),
 }

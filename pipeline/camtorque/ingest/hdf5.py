@@ -17,7 +17,7 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import with_times
 from camtorque.ingest.hdf5_heaps import check_heaps
-from camtorque.ingest.header import time_unit
+from camtorque.ingest.header import column_number, numbered_name, time_unit
 from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, read_each, refusing
 from camtorque.ingest.stamps import agreed_rate, read_stamps
 from camtorque.ingest.zlib_check import refuse_bomb
@@ -28,14 +28,19 @@ RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "s
               "samplingfreq", "ratehz", "fshz", "fs")  # fmt: skip
 STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "sampleinterval", "samplinginterval")
 START_NAMES = ("t0s", "starttimes", "wfstartoffset", "t0")
+COLUMN_NAMES = ("columns", "columnnames", "names", "channels", "channelnames", "fields", "labels")
 UNIT_NAMES = ("unit", "units", "unitstring")
 SCALE_NAMES = ("scale", "slope", "factor", "scaling", "multiplier")
 """Attributes in small letters without blanks and underscores; scales that follow no convention are never applied."""
 MOST_LISTED = 1000
+MOST_COLUMNS = 64
+"""A matrix of more columns, or of as many columns as rows, is no log of channels."""
 MATLAB_OBJECT = (
     "{} is a MATLAB object (a table, timetable or timeseries), which only MATLAB reads: save its columns as variables, "
     "s = table2struct(timetable2table(TT), ToScalar=true); save('run.mat', '-struct', 's')"
 )
+KINDS = "fiub"
+"""Numbers, and levels that are true or false."""
 STAMP_NAMES = ("starttime", "wfstarttime", "datetime", "start")
 
 
@@ -55,25 +60,36 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
         file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
         for name in names[:MOST_LISTED]:
             data = file[name]
-            if (
-                name.startswith("#")
-                or "MATLAB_object_decode" in data.attrs
-                or sum(size != 1 for size in data.shape) != 1
-            ):
+            if name.startswith("#") or "MATLAB_object_decode" in data.attrs:
                 continue  # MATLAB keeps objects below names that begin so
+            members = columns_of(data)
+            if sum(size != 1 for size in data.shape) != 1 and not members:
+                continue
             group, _, last = name.rpartition("/")
             attributes = _attributes(data)
             rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
             known = float(rate) if rate is not None else 1.0 / float(step) if step else None
             unit = str(_first(attributes, UNIT_NAMES) or "")
-            for field in data.dtype.names or ("",):
-                kind = data.dtype[field] if field else data.dtype
-                if kind.kind in "fiu":
+            for field in data.dtype.names or members or ("",):
+                kind = data.dtype[field] if data.dtype.names else data.dtype
+                if kind.kind in KINDS:
                     source, place = _source(path, data, field), (name, field) if field else (group, last)
                     found.append(FileChannel(*place, "" if field else unit, source.n_samples, known, "", source))
         if not found:
             raise Refusal(f"{path}: holds no data set of one number per sample; {_kinds(file, names)}")
     return with_times(found)
+
+
+def columns_of(data: Any) -> tuple[str, ...]:
+    """Return the names of a matrix' columns, along its short axis: as an attribute names them, else by their place."""
+    shape = [size for size in data.shape if size != 1]
+    if len(shape) != 2 or data.dtype.names or not min(shape) <= MOST_COLUMNS < max(shape):
+        return ()
+    named = next((v for k, v in getattr(data, "attrs", {}).items() if _plain(k) in COLUMN_NAMES), ())
+    texts = [item.decode() if isinstance(item, bytes) else item for item in np.asarray(named).ravel().tolist()]
+    if len(set(texts)) == min(shape) and all(isinstance(item, str) and item for item in texts):
+        return tuple(texts)
+    return tuple(map(numbered_name, range(min(shape))))
 
 
 def _kinds(file: h5py.File, names: list[str]) -> str:
@@ -82,7 +98,7 @@ def _kinds(file: h5py.File, names: list[str]) -> str:
     if objects:
         return MATLAB_OBJECT.format(", ".join(objects[:5]))
     shown = ", ".join(f"{name} {file[name].shape}" for name in names[:5]) or "it is empty"
-    return f"{shown}; store each channel as a data set of its own, or as a field of a compound one"
+    return f"{shown}; store each channel as a data set of its own, a field of a compound one or a column of a matrix"
 
 
 def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
@@ -121,12 +137,19 @@ def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str)
 
 
 def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Dataset, str]:
-    """Return a data set, and the field of it where ``group`` names a compound one ("" for any other)."""
+    """Return a data set, and the field or column where ``group`` names a compound one or a matrix ("" otherwise)."""
     key = f"{group}/{name}".strip("/")
     table = file.get(group) if group else None
-    if isinstance(table, h5py.Dataset) and name in (table.dtype.names or ()):
-        return table, name
-    item = file.get(key) if not isinstance(table, h5py.Dataset) else None
+    if isinstance(table, h5py.Dataset):
+        columns = table.dtype.names or columns_of(table)
+        place = column_number(name)
+        if name in columns or (columns and not table.dtype.names and place is not None and place < len(columns)):
+            return table, name
+        held = ", ".join(columns)
+        raise Refusal(
+            f"{path}: {group!r} has no column {name!r}{did_you_mean(name, columns)}; there are {held or 'none'}"
+        )
+    item = file.get(key)
     if isinstance(item, h5py.Dataset):
         return item, ""
     names: list[str] = []
@@ -136,21 +159,27 @@ def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Data
 
 
 def _source(path: Path, data: h5py.Dataset, field: str = "") -> CallSource:
-    if (data.dtype[field] if field else data.dtype).kind not in "fiu":
+    columns = () if data.dtype.names else columns_of(data)
+    if (data.dtype[field] if field and not columns else data.dtype).kind not in KINDS:
         raise Refusal(f"{path}: data set {data.name} holds {data.dtype}, expected numbers")
     _refuse_unstored(path, data)
     long = [axis for axis, size in enumerate(data.shape) if size != 1]
-    if len(long) > 1 or not data.shape:
-        raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples")
+    if columns and field:
+        long.sort(key=lambda axis: -data.shape[axis])
+    elif len(long) > 1 or not data.shape:
+        hint = f"; name a column of it: group = {data.name.strip('/')!r}, channel = {columns[0]!r}" if columns else ""
+        raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples{hint}")
+    number = columns.index(field) if field in columns else column_number(field) or 0
     factor, offset = _scale(data)
     plain = (factor, offset) == (1.0, 0.0)
     key, axis, shape = data.name, (long[0] if long else 0), data.shape
 
     def call(start: int, stop: int) -> np.ndarray:
-        place = tuple(slice(start, stop) if number == axis else 0 for number in range(len(shape)))
+        other = long[1] if len(long) > 1 else -1
+        place = tuple(slice(start, stop) if n == axis else number if n == other else 0 for n in range(len(shape)))
         with h5py.File(path, "r") as file:
             samples = file[key][place]
-            return samples[field] if field else samples if plain else samples * factor + offset
+            return samples[field] if field and not columns else samples if plain else samples * factor + offset
 
     return CallSource(int(shape[axis]), call, path, "HDF5")
 

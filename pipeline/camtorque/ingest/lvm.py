@@ -59,7 +59,9 @@ def _layout(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     units = [UNITS.get(unit.lower(), unit) for unit in stated]
     # the column X_Value comes first, whether it is filled or not
     first = 1 if layout.names[:1] == ("X_Value",) else 0
-    units = ["s"] * first + units + [""] * layout.n_columns
+    units = (
+        ["s"] * first + units + [""] * layout.n_columns if any(units) else ["s"] * first + list(layout.units[first:])
+    )
     step = segment.number("Delta_X", path)
     filled = bool(layout.first_row[0]) if first else False
     names = layout.names if filled or not first else ("", *layout.names[1:])

@@ -55,7 +55,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     found: list[FileChannel] = []
     for (group, member), value in members.items():
         samples = np.asarray(value)
-        if samples.dtype.kind in "fiu" and 1 < samples.size == max(samples.shape):
+        if samples.dtype.kind in hdf5.KINDS and 1 < samples.size == max(samples.shape):
             source, beside = ArraySource(samples.ravel()), _beside(members, group)
             rate, unit = beside.get("rate"), str(beside.get("unit", ""))
             found.append(FileChannel(group, member, unit, source.n_samples, rate, "", source))
@@ -65,13 +65,21 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 
 def _members(variables: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
-    """Return (struct, name) -> value of variables and fields of structs, however deep: ("rec.Torque", "Data")."""
+    """Return (struct, name) -> value of variables and fields of structs, however deep: ("rec.Torque", "Data").
+
+    Columns of a matrix are fields of it: ("Data", "column 2").
+    """
     found: dict[tuple[str, str], Any] = {}
 
     def add(group: str, name: str, value: Any) -> None:
         fields = getattr(getattr(value, "dtype", None), "names", None) or ()
         if not fields or isinstance(value, MatlabOpaque):
             found[group, name] = value
+            matrix = np.squeeze(value) if isinstance(value, np.ndarray) else np.empty(0)
+            columns = hdf5.columns_of(matrix) if matrix.dtype.kind in hdf5.KINDS else ()
+            place = f"{group}.{name}".strip(".")
+            for number, column in enumerate(columns):
+                found[place, column] = np.take(matrix, number, int(np.argmin(matrix.shape)))
             return
         inner = f"{group}.{name}".strip(".")
         for number, item in enumerate(value.ravel(), start=1):
@@ -106,7 +114,7 @@ def _kinds(variables: Mapping[str, Any]) -> str:
     if any(isinstance(value, MatlabOpaque) for value in variables.values()):
         return hdf5.MATLAB_OBJECT.format(", ".join(name for name in own) or "a variable")
     shown = ", ".join(f"{name} {np.asarray(value).shape}" for name, value in list(own.items())[:5]) or "it is empty"
-    return f"{shown}; store each channel as a variable of its own, such as torque = Data(:,2)"
+    return f"{shown}; store each channel as a variable or as a column of one, such as torque = Data(:,2)"
 
 
 def check_mat(path: Path) -> None:
@@ -164,8 +172,11 @@ def _numbers(path: Path, members: Mapping[tuple[str, str], Any], group: str, nam
         hint = did_you_mean(group or name, names)
         raise Refusal(f"{path}: no variable {group or name!r}{hint}; there are {', '.join(names) or 'none'}")
     array = np.asarray(value)
-    if array.dtype.kind not in "fiu" or array.size != max(array.shape, default=0) or not array.size:
-        raise Refusal(f"{path}: {name!r} is {array.dtype} of shape {array.shape}, expected one row of numbers")
+    if array.dtype.kind not in hdf5.KINDS or array.size != max(array.shape, default=0) or not array.size:
+        matrix = f"{group}.{name}".strip(".")
+        columns = [field for place, field in members if place == matrix]
+        hint = f"; name a column of it: group = {matrix!r}, channel = {columns[0]!r}" if columns else ""
+        raise Refusal(f"{path}: {name!r} is {array.dtype} of shape {array.shape}, expected one row of numbers{hint}")
     return array.ravel()
 
 

@@ -67,7 +67,8 @@ def _layout(path: Path) -> CsvLayout:
             refuse_feather_bomb(path, library)
     names, units, first = [], [], []
     for item in schema:
-        number = library.types.is_floating(item.type) or library.types.is_integer(item.type)
+        kinds = library.types
+        number = kinds.is_floating(item.type) or kinds.is_integer(item.type) or kinds.is_boolean(item.type)
         stamp, span = library.types.is_timestamp(item.type), library.types.is_duration(item.type)
         name, unit = name_and_unit(item.name)
         stated = next((item.metadata[key].decode() for key in UNIT_KEYS if key in (item.metadata or {})), unit)

@@ -32,7 +32,7 @@ NAMES: tuple[tuple[str, str], ...] = (
     ("fuel_temperature", r"(fuel|oil|diesel|kraftstoff|.l)[ _.-]*(temp|t\b)"),
     ("housing_temperature", r"temp"),
     ("torque", r"torque|moment|couple|\bmd(?![a-z])|^t\d*$|^m\d*$|\bm_?d\b"),
-    ("pressure", r"press|druck|rail|^p\d*$|\bp_|\bp[A-Z]"),
+    ("pressure", r"press|druck|rail|^p\d*$|\bp_|\bp(?-i:[A-Z])"),
     ("shaft_speed", r"speed|rpm|drehzahl|\bn\b|omega"),
     ("delivered_volume", r"volume|menge|delivery|quantity"),
     ("needle_lift", r"needle|nadel"),
@@ -55,6 +55,8 @@ FASTER = 1.5
 WAVE_SHARE, LEAST_WAVES = 0.2, 20
 """A coil's wave passes this share of its size to both sides, for this many teeth at least."""
 LEVEL_SHARE, LEVEL_BAND = 0.85, 0.2
+SURE_SHARE = 0.97
+"""A pressure at full load may stand at two levels for less of its samples than pulses do."""
 SHORT_SHARE = 0.006
 """A pulse train spends this share of its samples within this part of its swing from either level."""
 
@@ -106,7 +108,8 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         if not channels:
             raise Refusal(f"{path}: holds no channel of numbers")
         hint = path.stem if len(channels) == 1 else ""
-        found += [_proposal(path, name, channel, hint) for channel in channels]
+        looked = [_proposal(path, name, channel, hint) for channel in channels]
+        found += [item for item in looked if np.isfinite(item.low)] or looked
     found = _with_index(found)
     best: dict[tuple[str, Path | None], float] = {}
     for item in found:
@@ -128,7 +131,8 @@ def look_into(paths: list[Path]) -> list[Proposal]:
 def _with_index(found: list[Proposal]) -> list[Proposal]:
     """Take the fastest pulse train of each file for its trigger, and a slower one for its index."""
     for path in dict.fromkeys(item.path for item in found):
-        places = [number for number, item in enumerate(found) if (item.path, item.quantity) == (path, "trigger")]
+        trains = [number for number, item in enumerate(found) if (item.path, item.quantity) == (path, "trigger")]
+        places = [number for number in trains if _is_surely_pulses(found[number])]
         places.sort(key=lambda number: found[number].pulses)
         if len(places) < 2 or found[places[-1]].pulses < FASTER * found[places[0]].pulses:
             continue
@@ -139,6 +143,10 @@ def _with_index(found: list[Proposal]) -> list[Proposal]:
         if not has_index and not slow.sensor:
             found[places[0]] = replace(slow, quantity="index")
     return found
+
+
+def _is_surely_pulses(item: Proposal) -> bool:
+    return item.levels > SURE_SHARE or _named(item.channel.name) == "trigger"
 
 
 def _dropped(item: Proposal) -> Proposal:
@@ -182,6 +190,8 @@ def _quantity(name: str, hint: str, unit: str, values: Array) -> str:
     if dimension in BY_DIMENSION:
         allowed = BY_DIMENSION[dimension]
         return named if named in allowed else allowed[0]
+    if named and not CHANNEL_QUANTITIES[named].is_pulse and np.unique(values).size == 2 and is_pulse_train(values):
+        named = ""  # a digital line, whatever its name
     if named and (not CHANNEL_QUANTITIES[named].is_pulse or is_pulse_train(values)):
         return named
     if named == "trigger" and is_wave(values):
