@@ -99,7 +99,7 @@ def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
     if beyond:
         speed = "these speeds" if len(beyond) > 1 else "this speed"
         texts.append(
-            f"{' and '.join(beyond)} rpm lie{'' if len(beyond) > 1 else 's'} beyond the fitted speeds: that rig and "
+            f"{' and '.join(beyond)} rpm lie{'' if len(beyond) > 1 else 's'} beyond the fitted speeds: whether rig and "
             f"pump bear {speed} is for you to know, and the model is less sure there."
         )
     return tuple(texts)
