@@ -318,7 +318,10 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("camtorque.cli", {"numpy"}),
         ("camtorque.commands.check", {"pandas", "matplotlib", "h5py", "nptdms", "asammdf"}),
-        ("camtorque.commands.run", {"pandas", "lmfit", "scipy.interpolate", "asammdf", "emcee", "camtorque.studies"}),
+        (
+            "camtorque.commands.run",
+            {"pandas", "lmfit", "scipy.special", "asammdf", "emcee", "camtorque.studies"},
+        ),
         ("camtorque.commands.predict", {"pandas", "camtorque.studies"}),
     ],
 )

@@ -212,3 +212,8 @@ def test_data_that_do_not_match_are_refused(data):
         replace(data, structure="helix")
     with pytest.raises(ValueError, match="multiple of"):
         chain_input(n=BINS + 1)
+
+
+def test_columns_beyond_the_largest_square_are_infinite_without_a_warning():
+    lift = LiftModes(np.eye(BINS, 2), np.ones(2), np.zeros((2, 2)))
+    assert not np.isfinite(lift.gram(np.full((BINS, 2), 1e200))).any()

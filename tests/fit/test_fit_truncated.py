@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.fit.truncated import Gaussian, truncated
+from camtorque.fit.truncated import Gaussian, log_share_below, truncated
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal, truncnorm
+
+
+@pytest.mark.parametrize("x", [-np.inf, -1e5, -60.0, -37.0, -36.99, -5.0, 0.0, 1.0, 9.0, np.inf])
+def test_share_below_is_that_of_scipy(x):
+    assert log_share_below(x) == pytest.approx(float(log_ndtr(x)), rel=1e-12)
 
 
 def test_box_of_independent_parameters_is_the_product():

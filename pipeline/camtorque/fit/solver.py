@@ -54,10 +54,12 @@ class LiftModes:
 
     def gram(self, columns: Array) -> Array:
         """Return columns^T (I + B B^T)^-1 columns."""
-        product = columns.T @ columns
-        if self.strength.size:
-            projected = self.vectors.T @ columns * np.sqrt(self.shrink)[:, None]
-            product -= projected.T @ projected
+        # far from anything physical a square is beyond the largest number: infinity, which the search turns back from
+        with np.errstate(over="ignore", invalid="ignore"):
+            product = columns.T @ columns
+            if self.strength.size:
+                projected = self.vectors.T @ columns * np.sqrt(self.shrink)[:, None]
+                product -= projected.T @ projected
         return product
 
     def coefficients(self, residual: Array) -> Array:
