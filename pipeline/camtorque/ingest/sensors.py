@@ -89,16 +89,12 @@ def _in_output(reference: SensorRef, unit: str) -> Readings:
     return Readings(reference.quantity, "mV/V", before, after)
 
 
-def _dimension(quantity: str) -> str:
-    return CHANNEL_QUANTITIES[quantity].dimension
-
-
 def _sensed(
     sheet: Sheet, line: CertificateLine, readings: Readings, span: float
 ) -> tuple[SensorCalibration, list[Finding]]:
     """Return the calibration of what a sensor gives: volts, or mV/V of a bridge in their place."""
     quantity = readings.quantity
-    factor = unit_factor(sheet["unit"], _dimension(quantity), f"{sheet.where} unit")
+    factor = unit_factor(sheet["unit"], CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit")
     anything = (-math.inf, math.inf)
     out_low, out_high = range_of(sheet, "output_range", anything) if readings.unit == "V" else anything
     reach = abs(line.gain) * span / factor
@@ -136,11 +132,11 @@ def _sensed(
 def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple[SensorCalibration, list[Finding]]:
     """Return the calibration of values that the logger has scaled: gain 1, zero and accuracy as stated."""
     quantity = reference.quantity
-    factor = unit_factor(unit, _dimension(quantity), f"{sheet.where} unit of the channel")
+    factor = unit_factor(unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit of the channel")
     delay, delay_std, findings = _delay(sheet, quantity)
     low, high = -span, span
     if sheet["nominal_range"] is not None:
-        per_unit = unit_factor(sheet["unit"] or unit, _dimension(quantity), f"{sheet.where} unit")
+        per_unit = unit_factor(sheet["unit"] or unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit")
         low, high = (value * per_unit for value in range_of(sheet, "nominal_range", (low, high)))
     accuracy = sheet.accuracy()
     if accuracy is None:

@@ -42,6 +42,6 @@ def load_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> tupl
     text = (
         f"where the line pressure loads the cam most the measured torque is {ratio:.2f} of the rigid model's, sound "
         f"pumps have 1.0 to 1.7 ({side}): check plunger_diameter_m ({1e3 * pump.plunger_diameter:g} mm, {likely:.2g} "
-        "mm would be usual), the lift table and its place, both sensitivities, and that the logs are of one run"
+        "mm would be usual), the lift table, nominal_angle_deg, both sensitivities, and that the logs are of one run"
     )
     return (Finding("torque_against_model", "warning", text, "[pump]"),)
