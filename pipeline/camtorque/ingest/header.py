@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from camtorque.records import Refusal
@@ -95,6 +96,41 @@ def is_time_unit(unit: str) -> bool:
     return tidy_unit(unit) in ("s", "ms", "us", "ns")
 
 
+@dataclass(frozen=True)
+class HeaderRow:
+    """A row above the data that may hold the names.
+
+    Attributes
+    ----------
+    number : of the row
+    hits : fields that are wanted names; where none are wanted, fields with text
+    fields : one per column; plain : name and unit of each
+    beyond : names beyond the columns
+    """
+
+    number: int
+    hits: int
+    fields: list[str]
+    plain: list[tuple[str, str]]
+    beyond: tuple[str, ...]
+
+
+def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...]) -> list[HeaderRow]:
+    """Return the rows that have a field for each column; see `names_of`."""
+    n_columns = len(first)
+    least = max((n + 1 for n, field in enumerate(first) if field), default=n_columns)
+    found = []
+    for number, row in enumerate(rows):
+        beyond = tuple(field for field in row[n_columns:] if field)
+        if len(row) < least or set(beyond) & set(wanted) or not any(row):
+            continue
+        row = (row + [""] * n_columns)[:n_columns]
+        plain = [name_and_unit(field) for field in row]
+        hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
+        found.append(HeaderRow(number, hits if wanted else sum(map(_is_text, row)), row, plain, beyond))
+    return found
+
+
 def names_of(
     path: Path, rows: list[list[str]], first: list[str], wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
@@ -113,18 +149,7 @@ def names_of(
     """
     n_columns = len(first)
     wanted = tuple(name for name in wanted if column_number(name) is None)
-    least = max((n + 1 for n, field in enumerate(first) if field), default=n_columns)
-    candidates = []
-    for number, row in enumerate(rows):
-        beyond = tuple(field for field in row[n_columns:] if field)
-        if len(row) < least or set(beyond) & set(wanted) or not any(row):
-            continue
-        row = (row + [""] * n_columns)[:n_columns]
-        plain = [name_and_unit(field) for field in row]
-        hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
-        if not wanted:
-            hits = sum(map(_is_text, row))
-        candidates.append((hits - len(beyond), number, row, plain, beyond))
+    candidates = _header_rows(rows, first, wanted)
     if not candidates:
         if not wanted:
             return tuple(map(numbered_name, range(n_columns))), ("",) * n_columns, ()
@@ -132,23 +157,27 @@ def names_of(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; add a line with the "
             f"names, or name columns by their place: channel = {numbered_name(0)!r} to {numbered_name(n_columns - 1)!r}"
         )
-    below = [number for _, number, row, _, _ in candidates if _is_unit_row(row, first)]
-    named = [item for item in candidates if below and item[1] < below[0] and item[0] + len(item[4]) > 0]
-    chosen = named if named and not wanted else candidates
-    hits, number, row, plain, beyond = max(chosen, key=lambda item: (item[0], -item[1] if wanted else item[1]))
-    if hits + len(beyond) <= 0 and not wanted:
-        row, plain = [numbered_name(n) for n in range(n_columns)], [(numbered_name(n), "") for n in range(n_columns)]
-        number = -1
-    elif hits + len(beyond) <= 0:
-        shown = ", ".join(" | ".join(candidate[2]) for candidate in candidates[:3])
+    below = [row.number for row in candidates if _is_unit_row(row.fields, first)]
+    named = [row for row in candidates if below and row.number < below[0] and row.hits > 0]
+    chosen = max(
+        named if named and not wanted else candidates,
+        key=lambda row: (row.hits - len(row.beyond), -row.number if wanted else row.number),
+    )
+    if not chosen.hits and not wanted:
+        numbered = [numbered_name(n) for n in range(n_columns)]
+        chosen = replace(chosen, number=-1, fields=numbered, plain=[(name, "") for name in numbered])
+    elif not chosen.hits:
+        shown = ", ".join(" | ".join(row.fields) for row in candidates[:3])
         raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
-    names = tuple(field if field in wanted else name for field, (name, _) in zip(row, plain, strict=True))
-    units = tuple(unit for _, unit in plain)
-    for _, later, other, _, _ in candidates:
+    pairs = zip(chosen.fields, chosen.plain, strict=True)
+    names = tuple(field if field in wanted else name for field, (name, _) in pairs)
+    units = tuple(unit for _, unit in chosen.plain)
+    for row in candidates:
         # a line of units stands below the names
-        if later > number and not any(is_known_unit(unit) for unit in units) and any(map(is_known_unit, other)):
-            units = tuple(field.strip("[]() ") for field in other)
-    return names, units, beyond
+        later = row.number > chosen.number
+        if later and not any(map(is_known_unit, units)) and any(map(is_known_unit, row.fields)):
+            units = tuple(field.strip("[]() ") for field in row.fields)
+    return names, units, chosen.beyond
 
 
 def _is_text(field: str) -> bool:
