@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
+from camtorque.align import hum
 from camtorque.align.hum import MAINS_HZ, hum_findings
 
 N = 3600
@@ -58,3 +61,20 @@ def test_ringing_after_the_stroke_is_not_called_mains():
     torque, speed, index = cycles(500.0, 50.0, 0.0)
     ringing = np.where(THETA > 2.4, 0.3 * np.exp(-(THETA - 2.4) / 0.5) * np.sin(6.0 * 6.3 * (THETA - 2.4)), 0.0)
     assert hum_findings(THETA, torque + ringing, speed, index, LIFT) == ()
+
+
+def test_the_hum_of_many_cycles_is_told_in_pieces(monkeypatch):
+    """An hour has 60 000 cycles: their waves would take a gigabyte."""
+    torque, speed, index = cycles(517.0, 50.0, 0.03, drift=0.002)
+    whole = hum_findings(THETA, torque, speed, index, LIFT)
+    monkeypatch.setattr(hum, "PIECE", 7)
+    assert hum_findings(THETA, torque, speed, index, LIFT) == whole
+    chance = np.random.default_rng(1)
+    speed = chance.normal(105.0, 0.3, 5000)
+    bins, start = chance.normal(size=(5000, hum.POINTS)), np.r_[0.0, np.cumsum(2.0 * np.pi / speed)][:-1]
+    monkeypatch.setattr(hum, "PIECE", 100)
+    tracemalloc.start()
+    hum._over_cycles(50.0, bins, speed, start, 0.1)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < bins.nbytes / 3.0

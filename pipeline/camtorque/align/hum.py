@@ -25,6 +25,8 @@ LOCKED = Threshold(
 )  # fmt: skip
 POINTS = 360
 """Bins of a revolution: mains is slow against the grid."""
+PIECE = 1024
+"""Cycles worked on at a time."""
 SIGNIFICANT = Threshold(
     6.0, "1", "statistics",
     "Standard errors that the amplitude of the mains has to exceed before it is told."
@@ -98,18 +100,24 @@ def _starts(speed: Array, index: Any) -> Array:
 
 
 def _over_cycles(frequency: float, bins: Array, speed: Array, start: Array, coherence: float) -> Hum | None:
-    """Return the hum from the deviations of the cycles from their mean."""
-    turning = _turning(frequency, speed, start)
-    waves = [wave - np.mean(wave, axis=0) for wave in (turning.real, turning.imag)]
-    deviation = bins - np.mean(bins, axis=0)
-    # one cycle carries one independent value of each wave: what else deviates is correlated over its angle
-    pairs = np.array([[np.sum(wave * deviation, axis=1) for wave in waves]])[0]
-    gram = np.array([[np.sum(a * b) for b in waves] for a in waves])
+    """Return the hum from the deviations of the cycles from their mean; waves of an hour do not stand in memory."""
+    n = bins.shape[0]
+    parts = [slice(first, first + PIECE) for first in range(0, n, PIECE)]
+    middle = sum(np.sum(_turning(frequency, speed[part], start[part]), axis=0) for part in parts) / n
+    mean = np.mean(bins, axis=0)
+    pairs, squares = np.zeros((2, n)), np.zeros((2, 2, n))
+    for part in parts:
+        turning = _turning(frequency, speed[part], start[part]) - middle
+        waves, deviation = (turning.real, turning.imag), bins[part] - mean
+        for k, wave in enumerate(waves):
+            # one cycle carries one independent value of each wave: what else deviates is correlated over its angle
+            pairs[k, part] = np.sum(wave * deviation, axis=1)
+            squares[k, :, part] = [np.sum(wave * other, axis=1) for other in waves]
+    gram = np.sum(squares, axis=2)
     if np.linalg.cond(gram) > 1e6:
         return None
     amplitude = np.linalg.solve(gram, np.sum(pairs, axis=1))
-    explained = sum(a * wave for a, wave in zip(amplitude, waves, strict=True))
-    rest = np.array([np.sum(wave * (deviation - explained), axis=1) for wave in waves])
+    rest = pairs - np.einsum("b,abn->an", amplitude, squares)
     spread = np.sqrt(np.sum(rest**2, axis=1).mean())
     stderr = float(spread / np.sqrt(np.linalg.det(gram)))
     return Hum(frequency, float(np.hypot(*amplitude)), stderr, coherence)
