@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from camtorque.fit.findings import prior_findings
 from camtorque.fit.next_run import proposals
-from camtorque.fit.prepare import bin_weights, mean_cycles, on_grid
+from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
-from camtorque.fit.result import fitted_torque
-from camtorque.fit.single import FitOptions, fit_prepared
+from camtorque.fit.result import fitted_torque, model_on_grid
+from camtorque.fit.single import FitOptions, fit_prepared, judged
 from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
+from camtorque.laws.chain import binned
 from camtorque.records import Refusal
-from fit_cases import bridged, quick_prepared
+from fit_cases import bridged, quick, quick_data, quick_prepared
 
 LAND = ("closed_volume", 0, 1000.0)
 
@@ -121,6 +122,31 @@ def test_weights_know_scatter_and_the_admitted_model_error():
     assert np.all(noisy < plain)
     assert plain[-1] < plain[100]  # more torque, more model error
     assert 1.0 / noisy[100] == pytest.approx(np.sqrt(10.0) * 1.0, rel=0.01)
+
+
+def test_a_report_on_a_finer_grid_shows_the_model_that_was_fitted(fit):
+    item = fit.problem.data[0]
+    torque, pressure = item.chain.shaft_torque, item.chain.line_pressure
+    coarse = model_on_grid(fit, 0, torque, pressure)
+    fine = model_on_grid(fit, 0, on_grid(torque, 3600), on_grid(pressure, 3600))
+    np.testing.assert_allclose(fine.output.pressure[::2], coarse.output.pressure, rtol=1e-9)
+    np.testing.assert_allclose(fine.torque[::2], coarse.torque, atol=1e-6 * np.ptp(coarse.torque))
+    middle = 0.5 * (coarse.torque + np.roll(coarse.torque, -1))
+    np.testing.assert_allclose(fine.torque[1::2], middle, atol=1e-6 * np.ptp(middle))
+    assert np.all(np.diff(fine.output.motion.theta) > 0.0)
+
+
+def test_a_minimum_is_worth_what_it_is_on_the_other_half_of_the_cycles():
+    cycles = bridged(LAND)[1]
+    data, found = quick_data(LAND), quick(LAND)
+    means = mean_cycles(cycles)
+    # the same cycles once more: nothing unseen; the other ones as noisy: little; another pressure: much
+    same = judged(found, data, data)
+    assert same.unseen == pytest.approx(0.0, abs=1e-6 * found.value)
+    other = replace(data, chain=replace(data.chain, line_pressure=1.02 * data.chain.line_pressure))
+    assert judged(found, data, other).value > found.value + 10.0
+    held = replace(data, torque=binned(on_grid(means.held_torque, 1800)))
+    assert abs(judged(found, data, held).unseen) < 0.5 * INDEPENDENT
 
 
 def test_signals_keep_their_harmonics_on_another_grid():

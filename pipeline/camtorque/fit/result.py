@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.derived import delivered_volume, derived_estimates
 from camtorque.fit.findings import fit_findings, prior_findings, table_findings
@@ -24,7 +23,7 @@ from camtorque.fit.uncertainty import (
 )
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
-from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, angle_grid, evaluate
+from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
@@ -85,34 +84,55 @@ def modelled(
     torque, pressure = means
     item = problem.data[index]
     values, coefficients = problem.values(z, index)
-    n = torque.size
     grid = item.chain.theta.size
     lost = item.chain.shaft_torque - measured
-    substeps = item.chain.substeps
-    chain = replace(
-        item.chain, theta=angle_grid(n), line_pressure=as_fitted(pressure, n, grid),
-        shaft_torque=as_fitted(on_grid(torque, grid) + lost, n, grid), substeps=_finer(substeps, n, grid),
-        deviation=as_fitted(item.chain.deviation, n, grid) if item.chain.deviation.size else item.chain.deviation,
-    )  # fmt: skip
+    chain = replace(item.chain, line_pressure=on_grid(pressure, grid), shaft_torque=on_grid(torque, grid) + lost)
     output = evaluate(chain, values, coefficients, tangents=True)
     basis = item.lift_basis
     cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
     by_cause = measured_torques(chain, values, cam, float(coefficients[-1]))
-    return Modelled(chain, output, values, cam, by_cause, basis.correction(output.motion.theta, lifts))
+    correction = basis.correction(output.motion.theta, lifts)
+    return _on_cycles(Modelled(chain, output, values, cam, by_cause, correction), torque.size)
 
 
-def as_fitted(values: Array, n: int, grid: int) -> Array:
-    """Return a mean cycle as the fit saw it, straight between the points of its grid, on another grid (n,).
+def _on_cycles(model: Modelled, n: int) -> Modelled:
+    """Return a model on the grid of the cycles, straight between the points of the fit's grid.
 
-    A delivery valve that is near to chattering answers to noise between them, and the report would show another model.
+    It is not evaluated anew: a delivery valve that is near to chattering answers to the places of the time steps and to
+    noise between the points, and the report would show another model than the one that was fitted.
     """
-    return np.asarray(np.interp(angle_grid(n), angle_grid(grid), on_grid(values, grid), period=2.0 * np.pi))
+    chain, motion = model.chain, model.output.motion
+    if n == chain.theta.size:
+        return model
+
+    def at(values: Array) -> Array:
+        return resampled(values, n)
+
+    moved = Motion(
+        angle_grid(n) + at(motion.theta - chain.theta), at(motion.rate), at(motion.second), at(motion.lift.T).T,
+        tuple(at(shift) for shift in motion.shifts),  # type: ignore[arg-type]
+    )  # fmt: skip
+    tangents = model.output.pressure_tangents
+    output = replace(
+        model.output, motion=moved, pressure=at(model.output.pressure), load=at(model.output.load),
+        pressure_tangents=None if tangents is None else at(tangents), states=at(model.output.states),
+        flows=at(model.output.flows),
+    )  # fmt: skip
+    chain = replace(
+        chain, theta=angle_grid(n), line_pressure=at(chain.line_pressure), shaft_torque=at(chain.shaft_torque),
+        deviation=at(chain.deviation) if chain.deviation.size else chain.deviation,
+        substeps=np.zeros(0, dtype=np.int64),
+    )  # fmt: skip
+    cam, by_cause = ({name: at(part) for name, part in parts.items()} for parts in (model.cam, model.by_cause))
+    return Modelled(chain, output, model.values, cam, by_cause, at(model.lift_correction))
 
 
-def _finer(substeps: NDArray[np.int64], n: int, grid: int) -> NDArray[np.int64]:
-    """Return the substeps of another grid that make about the same time steps."""
-    place = np.minimum((np.arange(n) * grid) // n, grid - 1)
-    return np.maximum(1, np.ceil(substeps[place] * grid / n)).astype(np.int64)
+def resampled(values: Array, n: int) -> Array:
+    """Return periodic values (m, ...) on a grid of n angles, straight between their own."""
+    place = np.arange(n) * (values.shape[0] / n)
+    first = place.astype(np.int64)
+    share = (place - first).reshape(-1, *([1] * (values.ndim - 1)))
+    return np.asarray((1.0 - share) * values[first] + share * values[(first + 1) % values.shape[0]])
 
 
 def fitted_torque(

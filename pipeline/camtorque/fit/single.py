@@ -12,7 +12,7 @@ from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
 from camtorque.fit.search import Start, refined, search
-from camtorque.fit.solver import Solution, solve
+from camtorque.fit.solver import Solution, solve, try_at
 from camtorque.fit.uncertainty import Covariance, covariance
 from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.chain import BINS, binned
@@ -45,16 +45,20 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One structure (or minimum) followed to its end on the fine grid."""
+    """One structure (or minimum) followed to its end on the fine grid.
+
+    ``unseen``: what chi-square rises by, as the mean over both halves of the cycles, where the other half is asked too
+    """
 
     data: FitData
     problem: Problem
     solution: Solution
+    unseen: float = 0.0
 
     @property
     def value(self) -> float:
         """Chi-square with priors."""
-        return self.solution.chi_square
+        return self.solution.chi_square + self.unseen
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,25 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     found = search(data, tuple(STRUCTURES))
-    return Prepared(recording, cycles, rigid, means, polished(data, found), data.chain.shaft_torque)
+    held = fit_data(recording, cycles, law, means.held_torque, means.held_pressure, means.scatter_of_mean)
+    ends = (attempted(judged, item, data, held) for item in polished(data, found))
+    judged_ends = sorted((item for item in ends if item is not None), key=lambda item: item.value)
+    return Prepared(recording, cycles, rigid, means, tuple(judged_ends), data.chain.shaft_torque)
+
+
+def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
+    """Return a minimum with what it is worth on the half of the cycles that it was not fitted to.
+
+    A delivery valve near chattering can be tuned to follow one mean cycle and be far off on the next: such a minimum is
+    not the better one for its lower chi-square.
+    """
+    lost = item.data.chain.shaft_torque - data.chain.shaft_torque
+    chain = replace(
+        item.data.chain, line_pressure=held.chain.line_pressure, shaft_torque=held.chain.shaft_torque + lost
+    )
+    problem = build_problem([replace(item.data, torque=held.torque, chain=chain)])
+    trial = try_at(problem, item.solution.z, item.solution.lifts)
+    return replace(item, unseen=0.5 * (trial.data_chi_square - item.solution.data_chi_square))
 
 
 def polished(data: FitData, found: Mapping[str, list[Start]]) -> tuple[Candidate, ...]:
