@@ -50,10 +50,11 @@ def searched(folder: Path) -> list[Stage]:
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
-    next(stages(data, tuple(STRUCTURES)))  # loads what is compiled
+    held = fit_data(recording, cycles, law, means.held_torque, means.held_pressure, means.scatter_of_mean)
+    next(stages(data, held, tuple(STRUCTURES)))  # loads what is compiled
     began = time.process_time()
     result = []
-    for name, found in stages(data, tuple(STRUCTURES), ((DOUBTFUL, LONG),)):
+    for name, found in stages(data, held, tuple(STRUCTURES), ((DOUBTFUL, LONG),)):
         best = least(found)
         angle = float(np.degrees(best.data.rows[TRIGGER].start))
         result.append(Stage(name, time.process_time() - began, best.chi_square, angle))

@@ -29,7 +29,7 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "fit")]
 
 from camtorque.align import AlignOptions, align  # noqa: E402
 from camtorque.fit import single  # noqa: E402
-from camtorque.fit.problem import FitData, Problem, build_problem  # noqa: E402
+from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem  # noqa: E402
 from camtorque.fit.search import coarse, refined, search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
 from camtorque.fit.solver import lifts_at, normal_equations, solve, try_at  # noqa: E402
@@ -156,8 +156,8 @@ def stage_lines() -> Iterator[str]:
     quick_prepared(*CASE)  # compiled
     recording, cycles, rigid = bridged(CASE)
     prepared = prepare(recording, cycles, rigid)
-    data = prepared.data
-    searching, found = once(lambda: search(data, single.STRUCTURES))
+    data = quick_data(CASE)
+    searching, found = once(lambda: search(data, data, tuple(STRUCTURES)))
     polishing, _ = once(lambda: single.polished(data, found))
     plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))
     told, _ = once(lambda: fit_prepared(prepared, FitOptions()))

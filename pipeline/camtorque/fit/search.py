@@ -308,18 +308,38 @@ def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
     return with_starts(start.data, drawn)
 
 
-def hops(result: dict[str, list[Start]], most: Hops) -> Iterator[tuple[str, dict[str, list[Start]]]]:
+def hops(result: dict[str, list[Start]], most: Hops, held: FitData) -> Iterator[tuple[str, dict[str, list[Start]]]]:
     """Yield the starts with those that follow from drawing the chamber or the valve of the best one anew.
 
-    Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
+    Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves. From
+    here on a start is worth what it is on both halves of the cycles.
     """
+    result = judged(result, held)
     for hop in range(max(count for _, count in most)):
         best = least(result)
         if not any(best.chi_square > above and hop < count for above, count in most):
-            return
-        names = REDRAWN[hop % len(REDRAWN)]
-        result = joined(result, descend({best.data.structure: [redrawn(best, names, hop)]}, HOP_SMOOTHINGS_DEG, False))
+            break
+        items = {best.data.structure: [redrawn(best, REDRAWN[hop % len(REDRAWN)], hop)]}
+        result = joined(result, judged(descend(items, HOP_SMOOTHINGS_DEG, False), held))
         yield "hop", result
+    yield "judged", result
+
+
+def judged(starts: Starts, held: FitData) -> dict[str, list[Start]]:
+    """Return starts with the mean of their chi-square on both halves of the cycles, least first."""
+    return {name: sorted((_judged(start, held) for start in group), key=lambda start: start.chi_square)
+            for name, group in starts.items()}  # fmt: skip
+
+
+def _judged(start: Start, held: FitData) -> Start:
+    chain = start.data.chain
+    pressure, torque = (on_grid(part, chain.theta.size) for part in (held.chain.line_pressure, held.chain.shaft_torque))
+    other = replace(start.data, torque=held.torque, chain=replace(chain, line_pressure=pressure, shaft_torque=torque))
+    try:
+        there = begun(other, start.lifts)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        there = np.inf  # so near an edge that the next cycles fall over it
+    return replace(start, chi_square=0.5 * (start.chi_square + there))
 
 
 def load_anew(result: Starts, rough: FitData) -> Items:
@@ -360,24 +380,30 @@ MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
     "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
-    "load anew": Move(load_anew, SMOOTHINGS_DEG, DISSATISFYING),
+    "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
     "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
 }
 """Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
 
 
-def search(data: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> dict[str, list[Start]]:
-    """Return the best starts of each structure, least chi-square first."""
-    *_, (_, result) = stages(data, structures)
+def search(data: FitData, held: FitData, structures: tuple[str, ...]) -> dict[str, list[Start]]:
+    """Return the best starts of each structure, least mean chi-square of both halves of the cycles first."""
+    *_, (_, result) = stages(data, held, structures)
     return result
 
 
 def stages(
-    data: FitData, structures: tuple[str, ...], most: Hops = HOPS
+    data: FitData, held: FitData, structures: tuple[str, ...], most: Hops = HOPS
 ) -> Iterator[tuple[str, dict[str, list[Start]]]]:
     """Yield what was done last and the best starts of each structure so far, until the search ends.
 
     Further moves are for recordings that are not explained yet; each is made again after others have helped much.
+
+    Parameters
+    ----------
+    data, held : the half of the cycles that is fitted and the other one
+    structures : that are tried
+    most : hops between minima
     """
     seen = rough(data)
     first = descend({name: candidates(seen, name) for name in structures}, SMOOTHINGS_DEG, True)
@@ -397,7 +423,7 @@ def stages(
         yield name, result
         if least(result).chi_square < HELPED * before:
             pending = dict(MOVES)
-    yield from hops(result, most)
+    yield from hops(result, most, held)
 
 
 def likely(result: Starts) -> list[str]:
