@@ -7,12 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque.fit import search, single
 from camtorque.fit.findings import prior_findings
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
 from camtorque.fit.result import fitted_torque, model_on_grid
 from camtorque.fit.single import FitOptions, fit_prepared, judged
+from camtorque.fit.solver import lifts_at
 from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
 from camtorque.laws.chain import binned
 from camtorque.records import Refusal
@@ -147,6 +149,31 @@ def test_a_minimum_is_worth_what_it_is_on_the_other_half_of_the_cycles():
     assert judged(found, data, other).value > found.value + 10.0
     held = replace(data, torque=binned(on_grid(means.held_torque, 1800)))
     assert abs(judged(found, data, held).unseen) < 0.5 * INDEPENDENT
+
+
+def test_minima_that_all_fall_on_the_other_half_are_kept_as_they_are(monkeypatch):
+    found = quick(LAND)
+
+    def falls(*_arguments):
+        raise FloatingPointError
+
+    monkeypatch.setattr(single, "search", lambda data, held, structures: {})
+    monkeypatch.setattr(single, "polished", lambda data, starts: (found,))
+    monkeypatch.setattr(single, "judged", falls)
+    assert single.prepare(*bridged(LAND)).candidates == (found,)
+
+
+def test_a_start_that_falls_on_the_other_half_comes_last(monkeypatch):
+    data = quick_data(LAND)
+    start = search.Start(data, lifts_at(quick(LAND).problem, quick(LAND).problem.start), 10.0)
+    same = search.judged({"land": [start]}, data)["land"][0]
+    assert same.chi_square < search.FALLEN
+
+    def falls(*_arguments):
+        raise FloatingPointError
+
+    monkeypatch.setattr(search, "begun", falls)
+    assert search.judged({"land": [start]}, data)["land"][0].chi_square == 0.5 * (10.0 + search.FALLEN)
 
 
 def test_signals_keep_their_harmonics_on_another_grid():

@@ -43,7 +43,7 @@ ITERATIONS, TEMPERINGS = 8, 2
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
 DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, INDEPENDENT, 5.0 * INDEPENDENT
-"""Chi-square above which the best start is moved on, the load is begun anew, and nothing found so far is believed."""
+"""Chi-square above which the best start is moved on, hops on, and nothing found so far is believed."""
 HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
 HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
@@ -71,6 +71,8 @@ Hops = tuple[tuple[float, int], ...]
 HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 20))
 HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
 """Chi-square above which the best start hops, and hops at most; ladder that each walks down."""
+FALLEN = 1e12
+"""Chi-square of a start so near an edge that the tangents overflow on the other half of the cycles."""
 REDRAWN = (
     tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
     tuple(row.name for row in valve.ROWS),
@@ -338,7 +340,7 @@ def _judged(start: Start, held: FitData) -> Start:
     try:
         there = begun(other, start.lifts)
     except (FloatingPointError, np.linalg.LinAlgError):
-        there = np.inf  # so near an edge that the next cycles fall over it
+        there = FALLEN
     return replace(start, chi_square=0.5 * (start.chi_square + there))
 
 

@@ -106,9 +106,10 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     held = fit_data(recording, cycles, law, means.held_torque, means.held_pressure, means.scatter_of_mean)
     found = search(data, held, tuple(STRUCTURES))
-    ends = (attempted(judged, item, data, held) for item in polished(data, found))
-    judged_ends = sorted((item for item in ends if item is not None), key=lambda item: item.value)
-    return Prepared(recording, cycles, rigid, means, tuple(judged_ends), data.chain.shaft_torque)
+    ends = polished(data, found)
+    seen_twice = (attempted(judged, item, data, held) for item in ends)
+    kept = sorted((item for item in seen_twice if item is not None), key=lambda item: item.value)
+    return Prepared(recording, cycles, rigid, means, tuple(kept) or ends, data.chain.shaft_torque)
 
 
 def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
