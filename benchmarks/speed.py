@@ -30,9 +30,10 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "fit")]
 from camtorque.align import AlignOptions, align  # noqa: E402
 from camtorque.fit import single  # noqa: E402
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem  # noqa: E402
-from camtorque.fit.search import coarse, refined, search  # noqa: E402
+from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
 from camtorque.fit.solver import lifts_at, normal_equations, solve, try_at  # noqa: E402
+from camtorque.fit.starts import coarse, refined  # noqa: E402
 from camtorque.ingest import read_recording  # noqa: E402
 from camtorque.laws.chain import evaluate  # noqa: E402
 from fit_cases import bridged, quick_data, quick_prepared  # noqa: E402

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import FitData, build_problem, with_starts
-from camtorque.fit.search import Start
 from camtorque.fit.single import Candidate, Prepared, followed
 from camtorque.fit.solver import lifts_at, solve
+from camtorque.fit.starts import Start
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Recording, RigidTorque

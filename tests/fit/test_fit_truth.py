@@ -11,20 +11,19 @@ from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
 from camtorque.fit.problem import build_problem, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.search import (
+from camtorque.fit.search import least, load_anew
+from camtorque.fit.single import FitOptions, fit_prepared, followed
+from camtorque.fit.solver import lifts_at, try_at
+from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
     candidates,
     coarse,
     continued,
     descend,
-    least,
-    load_anew,
     rising_angles,
     tempered,
 )
-from camtorque.fit.single import FitOptions, fit_prepared, followed
-from camtorque.fit.solver import lifts_at, try_at
 from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts

@@ -20,9 +20,10 @@ from camtorque.fit.leftout import HeldOut, left_out, predicted
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
-from camtorque.fit.search import SCAN_SHARES, begun, ends_at
+from camtorque.fit.search import SCAN_SHARES
 from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import Solution, lifts_at, solve
+from camtorque.fit.starts import begun, ends_at
 from camtorque.laws.chain import BINS
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
 from camtorque.threads import Each, in_turn, side_by_side

@@ -11,8 +11,9 @@ from camtorque.align.budget import SWITCHING_DELAY
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
-from camtorque.fit.search import Start, refined, search
+from camtorque.fit.search import search
 from camtorque.fit.solver import Solution, solve, try_at
+from camtorque.fit.starts import Start, refined
 from camtorque.fit.uncertainty import Covariance, covariance
 from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.chain import BINS, binned

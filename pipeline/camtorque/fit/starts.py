@@ -1,0 +1,180 @@
+"""From a start to the minimum next to it: continuation from the smoothed residual, on the grid of the search.
+
+The residual over the angle has many minima in the end of delivery, the volumes and the valve: an edge of the model a
+few degrees off gains nothing by a small move. Smoothed by half a stroke it does, so every start walks down a ladder of
+smoothings; starts that fall behind leave. The first rung frees only what places the load, the others everything.
+Weights are as large as the residual, so that what is usual counts from the first step on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camtorque.fit.prepare import INDEPENDENT, on_grid
+from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.solver import LiftModes, Trial, lifts_at, no_lift, smoother, solve, try_at
+from camtorque.laws.chain import angle_grid, evaluate, with_substeps
+from camtorque.records import Array
+from camtorque.units import DEGREE
+
+SEARCH_GRID = 600
+CORE = (
+    "dead_volume", "port_closing_lift", "port_width", "end_of_delivery", "spill_lift", "spill_width", "valve_opening",
+    "valve_area", "valve_range", "leakage", "trigger_offset", "shaft_compliance", "pressure_zero", "guide_friction",
+    "drive_admittance",
+)  # fmt: skip
+"""Non-linear parameters of the first rung: those that place the load."""
+VOLUMES = (1.5, 5.0)
+"""Dead volumes that are tried, in swept volumes."""
+END_SHARES = (0.5, 0.68, 0.86)
+"""Shares of the full lift at which the end of delivery is tried."""
+RETRACTIONS = (5.0e-9, 25.0e-9)
+"""Retraction volumes that are tried where no end is seen [m^3]."""
+SMOOTHINGS_DEG = (14.0, 7.0, 3.5, 1.5, 0.0)
+SEARCH_LIFT_CUT = 0.3
+"""Weakest mode of the lift correction in the search, where only what is large counts."""
+ITERATIONS, TEMPERINGS = 8, 2
+"""Iterations of a rung, and how often the weights are adapted to the residual within them."""
+KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
+"""A start is followed while its chi-square is below the best one's times and plus these."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A recording whose rows start where a short fit ended, its lift correction and chi-square there."""
+
+    data: FitData
+    lifts: tuple[LiftModes, ...]
+    chi_square: float
+
+
+Starts = Mapping[str, list[Start]]
+"""Short fits by structure, least chi-square first."""
+
+
+def rising_angles(data: FitData, shares: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return cam angle and lift where the rising flank reaches shares of the full lift."""
+    lift = data.chain.law.evaluate(data.chain.theta, 0)
+    top = int(np.argmax(lift >= 0.999 * np.max(lift)))
+    wanted = np.array(shares) * np.max(lift)
+    return np.interp(wanted, np.maximum.accumulate(lift[: top + 1]), data.chain.theta[: top + 1]), wanted
+
+
+def ends_at(item: FitData, shares: tuple[float, ...]) -> list[dict[str, float]]:
+    """Return the end of delivery of a structure with a land or a spill port at shares of the full lift [SI]."""
+    angles, lifts = rising_angles(item, shares)
+    name, places = ("end_of_delivery", angles) if item.structure == "land" else ("spill_lift", lifts)
+    return [{name: float(place)} for place in places]
+
+
+def begun(item: FitData, lifts: tuple[LiftModes, ...] | None, held: Mapping[str, float] | None = None) -> float:
+    """Return the chi-square of a recording where it starts.
+
+    ``lifts`` is its lift correction, None for that of the start; ``held`` as in `build_problem`.
+    """
+    problem = build_problem([item], held)
+    modes = lifts_at(problem, problem.start) if lifts is None else lifts
+    return try_at(problem, problem.start, modes).chi_square
+
+
+def candidates(data: FitData, structure: str) -> list[FitData]:
+    """Return the recording with the starts of one structure."""
+    item = replace(data, structure=structure)
+    if structure == "line":
+        return [replace(item, chain=replace(item.chain, uses_chamber=False))]
+    swept = data.chain.pump.plunger_area * data.chain.top_lift
+    if structure == "open":
+        pairs = [(v, {"retraction_volume": r}) for v in VOLUMES for r in RETRACTIONS]
+    else:
+        pairs = [(v, end) for v in VOLUMES for end in ends_at(item, END_SHARES)]
+    return [with_starts(item, {"dead_volume": v * swept, **rest}) for v, rest in pairs]
+
+
+def rough(data: FitData) -> FitData:
+    """Return the recording as the search sees it: on its grid, with a coarse correction of the lift."""
+    return coarse(replace(data, lift_basis=data.lift_basis.thinned()))
+
+
+def coarse(data: FitData, grid: int = SEARCH_GRID) -> FitData:
+    """Return the recording on another grid of the model."""
+    chain = data.chain
+    if chain.theta.size == grid:
+        return data
+    return replace(data, chain=replace(
+        chain, theta=angle_grid(grid), line_pressure=on_grid(chain.line_pressure, grid),
+        shaft_torque=on_grid(chain.shaft_torque, grid), substeps=np.zeros(0, dtype=np.int64),
+        deviation=on_grid(chain.deviation, grid) if chain.deviation.size else chain.deviation,
+    ))  # fmt: skip
+
+
+def refined(data: FitData, values: Mapping[str, float]) -> FitData:
+    """Return the recording with the time steps of the chamber where the valve moves at some values."""
+    output = evaluate(data.chain, values)
+    return replace(data, chain=replace(data.chain, substeps=with_substeps(data.chain, output, values)))
+
+
+def grid_for(smoothing_deg: float) -> int:
+    """Return the grid that a smoothing needs."""
+    return SEARCH_GRID if smoothing_deg > 5.0 else 2 * SEARCH_GRID
+
+
+def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int = ITERATIONS) -> Start | None:
+    """Return a start after some iterations on the smoothed residual."""
+    full = build_problem([data])
+    free = full.slots[: full.n_nonlinear] if core else ()
+    held = {slot.row.name: slot.row.start for slot in free if slot.row.name not in CORE}
+    data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
+    problem = build_problem([data], held)
+    lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, cut=SEARCH_LIFT_CUT)
+    width = smoothing_deg * DEGREE
+    smooth = smoother(width)
+    try:
+        trial = try_at(problem, problem.start, lifts, smooth)
+        for _ in range(TEMPERINGS):
+            solution = solve(tempered(problem, trial), trial.z, iterations // TEMPERINGS, lifts, width)
+            trial = try_at(problem, solution.z, lifts, smooth)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None  # a start so far off that its tangents overflow
+    starts = {slot.row.name: float(z) for slot, z in zip(problem.slots, trial.z, strict=True)}
+    return Start(with_starts(data, starts), lifts, trial.chi_square)
+
+
+def tempered(problem: Problem, trial: Trial) -> Problem:
+    """Return a problem of one recording whose weights make the residual of a trial just what they expect.
+
+    Far from the truth the sheets and what is usual would else count nothing against a residual of ten thousand, and
+    one part of the bench bends to stand in for another.
+    """
+    scale = max(1.0, np.sqrt(trial.data_chi_square / INDEPENDENT))
+    item = problem.data[0]
+    return replace(problem, data=(replace(item, weight=item.weight / scale),))
+
+
+def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core_first: bool) -> dict[str, list[Start]]:
+    """Return what is left of the starts of each structure after a ladder of smoothings, least chi-square first."""
+    result: dict[str, list[Start]] = {}
+    for rung, smoothing in enumerate(smoothings):
+        result = {}
+        for name, group in items.items():
+            starts = [
+                start for start in (continued(item, smoothing, core_first and rung == 0) for item in group) if start
+            ]
+            result[name] = sorted(starts, key=lambda s: s.chi_square)
+        if not any(result.values()):
+            return {}
+        best = min(group[0].chi_square for group in result.values() if group)
+        limit = KEEP_FACTOR * best + KEEP_MARGIN
+        if smoothing < 5.0:
+            # the line pressure alone may be ahead for a while: the nearest structure with a chamber stays
+            chambers = [group[0].chi_square for name, group in result.items() if group and name != "line"]
+            far = max(100.0 * limit, min(chambers, default=0.0))
+            result = {name: group for name, group in result.items()
+                      if group and (name == "line" or group[0].chi_square <= far)}  # fmt: skip
+        last = len(smoothings) - 1 - rung
+        result = {name: [s for k, s in enumerate(group) if k == 0 or s.chi_square < limit][: max(1, last)]
+                  for name, group in result.items()}  # fmt: skip
+        items = {name: [start.data for start in group] for name, group in result.items()}
+    return result
