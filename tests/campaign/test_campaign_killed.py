@@ -26,7 +26,7 @@ def start(raw: Path, out: Path, *more: str) -> subprocess.Popen[str]:
 
 def finished(out: Path) -> dict[str, int]:
     """Name and time of writing of every finished recording."""
-    entries = (out / "runs").glob("*/entry.json")
+    entries = (out / "runs").glob("[!.]*/entry.json")  # a hidden folder is not finished yet
     return {json.loads(path.read_text())["name"]: path.stat().st_mtime_ns for path in entries}
 
 
