@@ -21,9 +21,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from benches import plain_parser, tell
 from camtorque.align import AlignOptions, align
-from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.fit.prepare import fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES
-from camtorque.fit.search import DOUBTFUL, HOPS, least, stages
+from camtorque.fit.search import DOUBTFUL, HOPS, JUDGED, judged, least, stages
 from camtorque.ingest import read_recording
 from camtorque.mechanism.spectral import spectral_law
 
@@ -50,14 +50,17 @@ def searched(folder: Path) -> list[Stage]:
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
-    held = fit_data(recording, cycles, law, means.held_torque, means.held_pressure, means.scatter_of_mean)
+    held = other_half(data, means)
     next(stages(data, held, tuple(STRUCTURES)))  # loads what is compiled
     began = time.process_time()
-    result = []
+    result, judging = [], False
     for name, found in stages(data, held, tuple(STRUCTURES), ((DOUBTFUL, LONG),)):
-        best = least(found)
+        spent = time.process_time() - began
+        judging = judging or name == JUDGED
+        best = least(found if judging else judged(found, held))
         angle = float(np.degrees(best.data.rows[TRIGGER].start))
-        result.append(Stage(name, time.process_time() - began, best.chi_square, angle))
+        result.append(Stage(name, spent, best.chi_square, angle))
+        began = time.process_time() - spent  # judging for this table is not the search's
     return result
 
 

@@ -299,6 +299,13 @@ def fit_data(
     return FitData(config.id, chain, centred, bin_weights(centred, scatter), "land", rows, basis)
 
 
+def other_half(data: FitData, means: MeanCycles) -> FitData:
+    """Return a recording of `fit_data` with the cycles that are held out in place of those that are fitted."""
+    torque, pressure = (on_grid(part, FIT_GRID) for part in (means.held_torque, means.held_pressure))
+    chain = replace(data.chain, line_pressure=pressure, shaft_torque=torque)
+    return replace(data, torque=binned_at_centres(means.held_torque), chain=chain)
+
+
 def binned_at_centres(values: Array) -> Array:
     """Return the mean over each bin of a periodic signal on any grid, (BINS,)."""
     return binned(on_grid(values, FIT_GRID))

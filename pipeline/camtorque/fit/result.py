@@ -278,9 +278,7 @@ def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
     jacobian = tangents[:, [columns.index(fit.problem.slots[k].row.name) for k in own]]
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(own, own)], jacobian)
     for shift in fit.pressure_shifts[index]:
-        variance = variance + np.interp(
-            fitted.chain.theta, np.arange(shift.size) * (2.0 * np.pi / shift.size), shift, period=2.0 * np.pi
-        ) ** 2  # fmt: skip
+        variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std[index] * fitted.output.pressure
     return np.sqrt(np.maximum(variance + gain**2, 0.0))
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.prepare import INDEPENDENT, on_grid
+from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
@@ -25,6 +25,7 @@ from camtorque.fit.starts import (
     continued,
     descend,
     ends_at,
+    on_other_half,
     rough,
 )
 from camtorque.laws import chamber, valve
@@ -61,6 +62,7 @@ Hops = tuple[tuple[float, int], ...]
 HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 20))
 HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
 """Chi-square above which the best start hops, and hops at most; ladder that each walks down."""
+JUDGED = "judged on both halves"
 FALLEN = 1e12
 """Chi-square of a start so near an edge that the tangents overflow on the other half of the cycles."""
 REDRAWN = (
@@ -165,6 +167,7 @@ def hops(result: dict[str, list[Start]], most: Hops, held: FitData) -> Iterator[
     here on a start is worth what it is on both halves of the cycles.
     """
     result = judged(result, held)
+    yield JUDGED, result
     for hop in range(max(count for _, count in most)):
         best = least(result)
         if not any(best.chi_square > above and hop < count for above, count in most):
@@ -172,7 +175,6 @@ def hops(result: dict[str, list[Start]], most: Hops, held: FitData) -> Iterator[
         items = {best.data.structure: [redrawn(best, REDRAWN[hop % len(REDRAWN)], hop)]}
         result = joined(result, judged(descend(items, HOP_SMOOTHINGS_DEG, False), held))
         yield "hop", result
-    yield "judged", result
 
 
 def judged(starts: Starts, held: FitData) -> dict[str, list[Start]]:
@@ -182,11 +184,8 @@ def judged(starts: Starts, held: FitData) -> dict[str, list[Start]]:
 
 
 def _judged(start: Start, held: FitData) -> Start:
-    chain = start.data.chain
-    pressure, torque = (on_grid(part, chain.theta.size) for part in (held.chain.line_pressure, held.chain.shaft_torque))
-    other = replace(start.data, torque=held.torque, chain=replace(chain, line_pressure=pressure, shaft_torque=torque))
     try:
-        there = begun(other, start.lifts)
+        there = begun(on_other_half(start.data, held), start.lifts)
     except (FloatingPointError, np.linalg.LinAlgError):
         there = FALLEN
     return replace(start, chi_square=0.5 * (start.chi_square + there))

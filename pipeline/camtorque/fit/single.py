@@ -9,11 +9,11 @@ import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
-from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
+from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
 from camtorque.fit.search import search
 from camtorque.fit.solver import Solution, solve, try_at
-from camtorque.fit.starts import Start, refined
+from camtorque.fit.starts import Start, on_other_half, refined
 from camtorque.fit.uncertainty import Covariance, covariance
 from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.chain import BINS, binned
@@ -105,7 +105,7 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
-    held = fit_data(recording, cycles, law, means.held_torque, means.held_pressure, means.scatter_of_mean)
+    held = other_half(data, means)
     found = search(data, held, tuple(STRUCTURES))
     ends = polished(data, found)
     seen_twice = (attempted(judged, item, data, held) for item in ends)
@@ -120,10 +120,7 @@ def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
     not the better one for its lower chi-square.
     """
     lost = item.data.chain.shaft_torque - data.chain.shaft_torque
-    chain = replace(
-        item.data.chain, line_pressure=held.chain.line_pressure, shaft_torque=held.chain.shaft_torque + lost
-    )
-    problem = build_problem([replace(item.data, torque=held.torque, chain=chain)])
+    problem = build_problem([on_other_half(item.data, held, lost)])
     trial = try_at(problem, item.solution.z, item.solution.lifts)
     return replace(item, unseen=0.5 * (trial.data_chi_square - item.solution.data_chi_square))
 
