@@ -83,7 +83,7 @@ class Bench:
                 FittedAt(one.data.name, one.cycles.mean_speed, data.structure, 0.002, False)
                 for (one, _), data in zip(pairs, problem.data, strict=True)
             )
-            names = tuple(slot.name for slot in problem.slots)
+            names = problem.names
             self.fits[key] = KnownFit(names, solution.z, fit.covariance.arrow, recordings)
         return self.fits[key]
 

@@ -48,7 +48,7 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
         FittedAt(item.data.name, item.cycles.mean_speed, data.structure, held[item.data.name], True)
         for item, data in zip(used, problem.data, strict=True)
     ]
-    return KnownFit(tuple(slot.name for slot in problem.slots), solution.z, fit.covariance.arrow, tuple(recordings))
+    return KnownFit(problem.names, solution.z, fit.covariance.arrow, tuple(recordings))
 
 
 def from_file(left: Prepared, step_deg: float) -> Curve:

@@ -31,7 +31,7 @@ def known_fit(item: Prepared) -> KnownFit:
     """Return the fit of one recording as a prediction takes it."""
     fit = fit_prepared(item, FitOptions(evidence=False))
     source = FittedAt(item.data.name, item.cycles.mean_speed, fit.problem.data[0].structure, SHARE, False)
-    names = tuple(slot.name for slot in fit.problem.slots)
+    names = fit.problem.names
     return KnownFit(names, fit.solution.z, ArrowCovariance.whole(fit.covariance.matrix), (source,))
 
 

@@ -96,9 +96,9 @@ def peer_lines(problem: Problem) -> Iterator[str]:
     )
     yield f"| scipy least_squares, jac='3-point' | {cost:.1f} s | {cost / own:.0f} | {2.0 * peer.cost:.1f} |"
     parameters = lmfit.Parameters()
-    for k, slot in enumerate(problem.slots):
-        parameters.add(slot.name, float(start[k]), min=float(lower[k]), max=float(upper[k]))
-    names = [slot.name for slot in problem.slots]
+    for k, parameter in enumerate(problem.parameters):
+        parameters.add(parameter.name, float(start[k]), min=float(lower[k]), max=float(upper[k]))
+    names = problem.names
 
     def by_name(given: lmfit.Parameters) -> np.ndarray:
         return residual(np.array([given[name].value for name in names]))

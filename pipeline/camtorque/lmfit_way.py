@@ -58,22 +58,22 @@ class OwnFit:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters."""
-        return tuple(slot.name for slot in self.problem.slots)
+        return self.problem.names
 
     @property
     def units(self) -> Array:
         """SI per unit of the report, (k,)."""
-        return np.array([slot.row.per_unit for slot in self.problem.slots])
+        return np.array([parameter.row.per_unit for parameter in self.problem.parameters])
 
     def parameters(self) -> lmfit.Parameters:
         """Return every free parameter at the minimum, with its bounds, in the unit of the report (``user_data``)."""
         found = lmfit.Parameters()
-        for slot, value in zip(self.problem.slots, self.minimum, strict=True):
-            row = slot.row
+        for parameter, value in zip(self.problem.parameters, self.minimum, strict=True):
+            row = parameter.row
             found.add(
-                slot.name, float(value) / row.per_unit, min=row.lower / row.per_unit, max=row.upper / row.per_unit
+                parameter.name, float(value) / row.per_unit, min=row.lower / row.per_unit, max=row.upper / row.per_unit
             )
-            found[slot.name].user_data = row.unit
+            found[parameter.name].user_data = row.unit
         return found
 
     def residual(self, parameters: lmfit.Parameters) -> Array:

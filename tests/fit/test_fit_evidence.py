@@ -17,18 +17,18 @@ from fit_cases import bridged, quick
 
 def tiny_problem():
     found = quick(("closed_volume", 0, 1000.0))
-    return replace(found.problem, slots=found.problem.slots[:2])
+    return replace(found.problem, parameters=found.problem.parameters[:2])
 
 
 def test_savage_dickey_is_the_ratio_of_densities_at_zero():
     problem = tiny_problem()
     lower, upper = problem.bounds
     middle, before = 0.5 * (lower + upper), np.array([0.02, 0.02]) * (upper - lower)
-    slots = tuple(
-        replace(slot, row=replace(slot.row, prior=(float(m), float(b)), lower=-1e30, upper=1e30))
-        for slot, m, b in zip(problem.slots, middle, before, strict=True)
+    parameters = tuple(
+        replace(parameter, row=replace(parameter.row, prior=(float(m), float(b)), lower=-1e30, upper=1e30))
+        for parameter, m, b in zip(problem.parameters, middle, before, strict=True)
     )
-    problem = replace(problem, slots=slots)
+    problem = replace(problem, parameters=parameters)
     std = 0.1 * before
     mean = middle + 0.4 * before
     cov = Covariance(np.diag(std**2), before, 1.0, 10.0, np.diag(std**2))

@@ -84,7 +84,7 @@ def test_shared_parameters_are_told_better_together(prepared, campaign):
     assert rows["dead_volume"].ci95[0] < dead < rows["dead_volume"].ci95[1]
     assert rows["dead_volume"].stderr_statistical < 1e9 * prepared[1].alone["dead_volume"].std
     assert all(SEPARATOR not in name for name in rows)
-    assert campaign.left_aside == ()
+    assert campaign.excluded == ()
     assert len(campaign.fitted) == 3
     for record in campaign.fitted:
         assert record.metrics["fitted_held_out_cycles"].rms_percent_of_peak < 0.2
@@ -156,12 +156,12 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     rest = build_problem([started_at(problem, solution, k) for k in (0, 1)])
     task = joint_task(problem, solution.z, 0.0)
     alone = solve(rest, rest.start, 12, (task.lift(0), task.lift(1)))
-    names = [slot.name for slot in problem.slots]
+    names = problem.names
     std = covariance(rest, alone).std
     for name in ("trigger_offset", "dead_volume", "shaft_compliance", "port_closing_lift"):
         k = rest.index(name)
         assert abs(found[names.index(name)] - alone.z[k]) < 1.0 * std[k], name
-    own = [k for k, slot in enumerate(problem.slots) if slot.recording == index]
+    own = [k for k, parameter in enumerate(problem.parameters) if parameter.recording == index]
     np.testing.assert_array_equal(found[own], solution.z[own])
 
 
@@ -244,8 +244,8 @@ def test_the_joint_covariance_is_that_of_the_whole_matrix(joint, solved):
     found = joint.covariance.arrow.among(range(problem.size))
     np.testing.assert_allclose(found / scale, whole.matrix / scale, atol=1e-5)
     one = joint.recording(1)
-    kept = [k for k, slot in enumerate(problem.slots) if slot.recording in (-1, 1)]
-    assert [slot.name for slot in one.problem.slots] == [problem.slots[k].name for k in kept]
+    kept = [k for k, parameter in enumerate(problem.parameters) if parameter.recording in (-1, 1)]
+    assert list(one.problem.names) == [problem.parameters[k].name for k in kept]
     np.testing.assert_allclose(one.covariance.std, whole.std[kept], rtol=1e-5)
     np.testing.assert_array_equal(one.solution.z, solution.z[kept])
 

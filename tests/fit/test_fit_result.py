@@ -36,7 +36,7 @@ def test_budget_splits_the_whole_variance(fit):
 
 
 def test_a_prior_alone_leaves_the_prior(fit):
-    names = [slot.name for slot in fit.problem.slots]
+    names = fit.problem.names
     for name in ("drive_lag",):
         k = names.index(name)
         assert fit.covariance.std[k] == pytest.approx(fit.covariance.prior_std[k], rel=0.05)
@@ -62,7 +62,7 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
     found = dict(proposals(fit))
     assert len(found) == 3
     today = fit.covariance.std
-    names = [slot.name for slot in fit.problem.slots]
+    names = fit.problem.names
     tooth = np.sqrt(np.diag(found["a second tooth 60 degrees after the first"]))
     assert np.all(tooth <= today * (1.0 + 1e-6))
     assert tooth[names.index("trigger_offset")] < 0.9 * today[names.index("trigger_offset")]

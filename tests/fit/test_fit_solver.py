@@ -39,7 +39,7 @@ def data() -> FitData:
     basis = lift_correction(theta, chain.law.evaluate(theta, 0), 1e-6, 1e-6, DEGREE)
     item = FitData("one", chain, np.zeros(BINS), np.full(BINS, 1.0 / NOISE), "line", dict(ROWS), basis)
     problem = only_free(item)
-    values, coefficients = problem.values(np.array([TRUE[slot.row.name] for slot in problem.slots]), 0)
+    values, coefficients = problem.values(np.array([TRUE[parameter.row.name] for parameter in problem.parameters]), 0)
     output = evaluate(chain, values)
     torque = output.torque + output.linear @ coefficients
     return replace(item, torque=torque + NOISE * np.random.default_rng(7).standard_normal(BINS))
@@ -84,7 +84,7 @@ def test_truth_lies_where_noise_and_priors_allow(data):
     problem = only_free(data)
     found = solve(problem, None, 60, (no_lift(),))
     std = np.sqrt(np.diag(np.linalg.inv(found.hessian)))
-    error = found.z - np.array([TRUE[slot.row.name] for slot in problem.slots])
+    error = found.z - np.array([TRUE[parameter.row.name] for parameter in problem.parameters])
     assert np.max(np.abs(error) / std) < 3.5
     assert found.data_chi_square == pytest.approx(BINS, abs=5.0 * np.sqrt(2.0 * BINS))
 
@@ -196,7 +196,7 @@ def test_own_parameters_of_two_recordings_are_their_own(data):
     held = {name: ROWS[name].start for name in NONLINEAR_NAMES if name not in FREE}
     held.update({name: 0.0 for name in COLUMN_NAMES if name not in FREE})
     problem = build_problem([data, other], held)
-    names = [slot.name for slot in problem.slots]
+    names = problem.names
     assert names.count("guide_friction") == 1
     assert {"torque_zero__one", "torque_zero__two"} <= set(names)
     wide = [with_rows(item, {"torque_zero": {"prior": (0.0, 5.0)}}) for item in (data, other)]

@@ -67,7 +67,7 @@ FOREIGN = {"valve_opening", "valve_area", "retraction_volume"}
 
 def test_intervals_hold_the_truth(case, record):
     rows = {row.name: row for row in record.parameters}
-    scale = {slot.name: slot.row.per_unit for slot in quick(case).problem.slots}
+    scale = {parameter.name: parameter.row.per_unit for parameter in quick(case).problem.parameters}
     true = {name: value / scale[name] for name, value in known(case).items() if name in scale and name not in FOREIGN}
     missed = [name for name, value in true.items() if not rows[name].ci95[0] <= value <= rows[name].ci95[1]]
     assert len(true) >= 20
@@ -113,8 +113,8 @@ def test_causes_sum_to_the_model_of_the_measured_torque(record):
 def test_intervals_do_not_depend_on_the_grid_of_the_cycles(n_theta):
     found = [quick(LAND, n) for n in (1800, n_theta)]
     stds = [covariance(item.problem, item.solution).std for item in found]
-    names = [slot.name for slot in found[0].problem.slots]
-    assert names == [slot.name for slot in found[1].problem.slots]
+    names = [parameter.name for parameter in found[0].problem.parameters]
+    assert names == [parameter.name for parameter in found[1].problem.parameters]
     before = prior_std(found[0].problem)
     told = stds[0] < 0.8 * before
     assert told.sum() >= 8

@@ -63,8 +63,8 @@ def delivered_volume(fit: Fit, index: int) -> Estimate | None:
 
     base, slope = volume(z), np.zeros(z.size)
     low, high = fit.problem.bounds
-    for k, slot in enumerate(fit.problem.slots):
-        if slot.recording in (-1, index) and slot.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
+    for k, parameter in enumerate(fit.problem.parameters):
+        if parameter.recording in (-1, index) and parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
             step = 0.5 * std[k] if z[k] + 0.5 * std[k] <= high[k] else max(-0.5 * std[k], low[k] - z[k])
             moved = z.copy()
             moved[k] += step

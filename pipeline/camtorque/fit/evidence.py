@@ -125,8 +125,8 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
 def _refitted(problem: Problem, solution: Solution, cov: Covariance, members: tuple[str, ...]) -> float:
     """Return -2 ln Z of the fit without a loss."""
     fewer = build_problem(problem.data, dict.fromkeys(members, 0.0))
-    kept = {slot.name: value for slot, value in zip(problem.slots, solution.z, strict=True)}
-    start = np.array([kept[slot.name] for slot in fewer.slots])
+    kept = dict(zip(problem.names, solution.z, strict=True))
+    start = np.array([kept[name] for name in fewer.names])
     try:
         found = solve(fewer, start, 25, solution.lifts)
     except (FloatingPointError, np.linalg.LinAlgError):
@@ -158,7 +158,7 @@ def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) ->
     if name != "driveline":
         columns = both[:, [chain[int(np.flatnonzero(own == k)[0])] for k in chosen]]
         return columns - np.mean(columns, axis=0) if name in VARYING else columns
-    names = [problem.slots[k].row.name for k in chosen]
+    names = [problem.parameters[k].row.name for k in chosen]
     shifts = output.motion.shifts[0][:, [SHIFT_NAMES.index(member) for member in names]]
     return np.asarray(shifts - np.mean(shifts, axis=0))
 

@@ -38,7 +38,7 @@ START_ITERATIONS = 6
 OWN_ITERATIONS = 6
 BAD_FACTOR = 4.0
 """A recording whose misfit exceeds the median by this factor has its structure searched anew."""
-ASIDE_FACTOR = 25.0
+EXCLUSION_FACTOR = 25.0
 SAME_SPEED = 0.05
 TWO_STATES = 5.0
 """Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
@@ -89,7 +89,7 @@ class CampaignFit:
     covariance: ArrowCovariance
     held_out: tuple[HeldOut, ...]
     drifts: tuple[Drift, ...]
-    left_aside: tuple[str, ...]
+    excluded: tuple[str, ...]
     findings: tuple[Finding, ...]
 
 
@@ -142,7 +142,7 @@ def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem,
     chosen = anchors(inputs)
     starts = shared_starts([inputs[k] for k in chosen])
     problem, solution = _of_anchors([data[k] for k in chosen], starts[:MOST_STARTS], each)
-    shared = {s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording < 0}
+    shared = {s.row.name: float(z) for s, z in zip(problem.parameters, solution.z, strict=True) if s.recording < 0}
     others = [k for k in range(count) if k not in chosen]
     found = dict(zip(others, each(lambda k: searched_anew(with_known(data[k], shared)), others), strict=True))
     found |= {k: started_at(problem, solution, place) for place, k in enumerate(chosen)}
@@ -191,7 +191,7 @@ def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
 def started_at(problem: Problem, solution: Solution | JointSolution, index: int) -> FitData:
     """Return a recording that starts at a solution."""
     starts = {
-        s.row.name: float(z) for s, z in zip(problem.slots, solution.z, strict=True) if s.recording in (-1, index)
+        s.row.name: float(z) for s, z in zip(problem.parameters, solution.z, strict=True) if s.recording in (-1, index)
     }
     return with_starts(problem.data[index], starts)
 
@@ -247,15 +247,15 @@ def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads
 
 def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
     refuse_two_states(known)
-    places, aside = list(range(len(known))), []
+    places, excluded = list(range(len(known))), []
     while True:
         used = [known[k] for k in places]
         problem, solution = solve_joint(used, each)
         misfit = solution.misfits
         worst = int(np.argmax(misfit))
-        if len(used) <= 3 or misfit[worst] < max(ASIDE_FACTOR * float(np.median(misfit)), 10.0 * INDEPENDENT):
+        if len(used) <= 3 or misfit[worst] < max(EXCLUSION_FACTOR * float(np.median(misfit)), 10.0 * INDEPENDENT):
             break
-        aside.append(known[places.pop(worst)].name)
+        excluded.append(known[places.pop(worst)].name)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts)
     others = left_out(fit) if len(used) > 1 else None
@@ -266,10 +266,14 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
 
     fitted, held = zip(*each(told, range(len(used))), strict=True)
     shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
-    findings = (*prior_findings((*shared, *fitted[0].parameters)), *_drift_findings(drifts), *_aside_findings(aside))
+    findings = (
+        *prior_findings((*shared, *fitted[0].parameters)),
+        *_drift_findings(drifts),
+        *_exclusion_findings(excluded),
+    )
     return CampaignFit(
-        tuple(item.name for item in used), (), shared, fitted, tuple(slot.name for slot in problem.slots), solution.z,
-        fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(aside), findings,
+        tuple(item.name for item in used), (), shared, fitted, problem.names, solution.z,
+        fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(excluded), findings,
     )  # fmt: skip
 
 
@@ -337,7 +341,7 @@ def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift]) -> Array:
         k = problem.index(drift.name)
         if drift.told and k >= 0:
             weight = 1.0 / np.array(drift.stderrs) ** 2
-            mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.slots[k].row.per_unit
+            mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.parameters[k].row.per_unit
             spread[k] = abs(mean - z[k])
     return spread
 
@@ -353,11 +357,12 @@ def _drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def _aside_findings(aside: Sequence[str]) -> tuple[Finding, ...]:
+def _exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:
     return tuple(
         Finding(
-            "recording_left_aside", "warning",
-            f"{name} does not fit the others ({ASIDE_FACTOR:.0f} times their misfit); left out of the joint fit", name,
+            "recording_excluded", "warning",
+            f"{name} does not fit the others ({EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit",
+            name,
         )
-        for name in aside
+        for name in excluded
     )  # fmt: skip

@@ -57,9 +57,9 @@ class JointFit:
         places, matrix = self.covariance.arrow.of(index)
         order = np.argsort(places)
         places, matrix = places[order], matrix[np.ix_(order, order)]
-        slots = tuple(self.problem.slots[k] for k in places)
+        parameters = tuple(self.problem.parameters[k] for k in places)
         small = Problem(
-            (self.problem.data[index],), tuple(replace(s, recording=min(s.recording, 0)) for s in slots),
+            (self.problem.data[index],), tuple(replace(s, recording=min(s.recording, 0)) for s in parameters),
             int(np.sum(places < self.problem.n_nonlinear)), self.problem.fixed,
         )  # fmt: skip
         cov, nothing = self.covariance, np.zeros((0, 0))

@@ -81,9 +81,9 @@ def joint_input(prepared: Prepared) -> JointInput:
     best = prepared.candidates[0]
     found = covariance(best.problem, best.solution)
     alone = {
-        slot.row.name: Alone(float(value), float(std), slot.row.unit, slot.row.per_unit)
-        for slot, value, std in zip(best.problem.slots, best.solution.z, found.std, strict=True)
-        if slot.row.role == "shared"
+        parameter.row.name: Alone(float(value), float(std), parameter.row.unit, parameter.row.per_unit)
+        for parameter, value, std in zip(best.problem.parameters, best.solution.z, found.std, strict=True)
+        if parameter.row.role == "shared"
     }
     means, rigid = prepared.means, prepared.rigid
     return JointInput(

@@ -124,7 +124,7 @@ def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_tur
         return KeptModes(shelf.put(found.vectors), found.strength, shelf.put(found.to_lift))
 
     lifts = tuple(each(modes, range(len(problem.data))))
-    recording = np.array([slot.recording for slot in problem.slots], dtype=np.int64)
+    recording = np.array([parameter.recording for parameter in problem.parameters], dtype=np.int64)
     return Task(problem, lifts, smoother(smoothing), problem.steps, *problem.priors, problem.bounds, recording, each)
 
 

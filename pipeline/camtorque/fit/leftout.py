@@ -109,7 +109,7 @@ def left_out(fit: JointFit) -> Others:
 def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> tuple[HeldOut, ...]:
     """Return both predictions of a recording by the others."""
     z = left_out_values(fit, others.found, index)
-    shared = {s.row.name: float(v) for s, v in zip(fit.problem.slots, z, strict=True) if s.recording < 0}
+    shared = {s.row.name: float(v) for s, v in zip(fit.problem.parameters, z, strict=True) if s.recording < 0}
     data = with_starts(fit.problem.data[index], shared)
     own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0])
     blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, others.owns, index)}
@@ -125,7 +125,7 @@ def _prediction(item: JointInput, data: FitData, held: dict[str, float], mode: s
     if mode == "blind" and _zero_unknown(item):
         torque = torque + float(np.mean(means.held_torque) - np.mean(torque))
     scored = metrics(means.held_torque, torque, item.rigid_torque, item.lift, item.lift_velocity)
-    return HeldOut(data.name, mode, tuple(slot.name for slot in problem.slots), scored)
+    return HeldOut(data.name, mode, problem.names, scored)
 
 
 def _evaluated(problem: Problem) -> Solution:
@@ -146,12 +146,12 @@ def _zero_unknown(item: JointInput) -> bool:
 
 def own_values(fit: JointFit) -> list[dict[str, float]]:
     """Return the values of each recording's parameters, shared ones and its own [SI]."""
-    pairs = list(zip(fit.problem.slots, fit.solution.z.tolist(), strict=True))
-    shared = {slot.row.name: value for slot, value in pairs if slot.recording < 0}
+    pairs = list(zip(fit.problem.parameters, fit.solution.z.tolist(), strict=True))
+    shared = {parameter.row.name: value for parameter, value in pairs if parameter.recording < 0}
     found = [dict(shared) for _ in fit.problem.data]
-    for slot, value in pairs:
-        if slot.recording >= 0:
-            found[slot.recording][slot.row.name] = value
+    for parameter, value in pairs:
+        if parameter.recording >= 0:
+            found[parameter.recording][parameter.row.name] = value
     return found
 
 

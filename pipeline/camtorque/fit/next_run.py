@@ -23,7 +23,7 @@ OUTCOMES = ("trigger_offset", "dead_volume", "leakage", "bearing_arm", "shaft_co
 
 def next_measurement(fit: Fit) -> tuple[str, ...]:
     """Return proposals for the next recording, each with what it is expected to bring."""
-    names = [slot.name for slot in fit.problem.slots]
+    names = fit.problem.names
     watched = [name for name in OUTCOMES if name in names]
     today = fit.covariance.std
     texts = []
@@ -52,9 +52,9 @@ def _tooth(fit: Fit) -> Array:
     chain = problem.data[0].chain
     place = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi)
     row = np.zeros(problem.size)
-    for k, slot in enumerate(problem.slots):
-        if slot.row.name in SHIFT_NAMES and slot.row.name != "trigger_offset":
-            column = output.motion.shifts[0][:, SHIFT_NAMES.index(slot.row.name)]
+    for k, parameter in enumerate(problem.parameters):
+        if parameter.row.name in SHIFT_NAMES and parameter.row.name != "trigger_offset":
+            column = output.motion.shifts[0][:, SHIFT_NAMES.index(parameter.row.name)]
             row[k] = np.interp(place, chain.theta, column, period=2.0 * np.pi)
     return np.outer(row, row) / TOOTH_STD**2
 
@@ -69,7 +69,7 @@ def _joined(fit: Fit, information: Array, factor: float) -> Array:
     scaled, _, _ = normal_equations(moved, trial, fit.solution.lifts)
     steps = problem.steps
     added = scaled / np.outer(steps, steps) / fit.covariance.inflation
-    own = np.array([slot.row.role == "own" for slot in problem.slots])
+    own = np.array([parameter.row.role == "own" for parameter in problem.parameters])
     block = added[np.ix_(own, own)] + np.diag(1.0 / fit.covariance.prior_std[own] ** 2)
     shared = np.ix_(~own, ~own)
     cross = added[np.ix_(~own, own)]

@@ -135,7 +135,7 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
     lost = start.data.chain.shaft_torque - before.measured
     items = tuple(_item(side, start.data, lost) for side in (before, after))
     problem = start.problem
-    names = tuple(slot.row.name for slot in problem.slots)
+    names = tuple(parameter.row.name for parameter in problem.parameters)
     values, coefficients = problem.values(start.solution.z, 0)
     fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
     none = np.eye(BINS)

@@ -77,7 +77,7 @@ class FitData:
 
 
 @dataclass(frozen=True)
-class Slot:
+class FreeParameter:
     """One free parameter: its row, and the index of its recording (-1: shared by all)."""
 
     row: ParameterRow
@@ -94,7 +94,7 @@ class Problem:
     """
 
     data: tuple[FitData, ...]
-    slots: tuple[Slot, ...]
+    parameters: tuple[FreeParameter, ...]
     n_nonlinear: int
     fixed: Mapping[str, float]
     places: tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...] = field(init=False)
@@ -104,9 +104,9 @@ class Problem:
         places, held = [], []
         values = np.array([self.fixed[name] for name in ALL_NAMES])
         for index, item in enumerate(self.data):
-            own = [k for k, slot in enumerate(self.slots) if slot.recording in (-1, index)]
-            own = [k for k in own if item.applies(self.slots[k].row.name)]
-            chain = [ORDER[self.slots[k].row.name] for k in own]
+            own = [k for k, parameter in enumerate(self.parameters) if parameter.recording in (-1, index)]
+            own = [k for k in own if item.applies(self.parameters[k].row.name)]
+            chain = [ORDER[self.parameters[k].row.name] for k in own]
             places.append((np.array(own, dtype=np.int64), np.array(chain, dtype=np.int64)))
             base = values.copy()
             for name, value in NEUTRAL.items():
@@ -119,7 +119,12 @@ class Problem:
     @property
     def size(self) -> int:
         """Number of free parameters."""
-        return len(self.slots)
+        return len(self.parameters)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
 
     def values(self, z: Array, recording: int) -> tuple[dict[str, float], Array]:
         """Return every non-linear parameter of one recording and the coefficients of its columns [SI]."""
@@ -132,27 +137,27 @@ class Problem:
     @property
     def start(self) -> Array:
         """Starts of the free parameters [SI]."""
-        return np.array([slot.row.start for slot in self.slots])
+        return np.array([parameter.row.start for parameter in self.parameters])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the free parameters [SI]."""
-        return np.array([s.row.lower for s in self.slots]), np.array([s.row.upper for s in self.slots])
+        return np.array([s.row.lower for s in self.parameters]), np.array([s.row.upper for s in self.parameters])
 
     @cached_property
     def steps(self) -> Array:
         """Scale of the free parameters [SI]."""
-        return np.array([slot.row.step for slot in self.slots])
+        return np.array([parameter.row.step for parameter in self.parameters])
 
     @cached_property
     def priors(self) -> tuple[Array, Array]:
         """Means and standard deviations of the free parameters, infinite where nothing is known [SI]."""
-        pairs = [slot.row.prior or (slot.row.start, np.inf) for slot in self.slots]
+        pairs = [parameter.row.prior or (parameter.row.start, np.inf) for parameter in self.parameters]
         return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
 
     def index(self, name: str) -> int:
         """Return the index of a free parameter by its name, -1 where it is not free."""
-        return next((k for k, slot in enumerate(self.slots) if slot.name == name), -1)
+        return next((k for k, parameter in enumerate(self.parameters) if parameter.name == name), -1)
 
 
 def own_name(parameter: str, recording: str) -> str:
@@ -173,7 +178,7 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
     fixed.update(dict.fromkeys(COLUMN_NAMES, 0.0))
     fixed.update(NEUTRAL)
     fixed.update(held)
-    slots: list[Slot] = []
+    parameters: list[FreeParameter] = []
     for name in ALL_NAMES:
         if name in held:
             continue
@@ -181,13 +186,13 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
         if not users:
             continue
         if ROWS[name].role == "shared":
-            slots.append(Slot(data[users[0]].rows[name], -1, name))
+            parameters.append(FreeParameter(data[users[0]].rows[name], -1, name))
             continue
         for index in users:
             label = own_name(name, data[index].name) if len(data) > 1 else name
-            slots.append(Slot(data[index].rows[name], index, label))
-    n_nonlinear = sum(slot.row.name in NONLINEAR_NAMES for slot in slots)
-    return Problem(tuple(data), tuple(slots), n_nonlinear, fixed)
+            parameters.append(FreeParameter(data[index].rows[name], index, label))
+    n_nonlinear = sum(parameter.row.name in NONLINEAR_NAMES for parameter in parameters)
+    return Problem(tuple(data), tuple(parameters), n_nonlinear, fixed)
 
 
 def with_rows(data: FitData, changes: Mapping[str, Mapping[str, object]]) -> FitData:

@@ -170,7 +170,7 @@ def fitted_torque(
     return FittedTorque(
         effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
         parameters=parameters, correlation=_correlation(fit),
-        correlation_names=tuple(slot.name for slot in fit.problem.slots),
+        correlation_names=fit.problem.names,
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
@@ -193,16 +193,16 @@ def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
     """Return the parameters of one recording: shared ones and its own, then what the structure leaves out."""
     problem, total = fit.problem, fit.std
     rows = []
-    for k, slot in enumerate(problem.slots):
-        if slot.recording not in (-1, index):
+    for k, parameter in enumerate(problem.parameters):
+        if parameter.recording not in (-1, index):
             continue
-        row, value, std = slot.row, float(fit.solution.z[k]), float(total[k])
+        row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
         low, high = confidence(value, std, row.lower, row.upper)
         before = float(fit.covariance.prior_std[k])
         known = knowledge(std, before)
         per = row.per_unit
         rows.append(ParameterEstimate(
-            name=slot.name, value=value / per, unit=row.unit, stderr=std / per,
+            name=parameter.name, value=value / per, unit=row.unit, stderr=std / per,
             stderr_statistical=float(fit.covariance.std[k]) / per, ci95=(low / per, high / per),
             at_bound=value <= row.lower or value >= row.upper, identifiable=known != "from the sheet",
             confounded_with=confounded_with(problem, fit.covariance, k) if known != "from the sheet" else (),
@@ -274,8 +274,8 @@ def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
     if tangents is None or not fitted.chain.uses_chamber:
         return None
     columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
-    own = [k for k, s in enumerate(fit.problem.slots) if s.recording in (-1, index) and s.row.name in columns]
-    jacobian = tangents[:, [columns.index(fit.problem.slots[k].row.name) for k in own]]
+    own = [k for k, s in enumerate(fit.problem.parameters) if s.recording in (-1, index) and s.row.name in columns]
+    jacobian = tangents[:, [columns.index(fit.problem.parameters[k].row.name) for k in own]]
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(own, own)], jacobian)
     for shift in fit.pressure_shifts[index]:
         variance = variance + resampled(shift, variance.size) ** 2

@@ -145,7 +145,9 @@ def expected(data: FitData, names: Iterable[str]) -> dict[str, float]:
 
 def as_expected(start: Start) -> FitData:
     """Return a start with all but what places the load back at what is expected of it."""
-    names = [slot.row.name for slot in build_problem([start.data]).slots if slot.row.name not in CORE]
+    names = [
+        parameter.row.name for parameter in build_problem([start.data]).parameters if parameter.row.name not in CORE
+    ]
     return with_starts(start.data, expected(start.data, names))
 
 

@@ -165,7 +165,7 @@ def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS) -> Candidate:
     """Return a recording at the minimum that its own start leads to."""
     problem = build_problem([item])
     solution = solve(problem, None, iterations)
-    starts = {slot.row.name: float(z) for slot, z in zip(problem.slots, solution.z, strict=True)}
+    starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
     item = with_starts(item, starts)
     return Candidate(item, build_problem([item]), solution)
 
@@ -255,13 +255,13 @@ def structure_probabilities(candidates: tuple[Candidate, ...], inflation: float)
 def structure_spread(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> tuple[Array, Array]:
     """Return the standard deviation that the other structures add to each parameter and to the chamber pressure."""
     best = candidates[0]
-    names = [slot.name for slot in best.problem.slots]
+    names = best.problem.names
     variance = np.zeros(len(names))
     pressure = np.zeros(best.data.chain.theta.size)
     for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
         if probability < 1e-4:
             continue
-        values = {slot.name: float(z) for slot, z in zip(item.problem.slots, item.solution.z, strict=True)}
+        values = dict(zip(item.problem.names, item.solution.z.tolist(), strict=True))
         delta = np.array([values.get(name, z) - z for name, z in zip(names, best.solution.z, strict=True)])
         variance += probability * delta**2
         pressure += probability * (item.solution.outputs[0].pressure - best.solution.outputs[0].pressure) ** 2

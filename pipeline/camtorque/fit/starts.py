@@ -138,8 +138,8 @@ def grid_for(smoothing_deg: float) -> int:
 def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int = ITERATIONS) -> Start | None:
     """Return a start after some iterations on the smoothed residual."""
     full = build_problem([data])
-    free = full.slots[: full.n_nonlinear] if core else ()
-    held = {slot.row.name: slot.row.start for slot in free if slot.row.name not in CORE}
+    free = full.parameters[: full.n_nonlinear] if core else ()
+    held = {parameter.row.name: parameter.row.start for parameter in free if parameter.row.name not in CORE}
     data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
     lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, cut=SEARCH_LIFT_CUT)
@@ -152,7 +152,7 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
             trial = try_at(problem, solution.z, lifts, smooth)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None  # a start so far off that its tangents overflow
-    starts = {slot.row.name: float(z) for slot, z in zip(problem.slots, trial.z, strict=True)}
+    starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, trial.z, strict=True)}
     return Start(with_starts(data, starts), lifts, trial.chi_square)
 
 

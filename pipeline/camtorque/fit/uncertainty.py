@@ -110,9 +110,9 @@ def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Arr
     spreads : source -> (k,) further standard uncertainty, such as other laws
     """
     rows = []
-    for k, slot in enumerate(problem.slots):
+    for k, parameter in enumerate(problem.parameters):
         found = {CYCLES: float(cov.from_data[k, k])}
-        for j, other in enumerate(problem.slots):
+        for j, other in enumerate(problem.parameters):
             share = float(cov.matrix[k, j] ** 2 / cov.prior_std[j] ** 2)
             found[other.row.source] = found.get(other.row.source, 0.0) + share
         for source, spread in spreads.items():
@@ -120,7 +120,7 @@ def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Arr
         total = float(np.sqrt(sum(found.values())))
         kept = dict(sorted(found.items(), key=lambda pair: -pair[1])[:6])
         kept["others"] = max(sum(found.values()) - sum(kept.values()), 0.0)
-        rows.append(BudgetRow(slot.name, total, {name: float(np.sqrt(value)) for name, value in kept.items()}))
+        rows.append(BudgetRow(parameter.name, total, {name: float(np.sqrt(value)) for name, value in kept.items()}))
     return tuple(rows)
 
 
@@ -134,7 +134,7 @@ def confounded_with(problem: Problem, cov: Covariance, index: int) -> tuple[str,
     """Return the parameters that a parameter is mixed up with, among those that the data speak of."""
     correlation = cov.matrix[index] / (cov.std * cov.std[index])
     return tuple(
-        problem.slots[j].name for j in np.argsort(-np.abs(correlation))
+        problem.parameters[j].name for j in np.argsort(-np.abs(correlation))
         if j != index and abs(correlation[j]) > CONFOUNDED
     )  # fmt: skip
 

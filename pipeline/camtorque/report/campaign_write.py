@@ -58,7 +58,7 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
         "ladder": [],
         "drifts": [_drift(row) for row in joint.drifts] if joint else [],
         "drift_recordings": joint.drifts[0].recordings if joint and joint.drifts else [],
-        "left_aside": joint.left_aside if joint else [],
+        "excluded": joint.excluded if joint else [],
         "findings": findings_document((*result.findings, *(joint.findings if joint else ()))),
         "timing_s": result.timing,
     })  # fmt: skip
