@@ -104,7 +104,8 @@ def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
         wrong = [row.name for row in (*found.parameters, *found.losses)
                  if row.verdict == "not changed" and row.name in EXPECTED[kind] and not told]  # fmt: skip
         rows.append({
-            "family": family, "seed": seed, "rpm": round(speed), "structure": before.data.structure, "change": kind,
+            "family": family, "seed": seed, "rpm": round(speed), "change": kind,
+            "structure": before.candidates[0].data.structure,
             "result": judged(kind, told), "told": " ".join(sorted(told)), "events": "+".join(found.found.best),
             "probability": round(found.found.probabilities[0], 3), "inflation": round(found.found.inflation[1], 2),
             "said_not_changed": " ".join(wrong), "fit_s": round(fitting, 1),

@@ -80,7 +80,7 @@ class Bench:
             problem, solution = solve_joint(inputs)
             fit = joint_fit_of(inputs, problem, solution)
             recordings = tuple(
-                FittedAt(one.data.name, one.cycles.mean_speed, data.structure, 0.002, False)
+                FittedAt(one.recording.config.id, one.cycles.mean_speed, data.structure, 0.002, False)
                 for (one, _), data in zip(pairs, problem.data, strict=True)
             )
             names = problem.names
@@ -101,8 +101,9 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
     for run in START:
         item, _ = bench.recorded(run, 0)
         curve = Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
-        source = next(one for one in known.recordings if one.id == item.data.name)
-        scatter = float(np.sqrt(np.mean(item.means.torque_std**2)))
+        source = next(one for one in known.recordings if one.id == item.recording.config.id)
+        assert item.cycles.torque is not None
+        scatter = float(np.sqrt(np.mean(np.var(item.cycles.torque, axis=0, ddof=1))))
         loads[source.id] = run[1]
         for share in SPEED_FACTORS:
             points.append(

@@ -45,7 +45,7 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
     found = (row for k, item in enumerate(inputs) for row in leftout.predicted(fit, others, k, item))
     held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in found if row.mode == "own_zero_and_end"}
     recordings = [
-        FittedAt(item.data.name, item.cycles.mean_speed, data.structure, held[item.data.name], True)
+        FittedAt(item.recording.config.id, item.cycles.mean_speed, data.structure, held[item.recording.config.id], True)
         for item, data in zip(used, problem.data, strict=True)
     ]
     return KnownFit(problem.names, solution.z, fit.covariance.arrow, tuple(recordings))
@@ -75,7 +75,8 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_de
     source = known.nearest(speed)
     chain = chain_of(rig_of(left), speed, curve)
     templates = {
-        item.data.name: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed) for item in used
+        item.recording.config.id: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
+        for item in used
     }
     ends = ends_for(known, source, templates, chain, curve)
     item = forecast(known, chain, source, Load(ends, curve.std), {})
@@ -86,7 +87,7 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_de
     speeds = [one.speed for one in known.recordings]
     peak = float(np.max(measured))
     return {
-        "left_out": left.data.name, "load": f"file, {step_deg:g} deg" if step_deg else "recording",
+        "left_out": left.recording.config.id, "load": f"file, {step_deg:g} deg" if step_deg else "recording",
         "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
         "structure": source.structure, "rms_percent": round(100.0 * float(np.sqrt(np.mean(error**2))) / peak, 3),
         "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.torque_std**2))) / peak, 3),
@@ -106,7 +107,7 @@ def left_out_rows(prepared: Sequence[Prepared]) -> list[dict[str, object]]:
             try:
                 rows.append(predicted(known, used, left, step_deg))
             except Refusal as refusal:
-                rows.append({"left_out": left.data.name, "load": f"file, {step_deg:g} deg: {refusal}"})
+                rows.append({"left_out": left.recording.config.id, "load": f"file, {step_deg:g} deg: {refusal}"})
             print(rows[-1], flush=True)
     return rows
 

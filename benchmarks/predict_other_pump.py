@@ -30,7 +30,7 @@ SHARE = 0.002
 def known_fit(item: Prepared) -> KnownFit:
     """Return the fit of one recording as a prediction takes it."""
     fit = fit_prepared(item, FitOptions(evidence=False))
-    source = FittedAt(item.data.name, item.cycles.mean_speed, fit.problem.data[0].structure, SHARE, False)
+    source = FittedAt(item.recording.config.id, item.cycles.mean_speed, fit.problem.data[0].structure, SHARE, False)
     names = fit.problem.names
     return KnownFit(names, fit.solution.z, ArrowCovariance.whole(fit.covariance.matrix), (source,))
 

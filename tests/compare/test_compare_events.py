@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque.fit import pair as pair_module
 from camtorque.fit.changes import (
     Attribution,
     Hypothesis,
@@ -20,9 +21,9 @@ from camtorque.fit.changes import (
     two_ln_odds,
 )
 from camtorque.fit.difference import evaluated, minimised, within
-from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope
+from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, shift_covariance
 from camtorque.fit.verdicts import parameter_differences
-from camtorque.laws.chain import BINS, angle_grid
+from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
 from camtorque.units import DEGREE
 from compare_pair import made_pair
 
@@ -50,6 +51,31 @@ def test_differences_cover_what_was_changed() -> None:
     assert rows["leakage"].verdict == "changed"
     assert rows["leakage"].ci95[0] < LEAK / 1e-14 < rows["leakage"].ci95[1]
     assert rows["trigger_offset"].difference == pytest.approx(0.0, abs=rows["trigger_offset"].smallest_change)
+
+
+def test_no_value_is_stated_beyond_its_bounds() -> None:
+    found, pair = told()
+    far = replace(found, free_mean=found.free_mean - 1e3 * np.abs(found.free_std) - 1.0)
+    rows = {row.name: row for row in parameter_differences(pair, far)}
+    leakage = pair.items[0].rows["leakage"]
+    assert rows["leakage"].after == pytest.approx(leakage.lower / leakage.per_unit)
+    assert rows["leakage"].difference == pytest.approx(rows["leakage"].after - rows["leakage"].before)
+    assert rows["leakage"].verdict == "cannot tell"
+
+
+def test_a_step_of_the_model_is_not_taken_for_a_slope(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = made_pair({}, clock=COMMON_TIME_BASE)
+    smooth = shift_covariance(pair, pair.fixed)
+    at, jump = int(np.argmax(pair.items[0].chain.line_pressure)) + 2, 4.0
+    level = pair.items[0].chain.line_pressure[at]
+
+    def stepping(chain: ChainInput, values: dict[str, float]) -> ChainOutput:
+        output = evaluate(chain, values)
+        return replace(output, torque=output.torque + jump * (chain.line_pressure[at] > level))
+
+    monkeypatch.setattr(pair_module, "evaluate", stepping)
+    apart = np.abs(np.sqrt(np.diag(shift_covariance(pair, pair.fixed))) - np.sqrt(np.diag(smooth)))
+    assert 0.0 < np.max(apart) <= 0.5 * jump + 1e-9
 
 
 def test_a_change_is_never_called_unchanged_above_the_smallest_stated() -> None:

@@ -43,8 +43,6 @@ COMMON_TIME_BASE = "common time base"
 START_ERROR = 8.0e-6
 """Standard error of the start of a file that shares a time base with others but starts by itself [s]: headers write it
 to 10 us."""
-PRESSURE_SHIFT = 1.0e-6
-"""Time by which the line pressure is shifted to see what a clock error does [s]."""
 
 
 @dataclass(frozen=True)
@@ -238,18 +236,21 @@ def tangents_at(item: FitData, values: Mapping[str, float], names: Sequence[str]
 
 
 def shift_covariance(pair: Pair, values: Mapping[str, float]) -> Array:
-    """Return the covariance of what clocks and starts may have shifted the line pressure by, (BINS, BINS) [(N m)^2]."""
+    """Return the covariance of what clocks and starts may have shifted the line pressure by, (BINS, BINS) [(N m)^2].
+
+    The torque is asked for with the pressure earlier and later by one standard error, never by less: beside a valve
+    near chattering the model steps, and a derivative taken over a shorter time would make any size of such a step.
+    """
     item = pair.items[0]
     chain = item.chain
     nonlinear = {name: values[name] for name in NONLINEAR_NAMES}
     linear = np.array([values[name] for name in COLUMN_NAMES])
-    late = _slope(chain.line_pressure, chain.speed) * PRESSURE_SHIFT
+    late = _slope(chain.line_pressure, chain.speed) * float(np.hypot(pair.clock_error, pair.start_error))
     ends = []
     for sign in (-1.0, 1.0):
         output = evaluate(replace(chain, line_pressure=chain.line_pressure + sign * late), nonlinear)
         ends.append(output.torque + output.linear @ linear)
-    pressure = (ends[1] - ends[0]) / (2.0 * PRESSURE_SHIFT)
-    shift = pressure * float(np.hypot(pair.clock_error, pair.start_error))
+    shift = 0.5 * (ends[1] - ends[0])
     return np.outer(shift, shift)
 
 

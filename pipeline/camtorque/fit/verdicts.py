@@ -90,7 +90,9 @@ def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, .
         if not told:
             mean, std = free
         matters = MATTERS * row.step / per
-        result.append(Difference(name, before, before + mean, mean, std, row.unit, verdict(told, free, matters),
+        # a linearised difference knows no bounds: no friction below zero is ever stated
+        after = float(np.clip(before + mean, row.lower / per, row.upper / per))
+        result.append(Difference(name, before, after, after - before, std, row.unit, verdict(told, free, matters),
                                  SEEN * free[1], matters))  # fmt: skip
     return tuple(result)
 
