@@ -49,7 +49,6 @@ SLOW = ("test_laws_walkthrough.py", "test_mechanism_engines.py", "test_align_any
 LIMIT = 180
 """A run of tests that takes more time of the processor [s] does not end by itself: the mutant is noticed."""
 
-_OWN_END = '    names = {"land": END_NAMES, "spill": SPILL_NAMES}.get(item.structure, ())\n'
 NAMED = (
     ("bearing friction with the other sign (law)", "laws/friction.py", "(at.lever, at.lever_by)",
      "(-at.lever, -at.lever_by)"),
@@ -59,8 +58,8 @@ NAMED = (
      "on_contact(at.lever, at.lever_by)"),
     ("column of the spring's preload is zero", "laws/spring.py", "(at.preload,", "(0.0 * at.preload,"),
     ("leakage with the square of the gap", "laws/leakage.py", "cubed = gap * gap * gap", "cubed = gap * gap"),
-    ("blind prediction with its own fitted end", "fit/leftout.py", _OWN_END,
-     _OWN_END + "    return {name: owns[index][name] for name in names}\n"),
+    ("blind prediction with its own fitted end", "fit/leftout.py", "flatnonzero(others.places != index)",
+     "flatnonzero(others.places == index)"),
     ("intervals are not widened", "fit/uncertainty.py", "inflation = max(1.0, ", "inflation = max(1.0, 0.0 * "),
 )  # fmt: skip
 """What, file, text, what stands there instead."""

@@ -21,9 +21,10 @@ from camtorque.fit.joint import (
     started_at,
     with_common_rows,
 )
+from camtorque.fit.joint_fit import values_of_each
 from camtorque.fit.joint_input import HeldOnce, joint_input
 from camtorque.fit.joint_solver import joint_task, solve_many, try_at
-from camtorque.fit.leftout import MODES, left_out_values, own_values, predicted_end, shares
+from camtorque.fit.leftout import MODES, ends_of, left_out_values, predicted_end, shares
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import SEPARATOR, build_problem
 from camtorque.fit.solver import solve
@@ -130,6 +131,11 @@ def test_every_recording_is_predicted_by_the_others_in_both_ways(prepared, campa
     assert np.mean(own) < np.mean(blind)
 
 
+def end_predicted(joint, index):
+    values = values_of_each(joint.problem, joint.solution.z)
+    return predicted_end(joint.problem, ends_of(joint.problem, values), index)
+
+
 def test_blind_end_of_delivery_does_not_know_the_recordings_own(joint):
     index = 1
     place = joint.problem.index(f"end_of_delivery{SEPARATOR}{joint.problem.data[index].name}")
@@ -137,15 +143,15 @@ def test_blind_end_of_delivery_does_not_know_the_recordings_own(joint):
     z = joint.solution.z.copy()
     z[place] += np.radians(6.0)
     moved = replace(joint, solution=replace(joint.solution, z=z))
-    found = predicted_end(joint, own_values(joint), index)
+    found = end_predicted(joint, index)
     assert set(found) == {"end_of_delivery", "end_width"}
-    assert predicted_end(moved, own_values(moved), index) == found
+    assert end_predicted(moved, index) == found
     # but the neighbours' ends are what it is matched to
     z = z.copy()
     for other in (0, 2):
         z[joint.problem.index(f"end_of_delivery{SEPARATOR}{joint.problem.data[other].name}")] += np.radians(6.0)
     moved = replace(joint, solution=replace(joint.solution, z=z))
-    assert predicted_end(moved, own_values(moved), index)["end_of_delivery"] != found["end_of_delivery"]
+    assert end_predicted(moved, index)["end_of_delivery"] != found["end_of_delivery"]
     assert abs(found["end_of_delivery"] - joint.solution.z[place]) < np.radians(4.0)
 
 
@@ -153,7 +159,7 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     index = 2
     problem, solution = solved
     found = left_out_values(joint, shares(solution), index)
-    rest = build_problem([started_at(problem, solution, k) for k in (0, 1)])
+    rest = build_problem(started_at(problem, solution.z)[:2])
     task = joint_task(problem, solution.z, 0.0)
     alone = solve(rest, rest.start, 12, (task.lift(0), task.lift(1)))
     names = problem.names

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.joint_fit import JointFit, JointRecording, joint_covariance, joint_recording
+from camtorque.fit.joint_fit import JointFit, JointRecording, joint_covariance, joint_recording, values_of_each
 from camtorque.fit.joint_input import JointInput, Known
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, left_out, predicted
@@ -22,7 +22,7 @@ from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, wi
 from camtorque.fit.result import parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES
 from camtorque.fit.single import SWITCHING, switching_shift
-from camtorque.fit.solver import Solution, lifts_at, solve
+from camtorque.fit.solver import lifts_at, solve
 from camtorque.fit.starts import begun, ends_at
 from camtorque.laws.chain import BINS
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
@@ -145,10 +145,10 @@ def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem,
     shared = {s.row.name: float(z) for s, z in zip(problem.parameters, solution.z, strict=True) if s.recording < 0}
     others = [k for k in range(count) if k not in chosen]
     found = dict(zip(others, each(lambda k: searched_anew(with_known(data[k], shared)), others), strict=True))
-    found |= {k: started_at(problem, solution, place) for place, k in enumerate(chosen)}
+    found |= dict(zip(chosen, started_at(problem, solution.z), strict=True))
     problem = build_problem([found[k] for k in range(count)])
     solution = solve_many(problem, problem.start, 25, each=each)
-    again = [started_at(problem, solution, k) for k in range(count)]
+    again = started_at(problem, solution.z)
     bad = misfits(solution)
     if any(bad):
         worse = each(searched_anew, [item for item, is_bad in zip(again, bad, strict=True) if is_bad])
@@ -168,7 +168,7 @@ def _of_anchors(
     problems = [build_problem(items[first : first + n]) for first in range(0, len(items), n)]
     trials = each(_led_in, problems)
     order = sorted(range(len(starts)), key=lambda k: (trials[k].chi_square, k))[:2]
-    again = [build_problem([started_at(problems[k], trials[k], j) for j in range(n)]) for k in order]
+    again = [build_problem(started_at(problems[k], trials[k].z)) for k in order]
     ends = each(lambda problem: solve_many(problem, problem.start, 30), again)
     best = min(range(len(ends)), key=lambda k: ends[k].chi_square)
     return again[best], ends[best]
@@ -188,12 +188,9 @@ def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
     return with_starts(item, {name: value for name, value in values.items() if name in item.rows})
 
 
-def started_at(problem: Problem, solution: Solution | JointSolution, index: int) -> FitData:
-    """Return a recording that starts at a solution."""
-    starts = {
-        s.row.name: float(z) for s, z in zip(problem.parameters, solution.z, strict=True) if s.recording in (-1, index)
-    }
-    return with_starts(problem.data[index], starts)
+def started_at(problem: Problem, z: Array) -> list[FitData]:
+    """Return the recordings, started at a solution."""
+    return [with_starts(*pair) for pair in zip(problem.data, values_of_each(problem, z), strict=True)]
 
 
 def misfits(solution: JointSolution) -> list[bool]:
@@ -206,7 +203,7 @@ def own_fitted(item: FitData, iterations: int = OWN_ITERATIONS) -> FitData:
     """Return a recording whose own parameters were fitted with the shared ones held at their starts."""
     problem = build_problem([item], {name: row.start for name, row in item.rows.items() if row.role == "shared"})
     solution = solve(problem, None, iterations)
-    return started_at(problem, solution, 0)
+    return started_at(problem, solution.z)[0]
 
 
 def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> FitData:

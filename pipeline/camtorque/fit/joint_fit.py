@@ -111,6 +111,17 @@ def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:
     return total
 
 
+def values_of_each(problem: Problem, z: Array) -> list[dict[str, float]]:
+    """Return the values of each recording's parameters, shared ones and its own [SI]."""
+    pairs = list(zip(problem.parameters, z.tolist(), strict=True))
+    shared = {parameter.row.name: value for parameter, value in pairs if parameter.recording < 0}
+    found = [dict(shared) for _ in problem.data]
+    for parameter, value in pairs:
+        if parameter.recording >= 0:
+            found[parameter.recording][parameter.row.name] = value
+    return found
+
+
 def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecording:
     """Return what the joint fit makes of one recording."""
     means, problem, solution = item.means, fit.problem, fit.solution

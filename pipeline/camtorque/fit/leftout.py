@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.joint_fit import JointFit
+from camtorque.fit.joint_fit import JointFit, values_of_each
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.metrics import metrics
@@ -30,6 +30,8 @@ LEAST_INFORMATION = 1.0e-3
 """Information, in units of the prior's, below which a direction is left where the joint fit has it."""
 MATCH_POINTS = 41
 MOST_TEMPLATES = 2
+END_OF = {"land": END_NAMES, "spill": SPILL_NAMES}
+"""Structure -> parameters of its end of delivery, the place first."""
 
 
 @dataclass(frozen=True)
@@ -94,25 +96,49 @@ def _cautious(matrix: Array, scale: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class Ends:
+    """Ends of delivery of all recordings of one structure.
+
+    places : (m,) of the recordings; speed : (m,) natural logarithm of it; values : (m, k) per parameter of the end [SI]
+    """
+
+    places: NDArray[np.int64]
+    speed: Array
+    values: Array
+
+
+@dataclass(frozen=True)
 class Others:
-    """What predictions of each recording by the others rest on: shares of the equations, values of every recording."""
+    """What predictions of each recording by the others rest on: shares of the equations, ends by structure."""
 
     found: Shares
-    owns: list[dict[str, float]]
+    ends: Mapping[str, Ends]
 
 
 def left_out(fit: JointFit) -> Others:
     """Return what predictions of left-out recordings rest on."""
-    return Others(shares(fit.solution), own_values(fit))
+    return Others(shares(fit.solution), ends_of(fit.problem, values_of_each(fit.problem, fit.solution.z)))
+
+
+def ends_of(problem: Problem, owns: Sequence[Mapping[str, float]]) -> dict[str, Ends]:
+    """Return the ends of delivery by structure; ``owns`` are the values of each recording's parameters."""
+    found = {}
+    for structure, names in END_OF.items():
+        places = np.array([k for k, item in enumerate(problem.data) if item.structure == structure], dtype=np.int64)
+        speed = np.array([np.log(problem.data[k].chain.speed) for k in places])
+        rows = [[owns[k].get(name, problem.data[k].rows[name].start) for name in names] for k in places]
+        found[structure] = Ends(places, speed, np.array(rows).reshape(-1, len(names)))
+    return found
 
 
 def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> tuple[HeldOut, ...]:
     """Return both predictions of a recording by the others."""
     z = left_out_values(fit, others.found, index)
-    shared = {s.row.name: float(v) for s, v in zip(fit.problem.parameters, z, strict=True) if s.recording < 0}
+    places = others.found.places
+    shared = {fit.problem.parameters[k].row.name: float(z[k]) for k in places}
     data = with_starts(fit.problem.data[index], shared)
     own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0])
-    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit, others.owns, index)}
+    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit.problem, others.ends, index)}
     return own, _prediction(item, with_starts(data, blind), blind, MODES[1])
 
 
@@ -144,41 +170,32 @@ def _zero_unknown(item: JointInput) -> bool:
     return prior is None or prior[1] > ZERO_SPREAD_SHARE * peak
 
 
-def own_values(fit: JointFit) -> list[dict[str, float]]:
-    """Return the values of each recording's parameters, shared ones and its own [SI]."""
-    pairs = list(zip(fit.problem.parameters, fit.solution.z.tolist(), strict=True))
-    shared = {parameter.row.name: value for parameter, value in pairs if parameter.recording < 0}
-    found = [dict(shared) for _ in fit.problem.data]
-    for parameter, value in pairs:
-        if parameter.recording >= 0:
-            found[parameter.recording][parameter.row.name] = value
-    return found
-
-
-def predicted_end(fit: JointFit, owns: Sequence[Mapping[str, float]], index: int) -> dict[str, float]:
+def predicted_end(problem: Problem, ends: Mapping[str, Ends], index: int) -> dict[str, float]:
     """Return where delivery ends by the line pressure, as it looked around the ends of the recordings next in speed.
 
-    ``owns`` are those of `own_values`; the recording's own are not used.
+    ``ends`` are those of `ends_of`; the recording's own is not used.
     """
-    problem = fit.problem
     item = problem.data[index]
-    names = {"land": END_NAMES, "spill": SPILL_NAMES}.get(item.structure, ())
+    names = END_OF.get(item.structure, ())
     if not names:
         return {}
-    others = [k for k, other in enumerate(problem.data) if k != index and other.structure == item.structure]
-    if not others:
+    others = ends[item.structure]
+    kept = np.flatnonzero(others.places != index)
+    if not kept.size:
         return {name: _expected(item, name) for name in names}
-    others.sort(key=lambda k: abs(np.log(problem.data[k].chain.speed / item.chain.speed)))
-    templates = [_slopes_around(problem.data[k], np.array([_end_angle(problem.data[k], owns[k])]))
-                 for k in others[:MOST_TEMPLATES]]  # fmt: skip
+    near = kept[np.argsort(np.abs(others.speed[kept] - np.log(item.chain.speed)), kind="stable")[:MOST_TEMPLATES]]
+    templates = []
+    for k in near:
+        other = problem.data[others.places[k]]
+        templates.append(_slopes_around(other, np.array([_end_angle(other, others.values[k, 0])])))
     lift = item.chain.law.evaluate(item.chain.theta, 0)
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
     places = item.chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
     slopes = _slopes_around(item, places)
     errors = np.sum([np.sum((slopes - template) ** 2, axis=1) for template in templates], axis=0)
     angle = float(places[int(np.argmin(errors))])
-    found = {name: float(np.mean([_own(problem.data[k], owns[k], name) for k in others])) for name in names[1:]}
-    return {names[0]: angle if item.structure == "land" else float(np.interp(angle, item.chain.theta, lift)), **found}
+    end = angle if item.structure == "land" else float(np.interp(angle, item.chain.theta, lift))
+    return dict(zip(names, (end, *np.mean(others.values[kept, 1:], axis=0).tolist()), strict=True))
 
 
 def _expected(item: FitData, name: str) -> float:
@@ -186,17 +203,13 @@ def _expected(item: FitData, name: str) -> float:
     return row.prior[0] if row.prior is not None else 0.75 * item.chain.top_lift if "lift" in name else row.start
 
 
-def _own(item: FitData, own: Mapping[str, float], name: str) -> float:
-    return own.get(name, item.rows[name].start)
-
-
-def _end_angle(item: FitData, own: Mapping[str, float]) -> float:
+def _end_angle(item: FitData, end: float) -> float:
     if item.structure == "land":
-        return _own(item, own, "end_of_delivery")
+        return end
     lift = item.chain.law.evaluate(item.chain.theta, 0)
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
     rising = np.maximum.accumulate(lift[: top + 1])
-    return float(np.interp(_own(item, own, "spill_lift"), rising, item.chain.theta[: top + 1]))
+    return float(np.interp(end, rising, item.chain.theta[: top + 1]))
 
 
 def _slopes_around(item: FitData, angles: Array) -> Array:

@@ -101,13 +101,16 @@ class Problem:
     held: tuple[Array, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        own: list[list[int]] = [[] for _ in self.data]
+        for k, parameter in enumerate(self.parameters):
+            for index in (parameter.recording,) if parameter.recording >= 0 else range(len(self.data)):
+                if self.data[index].applies(parameter.row.name):
+                    own[index].append(k)
         places, held = [], []
         values = np.array([self.fixed[name] for name in ALL_NAMES])
-        for index, item in enumerate(self.data):
-            own = [k for k, parameter in enumerate(self.parameters) if parameter.recording in (-1, index)]
-            own = [k for k in own if item.applies(self.parameters[k].row.name)]
-            chain = [ORDER[self.parameters[k].row.name] for k in own]
-            places.append((np.array(own, dtype=np.int64), np.array(chain, dtype=np.int64)))
+        for item, mine in zip(self.data, own, strict=True):
+            chain = [ORDER[self.parameters[k].row.name] for k in mine]
+            places.append((np.array(mine, dtype=np.int64), np.array(chain, dtype=np.int64)))
             base = values.copy()
             for name, value in NEUTRAL.items():
                 if not item.applies(name):
