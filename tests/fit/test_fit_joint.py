@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit.arrow import Arrow, arrow_inverse
+from camtorque.fit.drift import shared_drifts
 from camtorque.fit.forecast import KnownFit
 from camtorque.fit.joint import (
     common_error,
     fit_joint,
     joint_fit_of,
     refuse_two_states,
-    shared_drifts,
     solve_joint,
     started_at,
     with_common_rows,

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from camtorque.campaign.task import SUMMARY_KEYS
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.joint import CampaignFit, Drift, JointRecording
+from camtorque.fit.drift import Drift
+from camtorque.fit.joint import CampaignFit, JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
 from camtorque.report.campaign_figures import overlay
@@ -154,7 +155,7 @@ def joint_of(view: CampaignView) -> CampaignFit:
     drifts = tuple(Drift(f"parameter_{k}", "bar", ids, speeds, values, errors, 0.1, 0.2) for k in range(45))
     one = JointRecording((), "land", found, True)
     cov = ArrowCovariance.whole(np.zeros((0, 0)))
-    return CampaignFit(ids, (), (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), ())
+    return CampaignFit(ids, (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), ())
 
 
 def page_of_many(count: int) -> str:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.drift import Drift, drift_findings, drift_spread, shared_drifts
 from camtorque.fit.joint_fit import JointFit, JointRecording, joint_covariance, joint_recording, values_of_each
 from camtorque.fit.joint_input import JointInput, Known
 from camtorque.fit.joint_solver import JointSolution, solve_many
@@ -42,35 +43,11 @@ EXCLUSION_FACTOR = 25.0
 SAME_SPEED = 0.05
 TWO_STATES = 5.0
 """Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
-DRIFT_TOLD = 2.5
 COMPARED = (
     "trigger_offset", "leakage", "dead_volume", "bearing_arm", "spring_preload_error", "port_closing_lift",
     "shaft_drag", "shaft_compliance",
 )  # fmt: skip
 """Shared parameters that tell whether recordings belong to one pump in one state."""
-
-
-@dataclass(frozen=True)
-class Drift:
-    """A shared parameter fitted to each recording alone, to see whether it drifts with speed.
-
-    values and stderrs in ``unit``, in the order of ``recordings``; slope_per_1000_rpm of a weighted straight line and
-    its standard error
-    """
-
-    name: str
-    unit: str
-    recordings: tuple[str, ...]
-    speeds_rpm: tuple[float, ...]
-    values: tuple[float, ...]
-    stderrs: tuple[float, ...]
-    slope_per_1000_rpm: float
-    slope_stderr: float
-
-    @property
-    def told(self) -> bool:
-        """Whether the slope stands out of its standard error."""
-        return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_TOLD * self.slope_stderr
 
 
 @dataclass(frozen=True)
@@ -81,7 +58,6 @@ class CampaignFit:
     """
 
     names: tuple[str, ...]
-    effects: tuple[str, ...]
     shared_parameters: tuple[ParameterEstimate, ...]
     fitted: tuple[JointRecording, ...]
     free: tuple[str, ...]
@@ -265,11 +241,11 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
     findings = (
         *prior_findings((*shared, *fitted[0].parameters)),
-        *_drift_findings(drifts),
+        *drift_findings(drifts),
         *_exclusion_findings(excluded),
     )
     return CampaignFit(
-        tuple(item.name for item in used), (), shared, fitted, problem.names, solution.z,
+        tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(excluded), findings,
     )  # fmt: skip
 
@@ -309,49 +285,6 @@ def _two_states(other: Known, one: Known, name: str) -> Refusal:
         f"({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {first.unit}): they are not one pump in one state and are not "
         "averaged; give each state its own `group` in [recording], or use `camtorque compare`"
     )
-
-
-def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
-    """Return every shared parameter as each recording alone tells it, with its slope over speed."""
-    speeds = np.array([item.data.chain.speed for item in inputs]) * 60.0 / (2.0 * np.pi)
-    names = tuple(item.name for item in inputs)
-    result = []
-    for name, first in inputs[0].alone.items():
-        if not all(name in item.alone for item in inputs):
-            continue
-        values = np.array([item.alone[name].value for item in inputs]) / first.per_unit
-        errors = np.array([item.alone[name].std for item in inputs]) / first.per_unit
-        design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / errors[:, None]
-        cov = np.linalg.pinv(design.T @ design)
-        slope = float((cov @ design.T @ (values / errors))[1])
-        result.append(Drift(
-            name, first.unit, names, tuple(speeds.tolist()), tuple(values.tolist()), tuple(errors.tolist()),
-            slope, float(np.sqrt(cov[1, 1])),
-        ))  # fmt: skip
-    return tuple(result)
-
-
-def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift]) -> Array:
-    """Return how far the joint value of each parameter that drifts lies off the mean of the single ones, (k,) [SI]."""
-    spread = np.zeros(problem.size)
-    for drift in drifts:
-        k = problem.index(drift.name)
-        if drift.told and k >= 0:
-            weight = 1.0 / np.array(drift.stderrs) ** 2
-            mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.parameters[k].row.per_unit
-            spread[k] = abs(mean - z[k])
-    return spread
-
-
-def _drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
-    return tuple(
-        Finding(
-            "shared_parameter_drifts", "warning",
-            f"{drift.name} should be the same in every recording but drifts by {drift.slope_per_1000_rpm:+.3g} +- "
-            f"{drift.slope_stderr:#.2g} {drift.unit} per 1000 rpm fitted alone: a law may be missing", drift.name,
-        )
-        for drift in drifts if drift.told
-    )  # fmt: skip
 
 
 def _exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.fit.joint import CampaignFit, Drift
+from camtorque.fit.drift import Drift
+from camtorque.fit.joint import CampaignFit
 from camtorque.report.campaign_view import MANY, CampaignView, Column
 from camtorque.report.chart import CAM_ANGLE, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.numbers import unit_text, words

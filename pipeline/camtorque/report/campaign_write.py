@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from camtorque.fit.joint import Drift, JointRecording
+from camtorque.fit.drift import Drift
+from camtorque.fit.joint import JointRecording
 from camtorque.plain import plain
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
@@ -52,10 +53,8 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
         "schema": "camtorque.campaign/1", "version": __version__, "created": result.created,
         "n_refused": sum(entry.status != "ok" for entry in result.entries),
         "recordings": [_entry(entry, fitted.get(entry.id)) for entry in result.entries],
-        "effects": joint.effects if joint else [],
         "shared_parameters": parameters_document(joint.shared_parameters) if joint else {},
         "held_out": [asdict(row) for row in joint.held_out] if joint else [],
-        "ladder": [],
         "drifts": [_drift(row) for row in joint.drifts] if joint else [],
         "drift_recordings": joint.drifts[0].recordings if joint and joint.drifts else [],
         "excluded": joint.excluded if joint else [],

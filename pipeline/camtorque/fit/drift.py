@@ -1,0 +1,82 @@
+"""Shared parameters as each recording alone tells them: what should be the same but drifts with speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.fit.joint_input import Known
+from camtorque.fit.problem import Problem
+from camtorque.records import Array, Finding
+
+DRIFT_TOLD = 2.5
+"""Standard errors beyond which a slope is told."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A shared parameter fitted to each recording alone, to see whether it drifts with speed.
+
+    values and stderrs in ``unit``, in the order of ``recordings``; slope_per_1000_rpm of a weighted straight line and
+    its standard error
+    """
+
+    name: str
+    unit: str
+    recordings: tuple[str, ...]
+    speeds_rpm: tuple[float, ...]
+    values: tuple[float, ...]
+    stderrs: tuple[float, ...]
+    slope_per_1000_rpm: float
+    slope_stderr: float
+
+    @property
+    def told(self) -> bool:
+        """Whether the slope stands out of its standard error."""
+        return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_TOLD * self.slope_stderr
+
+
+def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
+    """Return every shared parameter as each recording alone tells it, with its slope over speed."""
+    speeds = np.array([item.data.chain.speed for item in inputs]) * 60.0 / (2.0 * np.pi)
+    names = tuple(item.name for item in inputs)
+    result = []
+    for name, first in inputs[0].alone.items():
+        if not all(name in item.alone for item in inputs):
+            continue
+        values = np.array([item.alone[name].value for item in inputs]) / first.per_unit
+        errors = np.array([item.alone[name].std for item in inputs]) / first.per_unit
+        design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / errors[:, None]
+        cov = np.linalg.pinv(design.T @ design)
+        slope = float((cov @ design.T @ (values / errors))[1])
+        result.append(Drift(
+            name, first.unit, names, tuple(speeds.tolist()), tuple(values.tolist()), tuple(errors.tolist()),
+            slope, float(np.sqrt(cov[1, 1])),
+        ))  # fmt: skip
+    return tuple(result)
+
+
+def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift]) -> Array:
+    """Return how far the joint value of each parameter that drifts lies off the mean of the single ones, (k,) [SI]."""
+    spread = np.zeros(problem.size)
+    for drift in drifts:
+        k = problem.index(drift.name)
+        if drift.told and k >= 0:
+            weight = 1.0 / np.array(drift.stderrs) ** 2
+            mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.parameters[k].row.per_unit
+            spread[k] = abs(mean - z[k])
+    return spread
+
+
+def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
+    """Return a warning for each parameter that drifts."""
+    return tuple(
+        Finding(
+            "shared_parameter_drifts", "warning",
+            f"{drift.name} should be the same in every recording but drifts by {drift.slope_per_1000_rpm:+.3g} +- "
+            f"{drift.slope_stderr:#.2g} {drift.unit} per 1000 rpm fitted alone: a law may be missing", drift.name,
+        )
+        for drift in drifts if drift.told
+    )  # fmt: skip
