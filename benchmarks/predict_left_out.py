@@ -4,9 +4,10 @@
 
 The line pressure is taken as the recording has it (`--load-of`), and from a file as a user would type or export it
 (`--pressure`), with a point every so many degrees. The constant zero is that of the angles where the prediction is
-sure: weighted by the band, so that an error in one place is not spread over the revolution. One line per recording
-and source of the load: whether its speed lies inside those of the others, rms error and band width as shares of the
-peak, share of the revolution inside the pointwise 95 % band.
+sure: weighted by the band, so that an error in one place is not spread over the revolution; the band is that of the
+torque less a constant. One line per recording and source of the load: whether its speed lies inside those of the
+others, rms error and band width as shares of the peak, share of the revolution inside the pointwise 95 % band, and the
+same where the torque is or moves.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
-from camtorque.fit.ends import Curve, ends_for
-from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
+from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.forecast import FittedAt, KnownFit, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import joint_input
 from camtorque.fit.prepare import on_grid
@@ -34,6 +35,10 @@ from camtorque.units import BAR
 
 STEPS_DEG = (0.0, 0.25, 1.0, 2.0, 3.0)
 """Steps of the file of the load; 0: as the recording has it."""
+
+TORQUE_OVER, STEP_OVER = 0.4, 0.02
+"""Where the torque is above such a share of its peak, or changes by such a share from one angle to the next, it is
+counted apart: elsewhere it is easily predicted."""
 
 
 def known_fit(used: Sequence[Prepared]) -> KnownFit:
@@ -78,32 +83,34 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_de
         item.recording.config.id: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
         for item in used
     }
-    ends = ends_for(known, source, templates, chain, curve)
-    item = forecast(known, chain, source, Load(ends, curve.std), {})
+    item = forecast(known, chain, source, load_for(known, source, templates, chain, curve), {})
     measured = on_grid(left.means.torque_all, item.theta.size)
     error = measured - item.torque
     zero = float(np.average(error, weights=item.torque_std**-2.0))
     error = error - zero
     speeds = [one.speed for one in known.recordings]
     peak = float(np.max(measured))
+    inside = np.abs(error) < 1.96 * item.shape_std
+    moving = np.abs(measured) / TORQUE_OVER + np.abs(np.gradient(measured)) / STEP_OVER > peak
     return {
         "left_out": left.recording.config.id, "load": f"file, {step_deg:g} deg" if step_deg else "recording",
         "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
         "structure": source.structure, "rms_percent": round(100.0 * float(np.sqrt(np.mean(error**2))) / peak, 3),
-        "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.torque_std**2))) / peak, 3),
-        "covered_percent": round(100.0 * float(np.mean(np.abs(error) < 1.96 * item.torque_std)), 1),
+        "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.shape_std**2))) / peak, 3),
+        "covered_percent": round(100.0 * float(np.mean(inside)), 1),
+        "covered_moving_percent": round(100.0 * float(np.mean(inside[moving])), 1),
         "peak_error_percent": round(100.0 * float(np.max(item.torque) + zero - peak) / peak, 3),
         "zero_nm": round(zero, 3),
     }  # fmt: skip
 
 
-def left_out_rows(prepared: Sequence[Prepared]) -> list[dict[str, object]]:
+def left_out_rows(prepared: Sequence[Prepared], steps: Sequence[float]) -> list[dict[str, object]]:
     """Return every recording predicted by the others."""
     rows = []
     for k, left in enumerate(prepared):
         used = [item for j, item in enumerate(prepared) if j != k]
         known = known_fit(used)
-        for step_deg in STEPS_DEG:
+        for step_deg in steps:
             try:
                 rows.append(predicted(known, used, left, step_deg))
             except Refusal as refusal:
@@ -117,6 +124,7 @@ def main() -> None:
     parser = plain_parser(__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("campaigns", type=Path, nargs="+")
+    parser.add_argument("--step", type=float, nargs="+", default=STEPS_DEG, help="of the file of the load [deg]")
     chosen = parser.parse_args()
     rows: list[dict[str, object]] = []
     for folder in chosen.campaigns:
@@ -125,7 +133,7 @@ def main() -> None:
             recording = read_recording(file)
             cycles = align(recording)
             prepared.append(prepare(recording, cycles, rigid_torque(recording, cycles)))
-        rows += left_out_rows(prepared)
+        rows += left_out_rows(prepared, chosen.step)
         write_rows(chosen.out, rows)
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.ends import Curve, ends_for
-from camtorque.fit.forecast import FittedAt, KnownFit, Load, forecast
+from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.forecast import FittedAt, KnownFit, forecast
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.predict_from import chain_of
@@ -60,7 +60,7 @@ def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
         speed = item.cycles.mean_speed
         curve = Curve(item.cycles.theta, item.means.pressure_all, speed)
         chain = chain_of(rig_of(item), speed, curve)
-        load = Load(ends_for(known, source, templates, chain, curve))
+        load = load_for(known, source, templates, chain, curve)
         found = forecast(known, chain, source, load, {})
         measured = on_grid(item.means.torque_all, found.theta.size)
         top = int(np.argmax(found.torque))

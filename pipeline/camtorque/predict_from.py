@@ -20,7 +20,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.ends import Curve, ends_for
+from camtorque.fit.ends import Curve, load_for
 from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, Load, forecast
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
@@ -37,13 +37,12 @@ from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
 from camtorque.report.forecast_page import forecast_document
+from camtorque.report.forecast_texts import CLEARANCE, assumptions, constant_text, end_text, load_text
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
 from camtorque.units import DEGREE, RPM
 from camtorque.version import __version__
 
-CLEARANCE = 4.0e-6
-"""Clearance that a change is counted from where none is given [m]."""
 CYCLES = "cycles.h5"
 FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
 LOADED = 0.1
@@ -55,10 +54,6 @@ MOST_GUESSED = 0.1
 """Uncertainty between the points, as a share of the highest pressure, above which a file is refused."""
 WIDEST_STEP = np.radians(6.0)
 """Distance of points under load above which nothing tells what the points missed."""
-SAME_ENDING = (
-    "A line pressure does not tell whether a land or a spill ended delivery: if this load ends the other way, the "
-    "return stroke is wrong."
-)
 
 
 @dataclass(frozen=True)
@@ -258,9 +253,9 @@ def predict_from(
         source = known.nearest(value * RPM)
         rig = rig_of(reports[source.id], pump, cam)
         item, force, ends = _predicted(known, source, templates, rig, value * RPM, given, changes)
-        load = _load_text(source, Path(pressure or load_of or "").name, given, value * RPM)
-        assumed = _assumptions(source, load, clearance, pump or cam)
-        items.append(replace(item, assumed=(*assumed, *_end_text(ends, source, value))))
+        load = load_text(source, Path(pressure or load_of or "").name, given, value * RPM)
+        assumed = assumptions(source, load, clearance, pump or cam)
+        items.append(replace(item, assumed=(*assumed, *end_text(ends, source, value), *constant_text(item))))
         forces.append(force)
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
     return Found(tuple(items), forecast_document(items, forces, origin))
@@ -282,9 +277,9 @@ def _predicted(
     curve = templates[source.id] if given is None else given
     chain = chain_of(rig, speed, curve)
     shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
-    ends = {} if given is None else ends_for(known, source, templates, chain, shaped)
-    item, forces = with_forces(known, source, rig, chain, Load(ends, curve.std), changes)
-    return item, forces, ends
+    load = Load({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
+    item, forces = with_forces(known, source, rig, chain, load, changes)
+    return item, forces, load.ends
 
 
 def with_forces(
@@ -300,20 +295,6 @@ def with_forces(
     return item, forces_of(rig.pump, tables, item.pressure, chain.speed)
 
 
-def _end_text(ends: Mapping[str, Estimate], source: FittedAt, speed_rpm: float) -> tuple[str, ...]:
-    """Return where delivery was taken to end, and how well that is known."""
-    units = {"end_of_delivery": (DEGREE, "deg of cam angle"), "spill_lift": (1e-3, "mm of lift")}
-    texts = []
-    for name, end in ends.items():
-        per, unit = units[name]
-        how = "a land" if source.structure == "land" else "spill"
-        texts.append(
-            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, by "
-            f"{how} as in {source.id}: where the line pressure looks as it does there."
-        )
-    return (*texts, SAME_ENDING) if texts else ()
-
-
 def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     """Return the chain of a pump at a speed and a line pressure; its torque is still zero."""
     theta: Array = np.arange(FIT_GRID) * np.float64(2.0 * np.pi / FIT_GRID)
@@ -323,42 +304,3 @@ def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
         offset=rig.pump.follower_offset * rig.rotation, roller_inertia=assumed_roller(rig.pump).inertia,
     )  # fmt: skip
-
-
-def _load_text(source: FittedAt, name: str, given: Curve | None, speed: float) -> str:
-    """Return what was taken as the load; ``name`` of the recording or file that was given."""
-    if given is None:
-        return (
-            f"at {speed / RPM:.0f} rpm the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle "
-            "as it was recorded"
-        )
-    if np.isfinite(given.speed):
-        return f"the line pressure of {name}"
-    text = f"the line pressure of {name}, at every speed, over the cam angle that the trigger's nominal angle counts"
-    at_speed = replace(given, speed=speed)
-    if at_speed.coarse:
-        text += (
-            f"; its points are {given.step / DEGREE:.2g} deg apart under load, which widens the band; "
-            f"{_rounded(at_speed.fine_step / DEGREE):g} deg would do at {speed / RPM:.0f} rpm"
-        )
-    return text
-
-
-def _rounded(step_deg: float) -> float:
-    """Return a step that one can type, not larger."""
-    return next((step for step in (1.0, 0.5, 0.25, 0.2) if step <= step_deg), 0.1)
-
-
-def _assumptions(source: FittedAt, load: str, clearance: str, other: Path | None) -> tuple[str, ...]:
-    laws = "as large as predictions of left-out recordings were off" if source.left_out else (
-        "what the fit left over on its own held-out cycles, and 2 % of the peak torque more for each factor of 2.7 in "
-        "speed away from it; a campaign over several speeds would tell it better"
-    )  # fmt: skip
-    texts = [f"Load: {load}.", "The zero error of a torque transducer is not added.",
-             f"Error of the model: {laws}. It follows the torque over the revolution."]  # fmt: skip
-    if clearance:
-        base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
-        texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
-    if other is not None:
-        texts.append(f"Pump or cam of {other.name}; losses and chamber are those of the fitted pump.")
-    return tuple(texts)

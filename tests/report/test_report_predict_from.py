@@ -12,8 +12,8 @@ import pytest
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, ends_for, matched_end
-from camtorque.fit.forecast import FittedAt, KnownFit, law_share, law_std
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, load_for, matched_end, width_of
+from camtorque.fit.forecast import FRACTION, FittedAt, KnownFit, Load, _draws, law_share, law_std, shape_of
 from camtorque.predict_from import file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
@@ -100,6 +100,45 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     assert taught([0.8, 0.8, 0.8], step=coarse) > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
 
 
+def test_how_sharply_another_delivery_ends_is_what_it_was_before_and_as_unsure_as_it_went() -> None:
+    speeds = {"a": 50.0, "b": 60.0, "c": 75.0}
+    recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
+    names = tuple(f"end_width__{name}" for name in speeds)
+    values = np.array([0.02, 0.03, 0.05])
+
+    def told(open_std: list[float]) -> tuple[Estimate, dict[int, float]]:
+        covariance = ArrowCovariance.whole(np.diag(np.square(open_std)))
+        return width_of(KnownFit(names, values, covariance, recordings), "end_width", recordings)  # type: ignore[return-value]
+
+    sure, weights = told([1e-6] * 3)
+    assert sure.value == pytest.approx(np.mean(values), rel=1e-3)
+    spread = np.std(values, ddof=1) * np.sqrt(4.0 / 3.0)
+    assert sure.stderr == pytest.approx(4.3027 / 1.95996 * spread, rel=1e-3), "two degrees of freedom"
+    assert weights == pytest.approx({0: 1 / 3, 1: 1 / 3, 2: 1 / 3}, rel=1e-3)
+    unsure, weights = told([0.05, 0.05, 0.1])
+    assert unsure.stderr == 0.0, "what the fit leaves open is in its covariance"
+    assert weights[0] == pytest.approx(4.0 * weights[2])
+    alone = KnownFit(names[:1], values[:1], ArrowCovariance.whole(np.eye(1)), recordings[:1])
+    assert width_of(alone, "end_width", recordings[:1]) is None
+
+
+def test_a_mean_of_fitted_values_is_drawn_with_what_the_fit_leaves_open_of_the_mean() -> None:
+    fit = KnownFit(("pressure_zero", "end_width__r0", "end_width__r1"), np.array([0.0, 0.02, 0.04]),
+                   ArrowCovariance.whole(np.diag([1e6, 1e-6, 1e-6])), ())  # fmt: skip
+    load = Load({"end_width": Estimate(0.03, 0.0)}, means={"end_width": {1: 0.5, 2: 0.5}})
+    mean = {"torque_zero": 0.0, "pressure_zero": 0.0, "end_width": 0.03}
+    drawn = [item["end_width"] for item in _draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load)]
+    assert np.std(drawn) / FRACTION == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
+
+
+def test_a_constant_of_the_band_is_no_part_of_its_shape() -> None:
+    rng = np.random.default_rng(3)
+    wave = np.sin(np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False))
+    steady, moving = rng.standard_normal((2, 400))
+    shape = shape_of(list(5.0 * steady[:, None] + moving[:, None] * wave), np.ones(200))
+    assert shape == pytest.approx(np.abs(wave), abs=0.12)
+
+
 def of_file(folder: Path, step_deg: float, curve: Curve | None = None) -> Curve:
     """Return a line pressure written with a point every so many degrees and read back."""
     angles = np.arange(0.0, 360.0, step_deg)
@@ -124,7 +163,7 @@ def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(
     chain = SimpleNamespace(theta=THETA, law=law)
 
     def end(curve: Curve) -> Estimate:
-        return ends_for(fit, source, {"a": falling(0.8, 50.0)}, chain, curve)["end_of_delivery"]  # type: ignore[arg-type]
+        return load_for(fit, source, {"a": falling(0.8, 50.0)}, chain, curve).ends["end_of_delivery"]  # type: ignore[arg-type]
 
     assert of_file(tmp_path, 3.0).step == pytest.approx(np.radians(3.0))
     fine, coarse = end(of_file(tmp_path, 0.25)), end(of_file(tmp_path, 2.8))
@@ -141,7 +180,7 @@ def test_points_too_far_apart_in_time_to_show_an_end_are_refused(tmp_path: Path)
     fit = KnownFit(("end_of_delivery__a",), np.array([0.8]), np.eye(1), (source,))
     coarse = replace(of_file(tmp_path, 4.0), speed=40.0)
     with pytest.raises(Refusal, match=r"points 4 deg apart under load, 1\.7 ms at 382 rpm, .* expected 1 ms"):
-        ends_for(fit, source, {"a": falling(0.8, 50.0)}, SimpleNamespace(), coarse)  # type: ignore[arg-type]
+        load_for(fit, source, {"a": falling(0.8, 50.0)}, SimpleNamespace(), coarse)  # type: ignore[arg-type]
 
 
 def ringing() -> Curve:

@@ -3,7 +3,9 @@
 Slope and level of the line pressure around the ends of delivery of fitted recordings are looked for in the other line
 pressure. The level tells the first fall from that of the wave which returns. A file with few points is compared at its
 points alone: between them it knows nothing. How far all that misses is learnt on the fitted recordings themselves, each
-looked for by the others, as coarse as the file is.
+looked for by the others, as coarse as the file is. How sharply delivery ends no line pressure shows: it is what it was
+in the fitted recordings, as uncertain as it went from one to another. Few recordings tell a spread poorly: what they
+tell is widened by Student's factor.
 """
 
 from __future__ import annotations
@@ -12,8 +14,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import stdtrit
 
-from camtorque.fit.forecast import FittedAt, KnownFit
+from camtorque.fit.forecast import FittedAt, KnownFit, Load
+from camtorque.fit.problem import END_NAMES, SPILL_NAMES
+from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws.chain import ChainInput
 from camtorque.records import Array, Estimate, Refusal, freeze_arrays
 from camtorque.units import DEGREE, RPM
@@ -34,6 +39,8 @@ MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
 END_OF = {"land": "end_of_delivery", "spill": "spill_lift"}
 """Structure -> parameter that says where delivery ends."""
+WIDTHS_OF = {"land": END_NAMES[1:], "spill": SPILL_NAMES[1:]}
+"""Structure -> parameters that say how sharply it ends."""
 PLACES = 2000
 """Angles among which an end is looked for."""
 
@@ -119,8 +126,13 @@ def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> float
     ----------
     rising : (m,) angles among which the end is [rad]
     """
-    near = sorted(known, key=lambda end: abs(np.log(end.curve.speed / curve.speed)))[:MOST_TEMPLATES]
-    return float(rising[int(np.argmin(np.sum([misfit(curve, end, rising) for end in near], axis=0)))])
+    misses = [misfit(curve, end, rising) for end in nearest_ends(known, curve.speed)]
+    return float(rising[int(np.argmin(np.sum(misses, axis=0)))])
+
+
+def nearest_ends(known: Sequence[KnownEnd], speed: float) -> list[KnownEnd]:
+    """Return the known ends whose shapes are looked for at a speed [rad/s]."""
+    return sorted(known, key=lambda end: abs(np.log(end.curve.speed / speed)))[:MOST_TEMPLATES]
 
 
 def rising_angles(chain: ChainInput) -> Array:
@@ -131,10 +143,10 @@ def rising_angles(chain: ChainInput) -> Array:
     return np.linspace(inside[0], inside[-1], PLACES)
 
 
-def ends_for(
+def load_for(
     known: KnownFit, source: FittedAt, templates: Mapping[str, Curve], chain: ChainInput, curve: Curve
-) -> dict[str, Estimate]:
-    """Return where delivery ends under another line pressure, with its standard error [SI].
+) -> Load:
+    """Return what is known of the load under another line pressure: where and how sharply delivery ends [SI].
 
     Parameters
     ----------
@@ -146,7 +158,7 @@ def ends_for(
     Refusal : the points of a file are too far apart in time to show an end
     """
     if source.structure not in END_OF:
-        return {}
+        return Load({}, curve.std)
     if curve.step > MATCH_WINDOW * curve.speed:
         raise Refusal(
             f"predict: found a pressure file with points {curve.step / DEGREE:.2g} deg apart under load, "
@@ -161,10 +173,41 @@ def ends_for(
     place = matched_end(ends, curve, rising)
     step = curve.step if curve.coarse else 0.0
     std = float(np.sqrt(end_variance(known, source.structure, ends, rising, lift, step)))
-    if source.structure == "land":
-        return {"end_of_delivery": Estimate(place, std)}
-    slope = float(np.interp(place, rising, np.gradient(lift, rising)))
-    return {"spill_lift": Estimate(float(np.interp(place, rising, lift)), std * slope)}
+    end = Estimate(place, std)
+    if source.structure == "spill":
+        slope = float(np.interp(place, rising, np.gradient(lift, rising)))
+        end = Estimate(float(np.interp(place, rising, lift)), std * slope)
+    templates_used = nearest_ends(ends, curve.speed)
+    weights = {known.own(item.id)[END_OF[source.structure]]: 1.0 / len(templates_used) for item in templates_used}
+    widths = {name: width for name in WIDTHS_OF[source.structure] if (width := width_of(known, name, alike))}
+    found = {END_OF[source.structure]: end, **{name: value for name, (value, _) in widths.items()}}
+    means = {END_OF[source.structure]: weights, **{name: weights for name, (_, weights) in widths.items()}}
+    return Load(found, curve.std, means)
+
+
+def student(freedom: int) -> float:
+    """Return the factor on a standard deviation told by few values, so that `COVERAGE` of it still holds 95 %."""
+    return float(stdtrit(freedom, 0.975)) / COVERAGE
+
+
+def width_of(known: KnownFit, name: str, recordings: Sequence[FittedAt]) -> tuple[Estimate, Mapping[int, float]] | None:
+    """Return an own parameter of some recordings as another may have it [SI], and the weights of their places.
+
+    The standard error is their spread less what the fit leaves open of each, which is in the covariance. None where
+    fewer than two recordings have the parameter of their own.
+    """
+    places = [own[name] for item in recordings if name in (own := known.own(item.id))]
+    n = len(set(places))
+    if n < 2:
+        return None
+    values, left_open = known.values[places], known.covariance.among(places)
+    apart = np.eye(n) - 1.0 / n
+    spread = (np.var(values, ddof=1) - np.trace(apart @ left_open) / (n - 1)) * (1.0 + 1.0 / n)
+    between = max(float(spread), 0.0)
+    weights = 1.0 / (between + np.diag(left_open) + 1e-300)
+    weights /= np.sum(weights)
+    error = student(n - 1) * float(np.sqrt(between))
+    return Estimate(float(weights @ values), error), dict(zip(places, weights.tolist(), strict=True))
 
 
 def _seen(curve: Curve, step: float) -> list[Curve]:
@@ -189,18 +232,19 @@ def end_variance(
     beyond = []
     for end in ends:
         others = [other for other in ends if other is not end]
-        near = min(others, key=lambda other: abs(np.log(other.curve.speed / end.curve.speed)))
+        near = nearest_ends(others, end.curve.speed)
         misses = [matched_end(others, seen, rising) - end.angle for seen in _seen(end.curve, step)]
         per = 1.0 if structure == "land" else float(np.interp(end.angle, rising, np.gradient(lift, rising)))
-        own = _difference_variance(known, END_OF[structure], (end.id, near.id)) / per**2
+        own = _difference_variance(known, END_OF[structure], end.id, [other.id for other in near]) / per**2
         beyond.append(float(np.mean(np.square(misses))) - own)
-    return max(float(np.mean(beyond)), float(LEAST_STD) ** 2)
+    return max(student(len(ends)) ** 2 * float(np.mean(beyond)), float(LEAST_STD) ** 2)
 
 
-def _difference_variance(known: KnownFit, name: str, recordings: tuple[str, str]) -> float:
-    """Return the variance of the difference of two fitted ends [SI^2]."""
-    cov = known.covariance.among([known.own(recording)[name] for recording in recordings])
-    return float(cov[0, 0] + cov[1, 1] - 2.0 * cov[0, 1])
+def _difference_variance(known: KnownFit, name: str, recording: str, others: Sequence[str]) -> float:
+    """Return the variance of a fitted end less the mean of some others [SI^2]."""
+    cov = known.covariance.among([known.own(item)[name] for item in (recording, *others)])
+    away = np.r_[1.0, np.full(len(others), -1.0 / len(others))]
+    return float(away @ cov @ away)
 
 
 def _end_angle(known: KnownFit, item: FittedAt, rising: Array, lift: Array) -> float:

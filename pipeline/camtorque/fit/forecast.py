@@ -93,10 +93,13 @@ class Load:
     ----------
     ends : own parameters that are known otherwise, such as the end of delivery, with how well [SI]
     pressure_std : (n,) standard uncertainty of the line pressure on the chain's grid [Pa], empty for none
+    means : such parameters that are weighted means of fitted ones -> place of each in the fit -> weight; what the fit
+        leaves open of the mean is in its covariance, the standard error of ``ends`` is what comes on top
     """
 
     ends: Mapping[str, Estimate]
     pressure_std: Array = field(default_factory=lambda: np.zeros(0))
+    means: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -111,6 +114,9 @@ class Forecast:
     speed : [rad/s]
     theta : (n,) [rad]
     torque, torque_std : (n,) shaft torque [N m], total standard uncertainty
+    shape_std : (n,) the same less what is one constant over the revolution, such as drag that no fitted recording tells
+        from its zero [N m]: a measured torque whose zero is set to the prediction's lies within it
+    mean_std : of the mean torque [N m]
     by_cause, by_cause_std : cause -> (n,) [N m]; the law's error is not split over causes
     pressure, pressure_std : (n,) on the plunger [Pa]
     contact, contact_std : (n,) contact force along the follower [N]
@@ -126,6 +132,8 @@ class Forecast:
     theta: Array
     torque: Array
     torque_std: Array
+    shape_std: Array
+    mean_std: float
     by_cause: Mapping[str, Array]
     by_cause_std: Mapping[str, Array]
     pressure: Array
@@ -188,7 +196,7 @@ def forecast(
     best = values_of(mean, source, changes)
     chain = settled(chain, best)
     center = _parts(chain, best)
-    drawn = [_parts(chain, values_of(item, source, changes)) for item in _draws(known, places, mean, load.ends)]
+    drawn = [_parts(chain, values_of(item, source, changes)) for item in _draws(known, places, mean, load)]
     std = {
         name: np.sqrt(np.mean([(item[name] - center[name]) ** 2 for item in drawn], axis=0)) / FRACTION
         for name in center
@@ -198,16 +206,25 @@ def forecast(
         std = {name: np.hypot(std[name], (moved[name] - center[name]) / FRACTION) for name in center}
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
-    total = np.hypot(std["torque"], law_std(torque, share))
+    law = law_std(torque, share)
+    total = np.hypot(std["torque"], law)
+    shape = shape_of([(item["torque"] - center["torque"]) / FRACTION for item in drawn], total)
     causes = [name for name in center if name.startswith("cause ")]
     return Forecast(
         speed=chain.speed, theta=chain.theta, torque=torque, torque_std=total,
+        shape_std=np.hypot(shape, law), mean_std=float(std["mean"]),
         by_cause={name[6:]: center[name] for name in causes}, by_cause_std={name[6:]: std[name] for name in causes},
         pressure=center["pressure"], pressure_std=std["pressure"], contact=center["contact"],
         contact_std=std["contact"], true_angle=center["angle"],
         flow=center["flow"], delivered=float(center["delivered"]),
         delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
     )  # fmt: skip
+
+
+def shape_of(moved: Sequence[Array], std: Array) -> Array:
+    """Return the scatter of drawn torques, (n,) each, less the constant of each where the torque is sure."""
+    drawn = np.array(moved)
+    return np.asarray(np.sqrt(np.mean((drawn - (drawn @ std**-2.0 / np.sum(std**-2.0))[:, None]) ** 2, axis=0)))
 
 
 def values_of(
@@ -221,22 +238,23 @@ def values_of(
     return {name: value * changes.get(name, 1.0) for name, value in full.items()}
 
 
-def _draws(
-    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], ends: Mapping[str, Estimate]
-) -> list[dict[str, float]]:
+def _draws(known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], load: Load) -> list[dict[str, float]]:
     """Return drawn values within the bounds of the rows."""
-    index = list(places.values())
-    block = known.covariance.among(index)
+    parts = [load.means.get(name, {place: 1.0}) for name, place in places.items()]
+    index = sorted({place for part in parts for place in part})
+    mixing = np.array([[part.get(place, 0.0) for place in index] for part in parts])
+    block = mixing @ known.covariance.among(index) @ mixing.T
     scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
     values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]
-    normal, found = np.split(np.random.default_rng(0).standard_normal((DRAWS, len(index) + 1)), [len(index)], axis=1)
+    every = np.random.default_rng(0).standard_normal((DRAWS, len(parts) + len(load.ends)))
+    normal, found = np.split(every, [len(parts)], axis=1)
     result = []
     for k, step in enumerate(FRACTION * normal @ root.T):
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
         item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
-        for name, end in ends.items():
-            item[name] += FRACTION * end.stderr * float(found[k, 0])
+        for (name, end), away in zip(load.ends.items(), found[k].tolist(), strict=True):
+            item[name] += FRACTION * end.stderr * away
         result.append(
             {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
         )
@@ -274,7 +292,8 @@ def _parts(chain: ChainInput, values: Mapping[str, float]) -> dict[str, Array]:
     named = {f"cause {name}": part for name, part in causes.items() if name not in ("torque_zero", "lift_table")}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
     return {
-        **named, "torque": torque, "pressure": output.pressure, "contact": output.load, "angle": output.motion.theta,
+        **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,
+        "contact": output.load, "angle": output.motion.theta,
         "flow": output.flows[:, SEAT], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
 

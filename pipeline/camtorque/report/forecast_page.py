@@ -49,7 +49,7 @@ def sweep_row(item: Forecast, forces: Forces) -> dict[str, Any]:
         "speed_rpm": item.speed / RPM,
         "torque_max_nm": _value(item.torque[top], item.torque_std[top]),
         "torque_min_nm": _value(item.torque[low], item.torque_std[low]),
-        "torque_mean_nm": _value(float(np.mean(item.torque)), float(np.mean(item.torque_std)) / 2.0),
+        "torque_mean_nm": _value(float(np.mean(item.torque)), item.mean_std),
         "chamber_peak_bar": _value(item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
         "delivered_mm3": _value(1e9 * item.delivered, 1e9 * item.delivered_std),
         "contact_max_n": _value(item.contact[load], item.contact_std[load]),
@@ -81,7 +81,8 @@ def forecast_document(items: Sequence[Forecast], forces: Sequence[Forces], sourc
         "curves": [
             {
                 "theta_deg": _thin(item.theta / DEGREE), "torque_nm": _thin(item.torque),
-                "torque_stderr_nm": _thin(item.torque_std), "pressure_bar": _thin(item.pressure / BAR),
+                "torque_stderr_nm": _thin(item.torque_std), "shape_stderr_nm": _thin(item.shape_std),
+                "pressure_bar": _thin(item.pressure / BAR),
                 "pressure_stderr_bar": _thin(item.pressure_std / BAR), "contact_n": _thin(item.contact),
                 "contact_stderr_n": _thin(item.contact_std),
                 "by_cause_nm": {name: _thin(values) for name, values in item.by_cause.items()},

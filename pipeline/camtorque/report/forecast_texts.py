@@ -1,0 +1,87 @@
+"""What a prediction from a fit took for granted, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.fit.ends import Curve
+from camtorque.fit.forecast import FittedAt, Forecast
+from camtorque.fit.uncertainty import COVERAGE
+from camtorque.records import Estimate
+from camtorque.units import DEGREE, RPM
+
+CLEARANCE = 4.0e-6
+"""Clearance that a change is counted from where none is given [m]."""
+SAME_ENDING = (
+    "A line pressure does not tell whether a land or a spill ended delivery: if this load ends the other way, the "
+    "return stroke is wrong."
+)
+
+
+def load_text(source: FittedAt, name: str, given: Curve | None, speed: float) -> str:
+    """Return what was taken as the load; ``name`` of the recording or file that was given."""
+    if given is None:
+        return (
+            f"at {speed / RPM:.0f} rpm the line pressure of {source.id} ({source.speed / RPM:.0f} rpm), over cam angle "
+            "as it was recorded"
+        )
+    if np.isfinite(given.speed):
+        return f"the line pressure of {name}"
+    text = f"the line pressure of {name}, at every speed, over the cam angle that the trigger's nominal angle counts"
+    at_speed = replace(given, speed=speed)
+    if at_speed.coarse:
+        text += (
+            f"; its points are {given.step / DEGREE:.2g} deg apart under load, which widens the band; "
+            f"{_rounded(at_speed.fine_step / DEGREE):g} deg would do at {speed / RPM:.0f} rpm"
+        )
+    return text
+
+
+def _rounded(step_deg: float) -> float:
+    """Return a step that one can type, not larger."""
+    return next((step for step in (1.0, 0.5, 0.25, 0.2) if step <= step_deg), 0.1)
+
+
+def assumptions(source: FittedAt, load: str, clearance: str, other: Path | None) -> tuple[str, ...]:
+    """Return what load, error of the model, clearance and pump were taken to be; ``other`` pump file or lift table."""
+    laws = "as large as predictions of left-out recordings were off" if source.left_out else (
+        "what the fit left over on its own held-out cycles, and 2 % of the peak torque more for each factor of 2.7 in "
+        "speed away from it; a campaign over several speeds would tell it better"
+    )  # fmt: skip
+    texts = [f"Load: {load}.", "The zero error of a torque transducer is not added.",
+             f"Error of the model: {laws}. It follows the torque over the revolution."]  # fmt: skip
+    if clearance:
+        base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
+        texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
+    if other is not None:
+        texts.append(f"Pump or cam of {other.name}; losses and chamber are those of the fitted pump.")
+    return tuple(texts)
+
+
+def end_text(ends: Mapping[str, Estimate], source: FittedAt, speed_rpm: float) -> tuple[str, ...]:
+    """Return where delivery was taken to end, and how well that is known."""
+    units = {"end_of_delivery": (DEGREE, "deg of cam angle"), "spill_lift": (1e-3, "mm of lift")}
+    texts = []
+    for name in (name for name in units if name in ends):
+        end, (per, unit) = ends[name], units[name]
+        how = "a land" if source.structure == "land" else "spill"
+        texts.append(
+            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, by "
+            f"{how} as in {source.id}: where the line pressure looks as it does there."
+        )
+    return (*texts, SAME_ENDING) if texts else ()
+
+
+def constant_text(item: Forecast) -> tuple[str, ...]:
+    """Return how much of the band is one constant, where that is most of it."""
+    constant = COVERAGE * float(np.sqrt(np.median(item.torque_std**2 - item.shape_std**2).clip(0.0)))
+    if constant < COVERAGE * float(np.median(item.shape_std)):
+        return ()
+    return (
+        f"At {item.speed / RPM:.0f} rpm ± {constant:.2g} N m of the band is one constant over the revolution: steady "
+        "drag that the fitted recordings do not tell from their zeros.",
+    )
