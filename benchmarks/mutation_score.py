@@ -1,4 +1,4 @@
-"""Do the tests notice a wrong sign? Mutation score of laws, mechanism, align and fit on a random sample.
+"""Do the tests notice a wrong sign? Mutation score of the rooms on a random sample.
 
 cosmic-ray makes the mutants (arithmetic, comparisons, numbers, conditions, loops); each is put into a copy of the
 repository and the tests of its room are run until one fails. Left out are data (parameter rows), annotations,
@@ -43,6 +43,9 @@ TESTS = {
     "mechanism": ("mechanism", "laws/test_laws_registry.py"),
     "align": ("align",),
     "fit": ("fit", "compare"),
+    "design": ("design",),
+    "report": ("report",),
+    "campaign": ("campaign",),
 }
 """Room -> tests that have to notice, below `tests`."""
 SLOW = ("test_laws_walkthrough.py", "test_mechanism_engines.py", "test_align_any_input.py")
