@@ -55,53 +55,63 @@ def gauss(stages: int) -> tuple[Array, Array, Array]:
 
 
 @njit(cache=True)
+def _rates(rows, first, shaft, z, f, jac):  # type: ignore[no-untyped-def]
+    """Fill the slope f (s, 2) of the state z at the stages of an element and its derivative; tell whether it turns."""
+    stiffness, damping, speed = shaft
+    for j in range(len(z)):
+        omega = speed + z[j, 1]
+        if omega < 1e-3 * speed:
+            return False
+        rest, square, inertia = rows[0, first + j], rows[1, first + j], rows[2, first + j]
+        push = -stiffness * z[j, 0] - damping * z[j, 1] - rest
+        f[j, 0] = 1.0 - speed / omega
+        f[j, 1] = (push / omega - square * omega) / inertia
+        jac[j, 0, 0], jac[j, 0, 1] = 0.0, speed / (omega * omega)
+        jac[j, 1, 0] = -stiffness / omega / inertia
+        jac[j, 1, 1] = (-damping / omega - push / (omega * omega) - square) / inertia
+    return True
+
+
+@njit(cache=True)
+def _equations(u, z, f, jac, steps, shaft, big, right):  # type: ignore[no-untyped-def]
+    """Fill the equations of a Newton step of an element from u, ``steps`` (s, s) [rad]; return what is left [N m]."""
+    left, s = 0.0, len(z)
+    for i in range(s):
+        for a in range(2):
+            value = z[i, a] - u[a]
+            for j in range(s):
+                value -= steps[i, j] * f[j, a]
+                for b in range(2):
+                    big[2 * i + a, 2 * j + b] = -steps[i, j] * jac[j, a, b]
+            big[2 * i + a, 2 * i + a] += 1.0
+            right[2 * i + a, 0] = value
+            left = max(left, abs(value) * (shaft[0] if a == 0 else shaft[1] + 1e-3))
+    return left
+
+
+@njit(cache=True)
 def _sweep(rows, widths, weights, matrix, shaft, lead, rate, stage_state, transition, transition_end):  # type: ignore[no-untyped-def]
     """Solve the elements one after the other from (lead, rate); fills the state at the stages and d(end)/d(start)."""
-    stiffness, damping, speed = shaft
-    n_elements, s = widths.size, weights.size
+    s = weights.size
     u = np.array([lead, rate])
     transition[:] = np.eye(2)
-    z = np.zeros((s, 2))
-    f = np.zeros((s, 2))
-    jac = np.zeros((s, 2, 2))
-    big = np.zeros((2 * s, 2 * s))
-    right = np.zeros((2 * s, 1))
-    for e in range(n_elements):
+    z, f, jac = np.zeros((s, 2)), np.zeros((s, 2)), np.zeros((s, 2, 2))
+    big, right, both = np.zeros((2 * s, 2 * s)), np.zeros((2 * s, 1)), np.zeros((2 * s, 2))
+    both[0::2, 0] = 1.0
+    both[1::2, 1] = 1.0
+    for e in range(widths.size):
         h = widths[e]
-        for j in range(s):
-            z[j, 0], z[j, 1] = u[0], u[1]
+        steps = h * matrix
+        z[:] = u
         for _ in range(30):
-            for j in range(s):
-                omega = speed + z[j, 1]
-                if omega < 1e-3 * speed:
-                    return False
-                rest, square, inertia = rows[0, e * s + j], rows[1, e * s + j], rows[2, e * s + j]
-                push = -stiffness * z[j, 0] - damping * z[j, 1] - rest
-                f[j, 0] = 1.0 - speed / omega
-                f[j, 1] = (push / omega - square * omega) / inertia
-                jac[j, 0, 0], jac[j, 0, 1] = 0.0, speed / (omega * omega)
-                jac[j, 1, 0] = -stiffness / omega / inertia
-                jac[j, 1, 1] = (-damping / omega - push / (omega * omega) - square) / inertia
-            size = 0.0
-            for i in range(s):
-                for a in range(2):
-                    value = z[i, a] - u[a]
-                    for j in range(s):
-                        value -= h * matrix[i, j] * f[j, a]
-                        for b in range(2):
-                            big[2 * i + a, 2 * j + b] = -h * matrix[i, j] * jac[j, a, b]
-                    big[2 * i + a, 2 * i + a] += 1.0
-                    right[2 * i + a, 0] = value
-                    size = max(size, abs(value) * (stiffness if a == 0 else damping + 1e-3))
+            if not _rates(rows, e * s, shaft, z, f, jac):
+                return False
+            left = _equations(u, z, f, jac, steps, shaft, big, right)
             step = np.linalg.solve(big, right)
-            for i in range(s):
-                for a in range(2):
-                    z[i, a] -= step[2 * i + a, 0]
-            if size < 1e-11:
+            for j in range(s):
+                z[j] -= step[2 * j : 2 * j + 2, 0]
+            if left < 1e-11:
                 break
-        both = np.zeros((2 * s, 2))
-        for i in range(s):
-            both[2 * i, 0], both[2 * i + 1, 1] = 1.0, 1.0
         tangent = np.linalg.solve(big, both)
         local = np.eye(2)
         for j in range(s):

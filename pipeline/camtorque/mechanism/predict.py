@@ -143,25 +143,16 @@ def predict(
         for pump, value in zip(pumps, speed, strict=True)
     )
     roller = assumed_roller(config.pump)
+    findings = (
+        *table_findings(config), *curve_findings(pressure),
+        *cam_findings(tables.kinematics, law, roller, pressure is None), *flight_findings(flights, speed),
+    )  # fmt: skip
     return Prediction(
-        theta=theta,
-        pressure=own,
-        speeds=speed,
-        pumps=pumps,
-        shaft_torque=torque,
-        kinematics=tables.kinematics,
-        jump=tables.jump(own),
-        jump_without_pressure=tables.jump(),
-        flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation),
-        roller=roller,
-        findings=(
-            *table_findings(config),
-            *curve_findings(pressure),
-            *cam_findings(tables.kinematics, law, roller, pressure is None),
-            *flight_findings(flights, speed),
-        ),
+        theta=theta, pressure=own, speeds=speed, pumps=pumps, shaft_torque=torque, kinematics=tables.kinematics,
+        jump=tables.jump(own), jump_without_pressure=tables.jump(),
+        flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation), roller=roller, findings=findings,
         friction=friction,
-    )
+    )  # fmt: skip
 
 
 def _positive(speeds: Sequence[float] | Array) -> Array:

@@ -69,6 +69,19 @@ def _config(loggers: tuple[LoggerSpec, ...]) -> RecordingConfig:
     )  # fmt: skip
 
 
+def _running(damage: Damage, random: np.random.Generator) -> Callable[[Array], Array]:
+    """Return the shaft's angle over time: it wanders from one revolution to the next and swings within each."""
+    wander = 3.0e-3 * np.cumsum(random.standard_normal(damage.cycles + 12))
+
+    def angle(t: Array) -> Array:
+        phase = 0.4 + SPEED * t
+        phase = phase + np.interp(phase / TURN, np.arange(wander.size), wander)
+        at = 2.0 * phase + damage.ripple_phase
+        return phase + 0.5 * damage.ripple * (np.sin(at) - np.sin(damage.ripple_phase))
+
+    return angle
+
+
 def damaged_recording(damage: Damage) -> Recording:
     """Return a record of the study pump with the damage applied; the true pulse stands at angle zero."""
     random = np.random.default_rng(11)
@@ -76,14 +89,8 @@ def damaged_recording(damage: Damage) -> Recording:
     # The second logger counts its samples by a clock that runs fast: sample i lies earlier in true time.
     rates = {"A": RATE, "B": RATE * (1.0 + 1e-6 * damage.drift_ppm)} if damage.own_clock else {"A": RATE}
     true = {logger: np.arange(count) / rate for logger, rate in rates.items()}
-    wander = 3.0e-3 * np.cumsum(random.standard_normal(damage.cycles + 12))
+    angle = _running(damage, random)
     heights = 1.0 + damage.scatter * random.standard_normal(damage.cycles + 12)
-
-    def angle(t: Array) -> Array:
-        phase = 0.4 + SPEED * t
-        phase = phase + np.interp(phase / TURN, np.arange(wander.size), wander)
-        at = 2.0 * phase + damage.ripple_phase
-        return phase + 0.5 * damage.ripple * (np.sin(at) - np.sin(damage.ripple_phase))
 
     late = damage.jitter * random.standard_normal(damage.cycles + 12)
     lost = random.random(damage.cycles + 12) < damage.loss
