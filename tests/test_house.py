@@ -60,7 +60,6 @@ LONG = {
     "align.budget.angle_error_budget": "the budget is a table: a row each",
     "align.cycles._cam_cycles": "fills one record: a line a field",
     "laws.chamber": "rows, balance and derivative of one law, which are one file by intention",
-    "predict_from": "one command's flow from the file to the page, in small functions",
 }
 """Functions and files beyond these lines, without their docstrings, and why they are not parted."""
 ONLY_WRITTEN = {
@@ -184,7 +183,7 @@ def test_long_functions_and_files_say_why() -> None:
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.FunctionDef) and length(node) > LONGEST_FUNCTION:
                 long.add(f"{name}.{node.name}")
-    assert long == set(LONG)
+    assert not long - set(LONG), "part it, or say why not in LONG"
 
 
 def length(node: ast.FunctionDef) -> int:
