@@ -70,6 +70,7 @@ TARGETS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "MAT v5 compressed": (_single(MAT), ""),
     "MAT v5 plain": (_single(UNCOMPRESSED["mat"]), "loadmat v5: 0 / 298"),
     "MAT v7.3": (mat73(), ""),
+    "NumPy archive": (_single(PLANS["numpy"]), ""),
     "catman": (_single(PLANS["catman"]), "apread: 59 / 57"),
     "Excel": (_single(PLANS["xlsx"]), ""),
     "Parquet with page checksums": (_single(PLANS["parquet"]), ""),

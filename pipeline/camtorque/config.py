@@ -153,8 +153,9 @@ class LoggerSpec:
 class ChannelSpec:
     """One channel by name; ``sample_rate`` [Hz] as the bench file declares it.
 
-    ``time_channel`` names the column or variable that holds its times ("" where the format or its name tells);
-    ``start_time`` [s] is that of sample 0 where the file has no times; ``duration`` [s] is what the bench ordered.
+    ``time_channel`` names the column or variable that holds its times ("" where the format or its name tells),
+    ``supply_channel`` the one with the supply of a bridge [V]; ``start_time`` [s] is that of sample 0 where the file
+    has no times; ``duration`` [s] is what the bench ordered.
     """
 
     quantity: str
@@ -166,8 +167,14 @@ class ChannelSpec:
     sample_rate: float
     sensor: str
     time_channel: str = ""
+    supply_channel: str = ""
     start_time: float | None = None
     duration: float | None = None
+
+    @property
+    def output_unit(self) -> str:
+        """Unit of what the sensor gives: that of the channel, but mV/V where its supply is recorded beside it."""
+        return "mV/V" if self.supply_channel else self.unit
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from camtorque.records import Finding, Refusal
 from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
 from camtorque.toml_schema import TableSchema
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
-from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit
+from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
 FILE_NAME = "recording.toml"
 ONLY_LOGGER = LoggerSpec("logger", "single")
@@ -215,12 +215,15 @@ def _trigger_problems(trigger: TriggerSpec, quantities: set[str], file: Path) ->
 
 def _check_channel(channel: ChannelSpec, config: RecordingConfig) -> None:
     where = f"{config.path} [[channels]] {channel.channel!r}"
-    _, is_sensed = channel_factor(channel.quantity, channel.unit, f"{where} unit")
+    unit = channel.output_unit
+    _, is_sensed = channel_factor(channel.quantity, unit, f"{where} unit")
+    if channel.supply_channel:
+        unit_factor(channel.unit, "voltage", f"{where} supply_channel: unit of the bridge")
     if CHANNEL_QUANTITIES[channel.quantity].is_pulse:
         return
     if channel.quantity not in config.sensors:
         if is_sensed:
-            raise Refusal(f"{where}: measures {channel.quantity} in {channel.unit} but there is no table "
+            raise Refusal(f"{where}: measures {channel.quantity} in {unit} but there is no table "
                           f"[sensors.{channel.quantity}] that says what a volt means")  # fmt: skip
         return
     sensor = config.sensors[channel.quantity]
@@ -229,16 +232,16 @@ def _check_channel(channel: ChannelSpec, config: RecordingConfig) -> None:
             f"{where}: sensor is {channel.sensor!r}, but [sensors.{channel.quantity}] has serial {sensor.serial!r}"
         )
     volts = sensor.zero_before_volts is not None or sensor.zero_after_volts is not None
-    in_volts = BORDER_UNITS[tidy_unit(channel.unit)][0] == "voltage"
+    in_volts = BORDER_UNITS[tidy_unit(unit)][0] == "voltage"
     scaled = sensor.zero_before is not None or sensor.zero_after is not None
     if volts and not in_volts:
         raise Refusal(
-            f"{where}: the channel is in {channel.unit}, the zero of [sensors.{channel.quantity}] in V; give it as "
-            f"zero_before, zero_after in {channel.unit}"
+            f"{where}: the channel is in {unit}, the zero of [sensors.{channel.quantity}] in V; give it as "
+            f"zero_before, zero_after in {unit}"
         )
     if scaled and in_volts:
         raise Refusal(
-            f"{where}: the channel is in {channel.unit}, give the zero of [sensors.{channel.quantity}] as "
+            f"{where}: the channel is in {unit}, give the zero of [sensors.{channel.quantity}] as "
             "zero_before_V, zero_after_V"
         )
 

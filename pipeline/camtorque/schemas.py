@@ -195,6 +195,8 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
     Key("used", "flag", "`false`: described, but left out; of two channels of one quantity one is used", default=True,
         own=True),
     Key("time_channel", "text", "column, variable or channel that holds its times", default="", own=True),
+    Key("supply_channel", "text", "of a bridge in mV: channel in its group with its supply in V, mV/V sample by sample",
+        default="", own=True),
     Key("start_time_s", "number", "time of its first sample where the file has none", "s", None,
         Band(-1e10, 1e10, "of any clock"), own=True),
     DURATION,

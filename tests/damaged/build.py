@@ -19,7 +19,7 @@ from damaged.logs import SUFFIXES, Dialect, Log, Plan, clean_log, csv_text, writ
 
 Builder = Callable[[Path], Path]
 MAT = Plan("mat", channel_lines='time_channel = "t"\n')
-PLANS = {name: Plan(name) for name in SUFFIXES if name != "mat"} | {"mat": MAT}
+PLANS = {name: Plan(name) for name in SUFFIXES} | {"mat": MAT, "numpy": replace(MAT, file_format="numpy")}
 UNCOMPRESSED = {
     "mf4": replace(PLANS["mf4"], writer_options={"compression": 0}),
     "hdf5": replace(PLANS["hdf5"], writer_options={"checksum": False}),
@@ -299,6 +299,7 @@ BUILDERS: dict[str, Builder] = {
     "flipped_hdf5_checksum": flipped("hdf5", 0.6),
     "flipped_mf4_deflate": flipped("mf4", 0.5),
     "flipped_mat_deflate": flipped("mat", 0.6),
+    "flipped_numpy_deflate": flipped("numpy", 0.6),
     "flipped_tdms_lead_in": flipped("tdms", 0.0),
     "flipped_csv_digit": text_edit(lambda lines: [*lines[:9000], lines[9000].replace(",0.", ",7.", 1), *lines[9001:]]),
     "flipped_csv_separator": text_edit(lambda lines: [*lines[:9000], lines[9000].replace(",", "l", 1), *lines[9001:]]),

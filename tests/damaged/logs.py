@@ -208,6 +208,10 @@ def write_mat5(path: Path, log: Log, *, compress: bool = True, struct_name: str 
     savemat(path, {struct_name: values} if struct_name else values, do_compression=compress)
 
 
+def write_numpy(path: Path, log: Log) -> None:
+    np.savez_compressed(path, t=log.times, **{NAMES[quantity]: volts for quantity, volts in log.volts.items()})
+
+
 def write_mat73(path: Path, log: Log) -> None:
     with h5py.File(path, "w", userblock_size=512) as file:
         file.create_dataset("t", data=log.times[np.newaxis, :])
@@ -296,6 +300,7 @@ SUFFIXES = {
     "mf4": "mf4",
     "hdf5": "h5",
     "mat": "mat",
+    "numpy": "npz",
     "catman": "bin",
     "xlsx": "xlsx",
     "parquet": "parquet",
@@ -307,6 +312,7 @@ WRITERS: dict[str, Callable[..., None]] = {
     "mf4": write_mf4,
     "hdf5": write_hdf5,
     "mat": write_mat5,
+    "numpy": write_numpy,
     "catman": write_catman,
     "xlsx": write_xlsx,
     "parquet": write_parquet,

@@ -29,7 +29,9 @@ def test_change_is_relative_to_the_range_of_the_channel():
     assert campaign.change_of((head, values), (head, values[:2])) == np.inf
 
 
-@pytest.mark.parametrize("name", ["TDMS", "MF4 deflate", "HDF5 fletcher32 + gzip", "MAT v5 compressed", "catman"])
+@pytest.mark.parametrize(
+    "name", ["TDMS", "MF4 deflate", "HDF5 fletcher32 + gzip", "MAT v5 compressed", "NumPy archive", "catman"]
+)
 def test_declared_lengths_catch_every_cut_and_checksums_every_flip(name: str, tmp_path: Path):
     counts, _ = campaign.run_target(name, 6, 7, tmp_path)
     assert counts["truncation"]["flagged"] == 6

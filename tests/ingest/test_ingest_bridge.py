@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from camtorque import cli
-from camtorque.config import SensorRef
+from camtorque.config import ChannelSpec, SensorRef
 from camtorque.ingest import read_recording
+from camtorque.ingest.bridge import over_supplies
+from camtorque.ingest.raw import ArraySource, RawChannel
 from camtorque.ingest.sensors import read_sensor
 from camtorque.records import Refusal
 
@@ -100,3 +102,43 @@ def test_from_a_log_in_millivolts_per_volt_to_newton_metres(tmp_path: Path, caps
     toml.write_text(toml.read_text().replace("zero_before = 0.03", "zero_before_V = 0.03"))
     with pytest.raises(Refusal, match=r"the channel is in mV/V, the zero of \[sensors.torque\] in V; give it as"):
         read_recording(tmp_path)
+
+
+def bench(folder: Path, supply: np.ndarray, lines: str = "") -> np.ndarray:
+    """Write a bridge in mV with its supply, which sags; return the torque [N m]."""
+    rate, turn = 10e3, 2.0 * np.pi * 10.0 * np.arange(6000) / 10e3
+    torque, pulses = 60.0 * np.maximum(np.sin(turn), 0.0) ** 2, turn % (2.0 * np.pi) < 0.3
+    columns = zip(torque / 200.0 * 2.0 * supply, supply, pulses, strict=True)
+    rows = [f"{n / rate:.4f},{t:.9f},{u:.6f},{v:d}" for n, (t, u, v) in enumerate(columns)]
+    (folder / "log.csv").write_text("\n".join(["time [s],Md [mV],U_exc [V],trigger", *rows]) + "\n")
+    return torque
+
+
+def test_millivolts_over_a_recorded_supply_are_taken_sample_by_sample(tmp_path: Path, capsys):
+    torque = bench(tmp_path, 5.0 - 0.5 * np.arange(6000) / 6000)
+    assert cli.main(["new", str(tmp_path / "log.csv")]) == 0
+    toml = tmp_path / "recording.toml"
+    text = toml.read_text()
+    assert re.search(r'unit = "mV".*\n.*\n.*\nsupply_channel = "U_exc"', text)
+    text = re.sub(r"\[pump\].*?(?=\n\[)", "", text, count=1, flags=re.DOTALL).replace('_deg = "?"', "_deg = 1.0")
+    text = text.replace('pump_id = "?"', "").replace('nominal_range = "?"', "nominal_range = [-200, 200]")
+    toml.write_text(text.replace('sensitivity_mV_per_V = "?"', "sensitivity_mV_per_V = 2.0\nzero_before = 0.0"))
+    np.testing.assert_allclose(read_recording(tmp_path).of("torque")[0].read(), torque, atol=1e-3)
+    edited = toml.read_text()
+    toml.write_text(edited.replace("zero_before = ", "zero_before_V = "))
+    with pytest.raises(Refusal, match=r"the channel is in mV/V, the zero of \[sensors.torque\] in V"):
+        read_recording(tmp_path)
+    toml.write_text(edited.replace('supply_channel = "U_exc"', 'supply_channel = "trigger"'))
+    with pytest.raises(Refusal, match=r"supply_channel 'trigger': is 0 V in the median, expected the supply of a bri"):
+        read_recording(tmp_path)
+    toml.write_text(edited.replace('unit = "mV"', 'unit = "N m"'))
+    with pytest.raises(Refusal, match=r"supply_channel: unit of the bridge: unit 'N m' is a torque, expected a volt"):
+        read_recording(tmp_path)
+
+
+def test_a_supply_of_other_samples_is_refused():
+    spec = ChannelSpec("torque", Path("log.tdms"), "", "Md", "mV", "L", 1e4, "", supply_channel="U")
+    bridge, supply = (RawChannel(n, "", ArraySource(np.ones(size)), 0.0, rate) for n, size, rate in
+                      (("Md", 1000, 1e4), ("U", 10, 100.0)))  # fmt: skip
+    with pytest.raises(Refusal, match=r"10 samples at 100 Hz from 0 s on, the bridge has 1000 at 10000 Hz .* export"):
+        over_supplies((spec,), (bridge, supply))

@@ -2,12 +2,13 @@
 
 import builtins
 import sys
+from datetime import timedelta
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from camtorque.ingest import csv_log, mf4, read_recording, tdms
+from camtorque.ingest import csv_log, mf4, read_recording, tdms, xlsx
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.csv_log import Damage, parse_block
 from camtorque.ingest.formats import FORMATS
@@ -31,7 +32,7 @@ from nptdms import TdmsFile
 
 LOG = clean_log(revolutions=6.0, start=0.0321)
 TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0, "xlsx": 1e-15}
-TOLERANCE |= {"parquet": 0.0, "lvm": 5.1e-7}
+TOLERANCE |= {"parquet": 0.0, "numpy": 0.0, "lvm": 5.1e-7}
 """CSV logs are written with four decimals, the MF4 log in single precision; the others hold the numbers themselves."""
 
 
@@ -221,7 +222,7 @@ def test_several_tdms_files_share_their_dates(tmp_path: Path):
     assert starts == {"torque": 0.0, "pressure": pytest.approx(0.5, abs=1e-6), "trigger": 0.0}
 
 
-LAYOUT = CsvLayout("utf-8", ",", ".", 0, 0, ("a", "b", "c"), ("", "", ""), False, None)
+LAYOUT = CsvLayout("utf-8", ",", ".", 0, 0, ("a", "b", "c"), ("", "", ""), ("", "", ""), None)
 CELLS = st.floats(-1e6, 1e6).map(lambda value: round(value, 4))
 
 
@@ -301,6 +302,22 @@ def test_dates_and_times_of_a_workbook(tmp_path: Path):
     assert "certificate_age" not in {finding.code for finding in read.findings}
 
 
+def test_durations_and_levels_of_a_workbook(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook(write_only=True)
+    sheet = book.create_sheet("Log")
+    sheet.append(["Dauer", "Moment", "DI", "Text"])
+    for n in range(200):
+        sheet.append([timedelta(hours=23, minutes=59, seconds=59, milliseconds=900 + n), n, n % 40 > 20,
+                      "EIN" if n % 40 > 20 else "AUS"])  # fmt: skip
+    book.save(tmp_path / "log.xlsx")
+    listed = {channel.name: channel for channel in xlsx.channels(tmp_path / "log.xlsx")}
+    assert {channel.sample_rate for channel in listed.values()} == {1000.0}
+    levels = np.arange(200) % 40 > 20
+    for name in ("DI", "Text"):
+        np.testing.assert_array_equal(listed[name].source.read(0, 200), levels)
+
+
 def test_a_workbook_with_two_sheets_asks_which(tmp_path: Path):
     openpyxl = pytest.importorskip("openpyxl")
     folder = write_folder(tmp_path / "r", [LOG], PLANS["xlsx"])
@@ -319,7 +336,7 @@ def test_every_format_lists_its_channels_with_rate_and_unit(tmp_path: Path, name
     for quantity, channel in NAMES.items():
         item = found[channel]
         assert item.sample_rate == pytest.approx(LOG.rate, rel=1e-4)
-        assert item.unit in ("V", "") if name == "mat" else item.unit == "V"
+        assert item.unit in ("V", "") if name in ("mat", "numpy") else item.unit == "V"
         assert np.max(np.abs(item.source.read(0, item.n_samples) - LOG.volts[quantity])) <= TOLERANCE[name]
     assert not {"Time", "t"} & set(found)
 

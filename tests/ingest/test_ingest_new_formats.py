@@ -56,6 +56,41 @@ def lvm(file: Path) -> None:
     file.write_text("\r\n".join([*head, *lines("\t")]) + "\r\n", encoding="utf-8", newline="")
 
 
+def lvm_with_times_each(file: Path) -> None:
+    step, end = float(columns()[0][1]), "***End_of_Header***"
+    head = ["LabVIEW Measurement", "Separator\tTab", "Decimal_Separator\t,", "X_Columns\tMulti", end, ""]
+    head += ["Channels\t3", f"Samples\t{SAMPLES}\t\t{SAMPLES}\t\t{SAMPLES}", "Y_Unit_Label\tN·m\t\tbar\t\tVolts"]
+    head += [f"Delta_X\t{step:g}\t\t{step:g}\t\t{step:g}", end, "X_Value\tMoment\tX_Value\tDruck\tX_Value\tGeber"]
+    rows = [f"{t:.6f}\t{a:.3f}\t{t:.6f}\t{b:.2f}\t{t:.6f}\t{c:.3f}" for t, a, b, c in zip(*columns(), strict=True)]
+    text = "\r\n".join([*head, *(row.replace(".", ",") for row in rows), ""])
+    file.write_text(text, encoding="cp1252", newline="")
+
+
+def levels(file: Path) -> None:
+    rows = [f"{t:.6f},{a:.3f},{b:.2f},{'ON' if c > 2.5 else 'OFF'}" for t, a, b, c in zip(*columns(), strict=True)]
+    file.write_text("\n".join(["Time [s],Torque [Nm],Pressure [bar],DI0", *rows, ""]), encoding="utf-8")
+
+
+def matrix(file: Path) -> None:
+    times, *values = columns()
+    with h5py.File(file, "w") as store:
+        data = store.create_dataset("acq/data", data=np.column_stack(values))
+        data.attrs["names"], data.attrs["units"] = ["drive torque", "line pressure", "prox"], ["Nm", "bar", "V"]
+        data.attrs["fs"] = 1.0 / times[1]
+
+
+def xlsx_of_texts(file: Path) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet("Daten")
+    for row in (["Datum", "12.03.2024"], [], ["Zeit", "Drehmoment", "Druck", "Geber"], ["", "Nm", "bar", "V"]):
+        sheet.append(row)
+    for time, *row in zip(*(column.tolist() for column in columns()), strict=True):
+        sheet.append([f"12.03.2024 10:00:{time:09.6f}", *row])
+    book.save(file)
+
+
 def xlsx(file: Path) -> None:
     from openpyxl import Workbook
 
@@ -121,7 +156,11 @@ STRANGERS: dict[str, Callable[[Path], None]] = {
     "brackets_below.txt": text("# logger", "t\tMd\tp\tTrig", "[s]\t[Nm]\t[bar]\t[V]", separator="\t"),
     "dates.csv": dated,
     "labview.lvm": lvm,
+    "a_time_for_each_channel.lvm": lvm_with_times_each,
+    "on_and_off.csv": levels,
+    "matrix_with_units.h5": matrix,
     "excel.xlsx": xlsx,
+    "stamps_as_texts.xlsx": xlsx_of_texts,
     "seconds.parquet": arrow(False),
     "dates.parquet": arrow(True),
     "seconds.feather": arrow(False),

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mat, parquet, xlsx, zlib_check
+from camtorque.ingest import hdf5, mat, numpy_file, parquet, xlsx, zlib_check
 from camtorque.ingest.formats import file_format
 from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
@@ -114,10 +114,43 @@ def test_true_and_false_are_levels(tmp_path: Path):
     assert found.sample_rate == pytest.approx(RATE, rel=1e-6)
 
 
-def test_an_archive_of_numpy_is_no_workbook(tmp_path: Path):
-    np.savez(tmp_path / "run.npz", torque=TORQUE)
-    with pytest.raises(Refusal, match=r"the content is NumPy \(.npy, .npz\); expected one of"):
-        file_format(tmp_path / "run.npz", "")
+def test_an_archive_of_numpy(tmp_path: Path):
+    file = tmp_path / "run.npz"
+    np.savez(file, torque_Nm=TORQUE.astype("f4"), t=TIME, fs=RATE, log=np.column_stack([TORQUE, TIME]))
+    assert file_format(file, "") == "numpy"
+    listed = {(c.group, c.name): c.sample_rate for c in numpy_file.channels(file)}
+    assert listed == {("", "torque_Nm"): RATE, ("log", "column 1"): RATE, ("log", "column 2"): RATE}
+    for place in (("", "torque_Nm", "t"), ("", "torque_Nm", ""), ("log", "column 1", "")):
+        np.testing.assert_allclose(
+            numpy_file.read(file, (spec(file, *place),), "").channels[0].source.read(0, 400), TORQUE, atol=1e-5
+        )
+    with pytest.raises(Refusal, match="no variable 'torqe_Nm', did you mean 'torque_Nm'"):
+        numpy_file.read(file, (spec(file, "", "torqe_Nm", ""),), "")
+
+
+def test_one_array_of_numpy_by_fields_columns_or_alone(tmp_path: Path):
+    file, table = tmp_path / "run.npy", np.zeros(400, dtype=[("date", "M8[us]"), ("torque", "f8")])
+    table["date"], table["torque"] = np.datetime64("2024-03-12") + (1e6 * TIME).astype("m8[us]"), TORQUE
+    np.save(file, table)
+    assert_torque(numpy_file.read(file, (spec(file, "", "torque", "date"),), ""))
+    for array in (np.column_stack([TORQUE, TIME]), np.stack([TORQUE, TIME]), TORQUE):
+        np.save(file, array)
+        assert_torque(numpy_file.read(file, (spec(file, "", "column 1", ""),), ""))
+    np.save(file, np.array(["a", "b"]))
+    with pytest.raises(Refusal, match="holds no array of one number per sample; column 1"):
+        numpy_file.channels(file)
+
+
+def test_what_numpy_declares_is_held_against_what_it_holds(tmp_path: Path):
+    file = tmp_path / "run.npy"
+    np.save(file, TORQUE)
+    data = file.read_bytes()
+    file.write_bytes(data.replace(b"(400,)", b"(409,)"))
+    with pytest.raises(Refusal, match=r"declares 3272 bytes of numbers and holds 3200: the file is cut or damaged"):
+        numpy_file.channels(file)
+    np.save(file, np.array([{}]), allow_pickle=True)
+    with pytest.raises(Refusal, match=r"the array holds Python objects, expected numbers; save it as numbers"):
+        numpy_file.channels(file)
 
 
 def matlab_73(file: Path) -> None:
@@ -129,8 +162,21 @@ def matlab_73(file: Path) -> None:
 
 def test_a_timetable_is_refused_with_what_to_do(tmp_path: Path):
     matlab_73(tmp_path / "run.mat")
-    with pytest.raises(Refusal, match=r"TT is a MATLAB object .* s = table2struct\(timetable2table\(TT\)"):
+    line = r"T = timetable2table\(TT\); .* s = table2struct\(T, .*; a timeseries: t = TS.Time; torque ="
+    with pytest.raises(Refusal, match=rf"TT is a MATLAB object .*{line}"):
         mat.channels(tmp_path / "run.mat")
+    for group, name in (("", "TT"), ("TT", "Torque")):
+        with pytest.raises(Refusal, match=rf"TT is a MATLAB object .*{line}"):
+            mat.read(tmp_path / "run.mat", (spec(tmp_path / "run.mat", group, name, ""),), "")
+
+
+def test_an_object_of_an_older_file_is_refused_with_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    file = tmp_path / "run.mat"
+    savemat(file, {"fs": RATE})
+    monkeypatch.setattr(mat, "whosmat", lambda path: [("fs", (1, 1), "double"), ("None", (1,), "opaque")])
+    for ask in (lambda: mat.channels(file), lambda: mat.read(file, (spec(file, "", "TT", ""),), "")):
+        with pytest.raises(Refusal, match=r"a variable is a MATLAB object \(a table, timetable or timeseries\)"):
+            ask()
 
 
 def test_attributes_are_found_however_they_are_spelled(tmp_path: Path):
@@ -233,7 +279,7 @@ def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, mon
 @pytest.mark.parametrize(
     ("head", "name"),
     [(b"\xd0\xcf\x11\xe0", r"Excel 97 \(\.xls\)"), (b"|CF,2,1,1;", "imc FAMOS"), (b"\x1f\x8b\x08", "gzip"),
-     (b"RIFF\0\0\0\0WAVE", "WAV"), (b"\x93NUMPY\1", r"NumPy \(\.npy, \.npz\)")],
+     (b"RIFF\0\0\0\0WAVE", "WAV")],
 )  # fmt: skip
 def test_a_format_that_is_known_and_not_read_is_named(tmp_path: Path, head: bytes, name: str):
     file = tmp_path / "run.dat"

@@ -253,6 +253,36 @@ def test_stamps_of_strangers(tmp_path: Path, kind: str):
     assert day is None or day == pytest.approx(np.datetime64("2024-03-07T12:03:04.9").astype("int64") / 1e3)
 
 
+@pytest.mark.parametrize("date", ["12.03.2024", "2024-03-12", "12-03-24", "03/12/2024", "2024/3/12"])
+def test_a_date_beside_a_time_of_day_is_its_day(tmp_path: Path, date: str):
+    stamps = [f"{date};10:00:00.{50 * n:06d}" for n in range(ROWS)]
+    raw = both(stamped(tmp_path, "Datum;Uhrzeit", stamps))
+    assert_read(raw)
+    assert raw.channels[0].stamp == pytest.approx(np.datetime64("2024-03-12T10:00").astype("int64") * 60.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("hour", [23, 99])
+def test_durations_go_on_beyond_a_day(tmp_path: Path, hour: int):
+    stamps = [f"{hour}:59:59.{990000 + 50 * n:06d}" for n in range(200)]
+    stamps += [f"{hour + 1}:00:00.{50 * n:06d}" for n in range(200)]
+    raw = both(stamped(tmp_path, "Dauer", stamps))
+    assert_read(raw)
+    assert raw.channels[0].start_time == pytest.approx(3600.0 * (hour + 1) - 0.01)
+
+
+@pytest.mark.parametrize("words", [("FALSE", "TRUE"), ("off", "on"), ("Falsch", "Wahr")])
+def test_words_for_levels_are_pulses(tmp_path: Path, words: tuple[str, str]):
+    body = [f"{STEP * n:.5f},{words[n // 40 % 2]},{n % 7}.5" for n in range(ROWS)]
+    file = write(tmp_path, "Time [s],DI0,Torque [Nm]", *body)
+    raw = read(file, (spec(file, "trigger", "DI0", "logic"),), "")
+    np.testing.assert_array_equal(raw.channels[0].source.read(0, ROWS), np.arange(ROWS) // 40 % 2)
+    assert raw.findings == ()
+    body[7] = body[7].replace(words[0], "FAL5E")
+    damaged = read(write(tmp_path, "Time [s],DI0,Torque [Nm]", *body), (spec(file, "trigger", "DI0", "logic"),), "")
+    assert [finding.code for finding in damaged.findings] == ["csv_cells_damaged"]
+    assert np.flatnonzero(np.isnan(damaged.channels[0].source.read(0, ROWS))).tolist() == [7]
+
+
 def test_minutes_start_again_after_an_hour(tmp_path: Path):
     body = [f"{n // 1200 % 60:02d}:{n // 20 % 60:02d}.{n % 20 * 50:03d};{n % 7}" for n in range(71_900, 72_100)]
     raw = read(

@@ -215,7 +215,8 @@ def _times(
         text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
         base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
     if kind in UNDATED:
-        return base, None
+        day = layout.date_of(column) if kind == "clock" else None
+        return (base, None) if day is None else (replace(base, start=0.0), day + base.start)
     return replace(base, start=0.0), base.start
 
 

@@ -7,11 +7,16 @@ import csv
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_of
 from camtorque.records import Finding, Refusal
 
+LONGEST_MONTH, MONTHS, CENTURY = 31, 12, 2000
 SNIFF_BYTES = 1 << 18
 SNIFF_LINES = 300
 """Lines that tell the layout where they hold any row of numbers."""
@@ -26,14 +31,19 @@ STAMPS: dict[str, re.Pattern[str]] = {
     "month name": re.compile(r"^\d{1,2}[- ][A-Za-z]{3}[- ]\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
     "day first": re.compile(r"^\d{1,2}[.]\d{1,2}[.]\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
     "slashes": re.compile(r"^\d{1,2}/\d{1,2}/\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE),
-    "clock": re.compile(r"^\d{1,2}:\d\d:\d\d([.,:]\d+)?( ?[AP]M)?$", re.IGNORECASE),
+    "clock": re.compile(r"^\d{1,3}:\d\d:\d\d([.,:]\d+)?( ?[AP]M)?$", re.IGNORECASE),
     "minutes": re.compile(r"^\d{1,2}:\d\d[.,]\d+$"),
     "seconds": re.compile(r"^\d+([.,]\d+)?([eE][+-]?\d+)? ?(s|sec)$"),
     "date": re.compile(r"^\d{4}([-/.])\d{1,2}\1\d{1,2}$|^\d{1,2}([./-])\d{1,2}\2(\d\d){1,2}$"),
 }
 """Kinds of date and time; a date alone is a column that is skipped."""
+LEVELS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "high": 1.0, "low": 0.0, "wahr": 1.0, "falsch": 0.0,
+          "ein": 1.0, "aus": 0.0}  # fmt: skip
+"""Words for the two levels of a digital line."""
 UNDATED = ("", "clock", "minutes", "seconds")
 """Kinds, a number among them, that tell no day."""
+PERIODS = {"clock": 86_400.0, "minutes": 3600.0}
+"""After so long a stamp without a date starts again [s]."""
 THOUSANDS = {
     ".": re.compile(r"^[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"),
     ",": re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?$"),
@@ -104,10 +114,44 @@ class CsvLayout:
         dated = [number for number in free if self.stamp_kind(number) not in ("", "date")]
         return dated[0] if len(dated) == 1 else None
 
+    def has_levels(self, column: int) -> bool:
+        """Tell a column of words for two levels."""
+        return self.first_row[column].lower() in LEVELS
+
+    def date_of(self, column: int) -> float | None:
+        """Return the day of the date in the column beside a time of day [s since 1970], None where none stands there.
+
+        A date with slashes has its month first, as with a time behind it.
+        """
+        for beside in (column - 1, column + 1):
+            if 0 <= beside < self.n_columns and self.stamp_kind(beside) == "date":
+                return _day(self.first_row[beside])
+        return None
+
     def stamp_kind(self, column: int | None) -> str:
         """Return the key of `STAMPS` that a column's first field is, "" for a number."""
         field = self.first_row[column] if column is not None else ""
         return next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
+
+
+def unwrapped(stamps: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
+    """Return stamps that run on where they start again without a date: a test may run over midnight."""
+    return np.unwrap(stamps, period=PERIODS[kind]) if kind in PERIODS else stamps
+
+
+def _day(text: str) -> float | None:
+    """Return a date in seconds since 1970, None where it is no day of the calendar."""
+    parts = [int(part) for part in re.split(r"[-./]", text)]
+    if parts[0] > LONGEST_MONTH:
+        year, month, day = parts
+    elif "/" in text and parts[0] <= MONTHS:
+        month, day, year = parts
+    else:
+        day, month, year = parts
+    try:
+        return datetime(year + (CENTURY if year < 100 else 0), month, day, tzinfo=UTC).timestamp()
+    except ValueError:
+        return None
 
 
 def split_row(line: str, separator: str) -> list[str]:
@@ -194,7 +238,12 @@ def encoding_of(head: bytes) -> str:
 def _is_value(field: str, decimal: str, thousands: str = "") -> bool:
     plain = field.replace(thousands, "") if thousands and THOUSANDS[thousands].match(field) else field
     text = plain.replace(",", ".") if decimal == "," else plain
-    return not field or bool(NUMBER.match(text)) or any(pattern.match(field) for pattern in STAMPS.values())
+    return (
+        not field
+        or bool(NUMBER.match(text))
+        or field.lower() in LEVELS
+        or any(pattern.match(field) for pattern in STAMPS.values())
+    )
 
 
 def _is_row(line: str, separator: str, decimal: str, thousands: str) -> int:

@@ -13,7 +13,7 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ import pandas as pd
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import (
+    LEVELS,
     NUMBER,
     THOUSANDS,
     CsvLayout,
@@ -28,26 +29,15 @@ from camtorque.ingest.csv_layout import (
     sniff,
     split_row,
     text_pieces,
+    unwrapped,
 )
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
+from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 BLOCK_BYTES = 8 * 2**20
-PERIODS = {"clock": 86_400.0, "minutes": 3600.0}
-"""After so long a stamp without a date starts again [s]."""
 LONGEST_LINE = 2**20
 """A row of a thousand columns has 20 kilobytes [bytes]."""
-DATES = {
-    "day first": r"^(?P<day>\d{1,2})[./](?P<month>\d{1,2})[./](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
-    "slashes": r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$",
-    "year first": r"^(?P<year>\d{4})[./](?P<month>\d{1,2})[./](?P<day>\d{1,2})[ T]+(?P<clock>\S+)$",
-    "month name": r"^(?P<day>\d{1,2})[- ](?P<month>[A-Za-z]{3})[- ](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
-}
-"""Kind of a stamp -> its parts."""
-MONTHS = {name: f"{number:02d}" for number, name in enumerate(
-    ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"), start=1)}  # fmt: skip
-LAST_COLON = r"(?P<clock>:\d\d:\d\d):(?P<part>\d+)$"
-"""12:03:04:001, as some loggers write milliseconds."""
 MISSING = ("", "nan", "na", "n/a", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
 OVERRANGE = re.compile(
     r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|over\w*|clip\w*|#+|\*+|-{3,})$", re.IGNORECASE
@@ -153,9 +143,8 @@ def _columns(
     if files:
         return {column: CachedSource(file, count, path) for column, file in files.items()}, findings
     arrays = {column: np.concatenate(part) for column, part in parts.items()}
-    period = PERIODS.get(layout.stamp_kind(stamps))
-    if stamps is not None and period is not None:
-        arrays[stamps] = np.unwrap(arrays[stamps], period=period)  # a test may run over midnight
+    if stamps is not None:
+        arrays[stamps] = unwrapped(arrays[stamps], layout.stamp_kind(stamps))
     return {column: ArraySource(values) for column, values in arrays.items()}, findings
 
 
@@ -200,6 +189,7 @@ def parse_block(
 
 
 def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None) -> pd.DataFrame:
+    levels = [column for column in wanted if layout.has_levels(column)]
     frame = pd.read_csv(
         io.BytesIO(block),
         sep=r"\s+" if layout.separator == " " else layout.separator,
@@ -207,7 +197,7 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int 
         header=None,
         names=range(layout.n_columns),
         usecols=wanted,
-        dtype={column: str if column == stamps else np.float64 for column in wanted},
+        dtype={column: str if column == stamps or column in levels else np.float64 for column in wanted},
         engine="c",
         quoting=3,
         index_col=False,
@@ -215,34 +205,10 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int 
         encoding="latin-1",
     )
     if stamps is not None:
-        frame[stamps] = _stamps(frame[stamps], layout.stamp_kind(stamps))
+        frame[stamps] = seconds_of(frame[stamps], layout.stamp_kind(stamps))
+    for column in levels:
+        frame[column] = frame[column].str.strip().str.lower().map(LEVELS)
     return frame
-
-
-def _stamps(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] = "raise") -> pd.Series:
-    """Return date and time in seconds since 1970, a time of day in seconds since midnight."""
-    texts = texts.str.strip().str.replace(",", ".")
-    texts = texts.str.replace(LAST_COLON, r"\g<clock>.\g<part>", regex=True)
-    if kind == "seconds":
-        return pd.to_numeric(texts.str.rstrip("sec "), errors=errors)
-    if kind in PERIODS:
-        clock = _whole_day(texts, errors) if kind == "clock" else "00:" + texts
-        return pd.to_timedelta(clock, errors=errors) / pd.Timedelta(seconds=1)
-    if kind != "iso":
-        parts = texts.str.extract(DATES[kind])
-        parts["month"] = parts["month"].str.lower().replace(MONTHS)
-        padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
-        clock = _whole_day(parts["clock"], errors).str.replace(r"^(\d):", r"0\1:", regex=True)
-        texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + clock
-    times = pd.to_datetime(texts, utc=True, format="ISO8601", errors=errors)
-    return (times - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
-
-
-def _whole_day(clock: pd.Series, errors: Literal["raise", "coerce"]) -> pd.Series:
-    """Return times of day counted to 24 hours, where they are said to be AM or PM."""
-    if not clock.str.contains("M", case=False).any():
-        return clock
-    return pd.to_datetime(clock, format="mixed", errors=errors).dt.strftime("%H:%M:%S.%f")
 
 
 def _parse_lines(
@@ -271,7 +237,7 @@ def _parse_lines(
             rows += [[np.nan] * len(wanted)] * lost
             texts += [""] * lost
         else:
-            rows.append([np.nan if c == stamps else _cell(fields[c], layout, damage, line) for c in wanted])
+            rows.append([np.nan if c == stamps else _cell(fields[c], layout, c, damage, line) for c in wanted])
             texts.append("" if stamps is None else fields[stamps])
         line += 1
     columns = list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
@@ -282,14 +248,16 @@ def _parse_lines(
 
 def _stamp_column(texts: list[str], kind: str, damage: Damage, line: int) -> Array:
     """Return date and time in seconds since 1970; what is none is nan and counted."""
-    seconds = _stamps(pd.Series(texts, dtype=str), kind, errors="coerce").to_numpy(dtype=np.float64)
+    seconds = seconds_of_texts(texts, kind)
     for number in np.flatnonzero(np.isnan(seconds)):
         if texts[number].lower() not in MISSING:
             damage.cell(line + int(number))
     return seconds
 
 
-def _cell(text: str, layout: CsvLayout, damage: Damage, line: int) -> float:
+def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) -> float:
+    if text.lower() in LEVELS and layout.has_levels(column):
+        return LEVELS[text.lower()]
     if layout.thousands and THOUSANDS[layout.thousands].match(text):
         text = text.replace(layout.thousands, "")
     plain = text.replace(layout.decimal, ".") if layout.decimal != "." else text

@@ -69,6 +69,7 @@ FORMATS: dict[str, Format] = {
                   lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] >= b"4"),
     "mat": Format("MATLAB", (), "mat", lambda head: head.startswith(b"MATLAB")),
     "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
+    "numpy": Format("NumPy", ("npz", "npy"), "numpy_file", lambda head: head.startswith(b"\x93NUMPY") or _is_npz(head)),
     "catman": Format("catman binary", (), "catman", _is_catman),
     "xlsx": Format("Excel workbook", ("excel",), "xlsx",
                    lambda head: head.startswith(b"PK\x03\x04") and not _is_npz(head)),
@@ -84,7 +85,6 @@ UNREADABLE = {
     "MDF 2 or 3": lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] < b"4",
     "Excel 97 (.xls)": lambda head: head.startswith(b"\xd0\xcf\x11\xe0"),
     "imc FAMOS": lambda head: head.startswith(b"|CF,"),
-    "NumPy (.npy, .npz)": lambda head: head.startswith(b"\x93NUMPY") or _is_npz(head),
     "WAV": lambda head: head.startswith(b"RIFF") and head[8:12] == b"WAVE",
     "gzip": lambda head: head.startswith(b"\x1f\x8b"),
 }

@@ -36,9 +36,13 @@ MOST_LISTED = 1000
 MOST_COLUMNS = 64
 """A matrix of more columns, or of as many columns as rows, is no log of channels."""
 MATLAB_OBJECT = (
-    "{} is a MATLAB object (a table, timetable or timeseries), which only MATLAB reads: save its columns as variables, "
-    "s = table2struct(timetable2table(TT), ToScalar=true); save('run.mat', '-struct', 's')"
+    "{} is a MATLAB object (a table, timetable or timeseries), which only MATLAB reads: save its columns there as "
+    "variables; a timetable: T = timetable2table(TT); T.(1) = seconds(T.(1) - T.(1)(1)); s = table2struct(T, "
+    "'ToScalar', true); save('run.mat', '-struct', 's'); a timeseries: t = TS.Time; torque = squeeze(TS.Data); "
+    "save('run.mat', 't', 'torque')"
 )
+OBJECT_MARK = "MATLAB_object_decode"
+"""Attribute of what MATLAB alone can decode."""
 KINDS = "fiub"
 """Numbers, and levels that are true or false."""
 STAMP_NAMES = ("starttime", "wfstarttime", "datetime", "start")
@@ -60,7 +64,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
         file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
         for name in names[:MOST_LISTED]:
             data = file[name]
-            if name.startswith("#") or "MATLAB_object_decode" in data.attrs:
+            if name.startswith("#") or OBJECT_MARK in data.attrs:
                 continue  # MATLAB keeps objects below names that begin so
             members = columns_of(data)
             if sum(size != 1 for size in data.shape) != 1 and not members:
@@ -69,12 +73,13 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
             attributes = _attributes(data)
             rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
             known = float(rate) if rate is not None else 1.0 / float(step) if step else None
-            unit = str(_first(attributes, UNIT_NAMES) or "")
             for field in data.dtype.names or members or ("",):
                 kind = data.dtype[field] if data.dtype.names else data.dtype
                 if kind.kind in KINDS:
                     source, place = _source(path, data, field), (name, field) if field else (group, last)
-                    found.append(FileChannel(*place, "" if field else unit, source.n_samples, known, "", source))
+                    found.append(
+                        FileChannel(*place, _unit(attributes, data, field), source.n_samples, known, "", source)
+                    )
         if not found:
             raise Refusal(f"{path}: holds no data set of one number per sample; {_kinds(file, names)}")
     return with_times(found)
@@ -92,9 +97,21 @@ def columns_of(data: Any) -> tuple[str, ...]:
     return tuple(map(numbered_name, range(min(shape))))
 
 
+def _unit(attributes: Mapping[str, Any], data: h5py.Dataset, field: str) -> str:
+    """Return the unit of a data set, or of its column where an attribute has one for each; "" where none is stated."""
+    columns = data.dtype.names or columns_of(data)
+    stated = _first(attributes, UNIT_NAMES)
+    value = np.asarray("" if stated is None else stated).ravel().tolist()
+    number = columns.index(field) if field in columns else column_number(field) or 0
+    if field:
+        value = value[number : number + 1] if len(value) == len(columns) > 1 else []
+    texts = [item.decode() if isinstance(item, bytes) else str(item) for item in value]
+    return texts[0] if len(texts) == 1 else ""
+
+
 def _kinds(file: h5py.File, names: list[str]) -> str:
     """Say what data sets there are and how to store them."""
-    objects = [name for name, item in file.items() if "MATLAB_object_decode" in item.attrs]
+    objects = [name for name, item in file.items() if OBJECT_MARK in item.attrs]
     if objects:
         return MATLAB_OBJECT.format(", ".join(objects[:5]))
     shown = ", ".join(f"{name} {file[name].shape}" for name in names[:5]) or "it is empty"
@@ -108,14 +125,14 @@ def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel
     if source.n_samples == 0:
         raise Refusal(f"{path}: data set {data.name} holds no samples")
     attributes = _attributes(data)
-    unit = "" if field else str(_first(attributes, UNIT_NAMES) or "")
+    unit = _unit(attributes, data, field)
     notes = [] if field else _scale_findings(path, data)
     stamp = _epoch(_first(attributes, STAMP_NAMES))
     if spec.time_channel:
         times, time_field = _find(file, path, spec.group, spec.time_channel)
         time_source = _source(path, times, time_field)
         _same_length(path, times, time_source.n_samples, source.n_samples)
-        stated = "" if time_field else str(_first(dict(times.attrs), UNIT_NAMES) or "")
+        stated = _unit(dict(times.attrs), times, time_field)
         factor = unit_factor(time_unit(spec.time_channel, stated) or "s", "time", f"{path.name} {times.name}")
         stamps = read_stamps(time_source, spec.sample_rate, where, to_seconds=factor)
         return stamps.channel(spec.channel, unit, source, stamp), [*notes, *stamps.findings]
@@ -139,6 +156,9 @@ def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str)
 def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Dataset, str]:
     """Return a data set, and the field or column where ``group`` names a compound one or a matrix ("" otherwise)."""
     key = f"{group}/{name}".strip("/")
+    for named in filter(None, (key, group)):
+        if isinstance(file.get(named), h5py.Dataset) and OBJECT_MARK in file[named].attrs:
+            raise Refusal(f"{path}: {MATLAB_OBJECT.format(named)}")
     table = file.get(group) if group else None
     if isinstance(table, h5py.Dataset):
         columns = table.dtype.names or columns_of(table)

@@ -16,6 +16,8 @@ from camtorque.ingest.raw import FileChannel, RawFile, missing_samples
 from camtorque.records import Refusal
 
 END = "***End_of_Header***"
+TIME = "X_Value"
+"""Name of a column of times."""
 UNITS = {"volts": "V", "volt": "V", "seconds": "s", "newton-meters": "N m", "pascals": "Pa", "degrees celsius": "degC"}
 """LabVIEW writes units out."""
 
@@ -33,17 +35,22 @@ class Segment:
             return None
         if len(found) > 1:
             raise Refusal(f"{path}: {key} differs between channels ({', '.join(sorted(found))}); export them apart")
+        return self.largest(key, path)
+
+    def largest(self, key: str, path: Path) -> float:
+        """Return the largest number of the channels, 0 where the key is not there."""
+        fields = [field for field in self.values.get(key, []) if field]
         try:
-            return float(found.pop())
+            return max((float(field.replace(",", ".")) for field in fields), default=0.0)
         except ValueError as error:
-            raise Refusal(f"{path}: {key} is {self.values[key][0]!r:.40}, expected a number") from error
+            raise Refusal(f"{path}: {key} is {fields[0]!r:.40}, expected a number") from error
 
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a LabVIEW measurement file."""
     result = read_table(path, _layout(path, tuple(spec.channel for spec in specs)), specs, hint)
-    found = min(channel.source.n_samples for channel in result.channels)
-    missing = missing_samples(found, _segment(path).number("Samples", path) or 0, path.name)
+    found = max(channel.source.n_samples for channel in result.channels)
+    missing = missing_samples(found, _segment(path).largest("Samples", path), path.name)
     return RawFile(result.channels, (*result.findings, *missing))
 
 
@@ -54,22 +61,21 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 def _layout(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     segment = _segment(path)
-    layout = sniff(path, wanted or ("X_Value",))
-    stated = segment.values.get("Y_Unit_Label", [])
-    units = [UNITS.get(unit.lower(), unit) for unit in stated]
-    # the column X_Value comes first, whether it is filled or not
-    first = 1 if layout.names[:1] == ("X_Value",) else 0
-    units = (
-        ["s"] * first + units + [""] * layout.n_columns if any(units) else ["s"] * first + list(layout.units[first:])
-    )
+    layout = sniff(path, wanted or (TIME,))
+    # a column of times comes before all channels or before each of them, whether it is filled or not
+    times = [number for number, name in enumerate(layout.names) if name == TIME]
+    stated = [UNITS.get(unit.lower(), unit) for unit in segment.values.get("Y_Unit_Label", [])]
+    others = [number for number in range(layout.n_columns) if number not in times]
+    units = dict.fromkeys(times, "s") | dict(zip(others, stated, strict=False))
+    if not any(stated):
+        units |= {number: layout.units[number] for number in others}
+    layout = replace(layout, units=tuple(units.get(number, "") for number in range(layout.n_columns)), surplus=())
+    if any(layout.first_row[number] for number in times):
+        return replace(layout, header_rate=None)
     step = segment.number("Delta_X", path)
-    filled = bool(layout.first_row[0]) if first else False
-    names = layout.names if filled or not first else ("", *layout.names[1:])
-    rate = 1.0 / step if step and not filled else None
-    return replace(
-        layout, names=names, units=tuple(units[: layout.n_columns]), header_rate=rate, surplus=(),
-        start=segment.number("X0", path),
-    )  # fmt: skip
+    names = tuple("" if number in times else name for number, name in enumerate(layout.names))
+    rate = 1.0 / step if step else None
+    return replace(layout, names=names, header_rate=rate, start=segment.number("X0", path))
 
 
 def _segment(path: Path) -> Segment:

@@ -57,6 +57,8 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     like : recording.toml or pump file of the same bench, whose pump, trigger and sensors are taken over
     """
     known = _known_of(like, folder)
+    supplies = {(item.path, item.channel.group, item.supply) for item in proposals}
+    proposals = [item for item in proposals if (item.path, item.channel.group, item.channel.name) not in supplies]
     named = {item.quantity for item in proposals}
     open_ones = [item for item in proposals if not item.quantity and item.high > item.low]
     open_ones = open_ones[:MOST_OPEN] if not named >= set(NEEDED) or not named & set(ANGLE_QUANTITIES) else []
@@ -228,7 +230,7 @@ def _sensor(writer: Writer, quantity: str, item: Proposal, known: dict[str, Any]
     )
     if known is not None:
         writer.table(header, schema, known)
-    elif BORDER_UNITS.get(item.unit, ("", 1.0))[0] == "bridge output":
+    elif item.supply or BORDER_UNITS.get(item.unit, ("", 1.0))[0] == "bridge output":
         unit = SHEET_UNITS.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
         values = {"unit": unit, "nominal_range": UNKNOWN, "sensitivity_mV_per_V": UNKNOWN}
         writer.table(header, schema, values, ASKED_BRIDGE)
@@ -260,6 +262,6 @@ def _channel(item: Proposal, folder: Path, logger: str) -> dict[str, Any]:
     }
     if item.has_rival:
         values["used"] = UNKNOWN
-    if channel.time_channel:
-        values["time_channel"] = channel.time_channel
+    values |= {"time_channel": channel.time_channel} if channel.time_channel else {}
+    values |= {"supply_channel": item.supply} if item.supply else {}
     return values

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from camtorque.ingest.bridge import SUPPLIES
 from camtorque.ingest.formats import FORMATS, file_format
 from camtorque.ingest.raw import FileChannel
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
@@ -39,6 +40,8 @@ NAMES: tuple[tuple[str, str], ...] = (
     ("angle", r"phi\b|encoder"),
 )
 """Quantity -> pattern of names, the more special first."""
+FEED = r"feed|gallery|inlet|supply|vorlauf|zulauf|vordruck|f.rder"
+"""Names of a pressure in front of the pump; without a unit of pressure they may mean other things."""
 RIVALS = ("torque", "pressure")
 """Quantities of which a log may hold two that look alike: both sides of a coupling, two gauges."""
 BY_DIMENSION = {
@@ -50,6 +53,8 @@ BY_DIMENSION = {
     "volume": ("delivered_volume",),
     "length": ("needle_lift",),
 }
+SUPPLY_NAME = r"exc|suppl|speis|versorg|br.cke.?(sp|u)|bridge.?(v|u)|\bu_?b\b"
+"""Names of the supply of a bridge."""
 FASTER = 1.5
 """A pulse train with so many more pulses than another one is a wheel beside its index."""
 WAVE_SHARE, LEAST_WAVES = 0.2, 20
@@ -74,6 +79,7 @@ class Proposal:
     has_rival : another channel may be this quantity as well
     is_absolute : a pressure that counts from vacuum
     levels : share of the samples at either of two levels
+    supply : channel that seems to hold the supply of this bridge
     pulses : of a trigger, in the samples looked at [1/s, 1/sample where the rate is unknown]
     """
 
@@ -89,6 +95,7 @@ class Proposal:
     is_absolute: bool = False
     levels: float = 0.0
     pulses: float = 0.0
+    supply: str = ""
 
 
 def look_into(paths: list[Path]) -> list[Proposal]:
@@ -110,7 +117,7 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         hint = path.stem if len(channels) == 1 else ""
         looked = [_proposal(path, name, channel, hint) for channel in channels]
         found += [item for item in looked if np.isfinite(item.low)] or looked
-    found = _with_index(found)
+    found = [replace(item, supply=_supply_of(item, found)) for item in _with_index(found)]
     best: dict[tuple[str, Path | None], float] = {}
     for item in found:
         best[_place(item)] = max(best.get(_place(item), 0), _certainty(item))
@@ -143,6 +150,20 @@ def _with_index(found: list[Proposal]) -> list[Proposal]:
         if not has_index and not slow.sensor:
             found[places[0]] = replace(slow, quantity="index")
     return found
+
+
+def _supply_of(item: Proposal, found: list[Proposal]) -> str:
+    """Return the channel beside a bridge in mV that is named for its supply and holds one, "" where none does."""
+    if item.quantity not in RIVALS or item.unit not in ("mV", "uV"):
+        return ""
+    place = item.path, item.channel.group, item.channel.n_samples
+    mates = (other for other in found if (other.path, other.channel.group, other.channel.n_samples) == place)
+    return next((other.channel.name for other in mates if _is_supply(other)), "")
+
+
+def _is_supply(item: Proposal) -> bool:
+    volts = not item.quantity and item.unit in ("V", "") and SUPPLIES[0] <= item.low <= item.high <= SUPPLIES[1]
+    return volts and re.search(SUPPLY_NAME, item.channel.name, re.IGNORECASE) is not None
 
 
 def _is_surely_pulses(item: Proposal) -> bool:
@@ -189,6 +210,8 @@ def _quantity(name: str, hint: str, unit: str, values: Array) -> str:
     named = _named(name) or _named(hint)
     if dimension in BY_DIMENSION:
         allowed = BY_DIMENSION[dimension]
+        if dimension == "pressure" and re.search(FEED, name, re.IGNORECASE):
+            return "gallery_pressure"
         return named if named in allowed else allowed[0]
     if named and not CHANNEL_QUANTITIES[named].is_pulse and np.unique(values).size == 2 and is_pulse_train(values):
         named = ""  # a digital line, whatever its name

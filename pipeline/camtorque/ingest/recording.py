@@ -14,6 +14,7 @@ import numpy as np
 from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
 from camtorque.config_toml import load_recording_config
 from camtorque.hashes import input_file
+from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger
@@ -144,8 +145,10 @@ def _read_files(config: RecordingConfig, problems: Problems) -> tuple[dict[Chann
         with problems.collecting():
             form = FORMATS[file_format(file, declared)]
             specs = tuple(spec for spec in config.channels if spec.path == file)
-            result: RawFile = form.read(file, specs, config.csv_dialect)
-            raw |= dict(zip(specs, result.channels, strict=True))
+            result: RawFile = form.read(file, with_supplies(specs), config.csv_dialect)
+            for spec, channel in zip(specs, result.channels, strict=False):
+                _refuse_other_unit(spec, channel)
+            raw |= dict(zip(specs, over_supplies(specs, result.channels), strict=True))
             findings += result.findings
     return raw, findings
 
@@ -165,7 +168,7 @@ def read_sensors(
                 if spec in raw:
                     scale, _, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
                     span = _span(raw[spec], scale) if reference.calibration_path is None else math.nan
-                sensors[spec.quantity] = read_sensor(reference, spec.unit, span)
+                sensors[spec.quantity] = read_sensor(reference, spec.output_unit, span)
     return sensors
 
 
@@ -251,21 +254,21 @@ def _moment(config: RecordingConfig, raw: RawChannel) -> float | None:
 
 def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool, list[Finding]]:
     """Return the factor to volts (or to SI for values that are scaled already), and whether they are volts."""
-    unit = tidy_unit(spec.unit)
+    factor, is_volts = channel_factor(spec.quantity, spec.output_unit, f"{spec.path} {spec.channel!r} unit")
     findings: list[Finding] = []
-    factor, is_volts = channel_factor(spec.quantity, spec.unit, f"{spec.path} {spec.channel!r} unit")
-    absolute = absolute_unit(raw.unit)
-    if absolute == unit != "":
-        return factor, is_volts, findings
-    if raw.unit.strip("-") and not is_known_unit(raw.unit):
+    if raw.unit.strip("-") and not is_known_unit(raw.unit) and absolute_unit(raw.unit) != tidy_unit(spec.unit):
         text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
         findings.append(Finding("unit_unknown", "warning", text, where))
-    elif raw.unit.strip("-") and tidy_unit(raw.unit) != unit:
+    return factor, is_volts, findings
+
+
+def _refuse_other_unit(spec: ChannelSpec, raw: RawChannel) -> None:
+    """Refuse a channel whose file states another unit than recording.toml."""
+    if raw.unit.strip("-") and is_known_unit(raw.unit) and tidy_unit(raw.unit) != tidy_unit(spec.unit):
         raise Refusal(
             f"{spec.path} {spec.channel!r}: the file's unit is {raw.unit!r}, recording.toml says {spec.unit!r}; "
             "correct the one that is wrong"
         )
-    return factor, is_volts, findings
 
 
 def _shifted_zero(spec: ChannelSpec) -> SensorCalibration | None:

@@ -7,7 +7,8 @@ brackets or in a row of their own.
 from __future__ import annotations
 
 import zipfile
-from datetime import UTC, date, datetime, time
+from datetime import UTC, date, datetime, time, timedelta
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
-from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.csv_layout import LEVELS, STAMPS, CsvLayout, unwrapped
 from camtorque.ingest.header import is_number, names_of
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
@@ -124,7 +125,7 @@ def _is_number(cell: Any) -> bool:
 
 
 def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
-    first = next((n for n, row in enumerate(rows) if sum(map(_is_number, row)) * 2 > _filled(row) > 0), None)
+    first = next((n for n, row in enumerate(rows) if _is_data(row)), None)
     if first is None:
         texts = any(sum(is_number(cell) for cell in row if isinstance(cell, str)) > 1 for row in rows)
         hint = "; its numbers are stored as text: convert them to numbers in Excel" if texts else ""
@@ -134,6 +135,17 @@ def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
     return CsvLayout("", "", ".", first, first, names, units, tuple(_text(cell) for cell in rows[first]), None)
 
 
+def _is_data(row: Row) -> bool:
+    """Tell a row of numbers; stamps and levels that are texts count beside them."""
+    numbers = sum(map(_is_number, row))
+    texts = sum(isinstance(cell, (bool, timedelta)) or (isinstance(cell, str) and _is_reading(cell)) for cell in row)
+    return numbers > 0 and (numbers + texts) * 2 > _filled(row)
+
+
+def _is_reading(text: str) -> bool:
+    return text.strip().lower() in LEVELS or any(pattern.match(text.strip()) for pattern in STAMPS.values())
+
+
 def _filled(row: Row) -> int:
     return sum(cell is not None for cell in row)
 
@@ -141,6 +153,8 @@ def _filled(row: Row) -> int:
 def _text(cell: Any) -> str:
     if isinstance(cell, datetime):
         return cell.isoformat()
+    if isinstance(cell, timedelta):
+        return f"{int(cell.total_seconds() // 3600)}:{datetime.min + cell % timedelta(hours=1):%M:%S.%f}"
     return "" if cell is None else str(cell).strip()
 
 
@@ -148,15 +162,30 @@ def _sources(rows: list[Row], layout: CsvLayout, wanted: list[int]) -> dict[int,
     body = rows[layout.data_offset :]
     while body and not _filled(body[-1]):
         body.pop()
-    return {number: ArraySource(np.array([_number(row[number]) for row in body])) for number in wanted}
+    return {number: ArraySource(_column([row[number] for row in body], layout.stamp_kind(number))) for number in wanted}
+
+
+def _column(cells: list[Any], kind: str) -> np.ndarray:
+    """Return a column as numbers; stamps may be texts in some cells or in all."""
+    values = np.array([_number(cell) for cell in cells])
+    texts = [number for number, cell in enumerate(cells) if isinstance(cell, str)] if kind not in ("", "date") else []
+    if texts:
+        # pandas costs half a second, which a lift table need not pay
+        parser = import_module("camtorque.ingest.stamp_texts")
+        values[texts] = parser.seconds_of_texts([cells[number] for number in texts], kind)
+    return unwrapped(values, kind)
 
 
 def _number(cell: Any) -> float:
-    """Return a cell as a number: a date in seconds since 1970, a time in seconds since midnight, text as nan."""
+    """Return a cell as a number: a date in seconds since 1970, times in seconds, levels as 0 and 1, text as nan."""
     if isinstance(cell, datetime):
         return cell.replace(tzinfo=UTC).timestamp()
     if isinstance(cell, time):
         return 3600.0 * cell.hour + 60.0 * cell.minute + cell.second + 1e-6 * cell.microsecond
-    if isinstance(cell, (bool, date)) or not isinstance(cell, (int, float)):
+    if isinstance(cell, timedelta):
+        return cell.total_seconds()
+    if isinstance(cell, str):
+        return LEVELS.get(cell.strip().lower(), float("nan"))
+    if isinstance(cell, date) or not isinstance(cell, (int, float)):
         return float("nan")
     return float(cell)

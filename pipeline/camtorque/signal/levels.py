@@ -128,7 +128,9 @@ def _plateaus(windows: Array) -> tuple[Array, Array]:
     np.minimum(volts[1:], volts[:-1], out=lower.ravel()[:-1])
     np.maximum(volts[1:], volts[:-1], out=higher.ravel()[:-1])
     lower[:, -1], higher[:, -1] = -np.inf, np.inf  # pairs across two windows
-    low, high = np.min(higher, axis=1), np.max(lower, axis=1)
+    # twice as fast as extremes along an axis: rows are short
+    rows = np.arange(0, volts.size, windows.shape[1])
+    low, high = np.minimum.reduceat(higher.ravel(), rows), np.maximum.reduceat(lower.ravel(), rows)
     some = np.isnan(low)
     if some.any():
         low[some] = np.fmin.reduce(higher[some, :-1], axis=1)
