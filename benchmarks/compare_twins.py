@@ -16,6 +16,7 @@ from benches import plain_parser, write_rows
 from camtorque.compare import compare_prepared
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.single import Prepared, prepare
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from rig_bridge import cycles_of, recording_of
 from rigs.families import FAMILIES
@@ -70,7 +71,7 @@ def compared_side(run: RigRun, sheet: RigRun, kind: str) -> Prepared:
         config.pump, lift_law(recording.cam_table), cycles.theta, np.mean(cycles.pressure, axis=0), cycles.mean_speed,
         mounting=Mounting(rotation=config.rotation),
     )  # fmt: skip
-    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (), np.zeros(0))
+    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (), NO_VALLEY, np.zeros(0))
 
 
 def judged(kind: str, told: set[str]) -> str:

@@ -3,8 +3,8 @@
     python benchmarks/search_cost.py RECORDING... [--workers 2] [--write docs/search_cost_figures.md --chart FILE.svg]
 
 Each recording is searched with its hops between minima going on far beyond where a run ends them; the least chi-square
-of all is the best minimum known. A recording is found once its chi-square is below 1.5 times that plus 20. Starts are
-those on the search's grid, before they are polished. Processor time of one thread.
+of all is the best minimum known. A recording is found once its chi-square is below 1.5 times that plus 20. Minima are
+those on the fine grid, judged on both halves of the cycles, before the valley is walked. Processor time of one thread.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from benches import plain_parser, tell
 from camtorque.align import AlignOptions, align
 from camtorque.fit.prepare import fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES
-from camtorque.fit.search import DOUBTFUL, HOPS, JUDGED, judged, least, stages
+from camtorque.fit.search import DOUBTFUL, HOPS, stages
 from camtorque.ingest import read_recording
 from camtorque.mechanism.spectral import spectral_law
 
@@ -53,14 +53,11 @@ def searched(folder: Path) -> list[Stage]:
     held = other_half(data, means)
     next(stages(data, held, tuple(STRUCTURES)))  # loads what is compiled
     began = time.process_time()
-    result, judging = [], False
+    result = []
     for name, found in stages(data, held, tuple(STRUCTURES), ((DOUBTFUL, LONG),)):
-        spent = time.process_time() - began
-        judging = judging or name == JUDGED
-        best = least(found if judging else judged(found, held))
-        angle = float(np.degrees(best.data.rows[TRIGGER].start))
-        result.append(Stage(name, spent, best.chi_square, angle))
-        began = time.process_time() - spent  # judging for this table is not the search's
+        if found.best is not None:
+            angle = float(np.degrees(found.best[1].data.rows[TRIGGER].start))
+            result.append(Stage(name, time.process_time() - began, found.value, angle))
     return result
 
 

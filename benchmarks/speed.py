@@ -34,6 +34,7 @@ from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
 from camtorque.fit.solver import lifts_at, normal_equations, solve, try_at  # noqa: E402
 from camtorque.fit.starts import coarse, refined  # noqa: E402
+from camtorque.fit.valley import swept  # noqa: E402
 from camtorque.ingest import read_recording  # noqa: E402
 from camtorque.laws.chain import evaluate  # noqa: E402
 from fit_cases import bridged, quick_data, quick_prepared  # noqa: E402
@@ -158,15 +159,15 @@ def stage_lines() -> Iterator[str]:
     recording, cycles, rigid = bridged(CASE)
     prepared = prepare(recording, cycles, rigid)
     data = quick_data(CASE)
-    searching, found = once(lambda: search(data, data, tuple(STRUCTURES)))
-    polishing, _ = once(lambda: single.polished(data, found))
+    searching, _ = once(lambda: search(data, data, tuple(STRUCTURES)))
+    walking, _ = once(lambda: swept(prepared.candidates[0], data, data))
     plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))
     told, _ = once(lambda: fit_prepared(prepared, FitOptions()))
-    total = searching + polishing + told
+    total = searching + walking + told
     yield "| stage of the fit | processor time | share |"
     yield "|---|---|---|"
     for name, cost in (
-        ("search over structures and starts", searching), ("minima on the fine grid, hidden torque", polishing),
+        ("search over structures and starts", searching), ("valley of the trigger angle", walking),
         ("covariance and variants", plain), ("evidence", max(told - plain, 0.0)), ("all", total),
     ):  # fmt: skip
         yield f"| {name} | {cost:.2f} s | {100.0 * cost / total:.0f} % |"

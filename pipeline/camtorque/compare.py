@@ -16,6 +16,7 @@ from camtorque.fit.changes import Attribution, attribution, together
 from camtorque.fit.pair import SAME_SPEED, Pair, pair_of
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.single import Prepared, prepare
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
 from camtorque.records import Array, Refusal
@@ -162,7 +163,7 @@ def aligned(path: Path, progress: Progress) -> Prepared:
     progress(f"reading {path}")
     recording = read_recording(path)
     cycles = align(recording)
-    return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), np.zeros(0))
+    return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), NO_VALLEY, np.zeros(0))
 
 
 def compare_document(compared: Sequence[Compared], names: tuple[str, str]) -> dict[str, Any]:

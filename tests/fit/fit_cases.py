@@ -6,11 +6,13 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from camtorque.fit.minima import Candidate, followed
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import FitData, build_problem, with_starts
-from camtorque.fit.single import Candidate, Prepared, followed
+from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at, solve
 from camtorque.fit.starts import Start
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.mechanism import Mounting, lift_law, solve_rigid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Recording, RigidTorque
@@ -85,4 +87,4 @@ def quick_prepared(*run_key) -> Prepared:
     """Return a rig prepared from the minimum next to the truth."""
     recording, cycles, rigid = bridged(run_key)
     found = quick(run_key)
-    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (found,), found.data.chain.shaft_torque)
+    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (found,), NO_VALLEY, found.data.chain.shaft_torque)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from camtorque.fit import single
+from camtorque.fit import minima, search, single
+from camtorque.fit.starts import Start
 from camtorque.records import Refusal
-from fit_cases import quick_data
+from fit_cases import quick, quick_data
+
+LAND = ("closed_volume", 0, 1000.0)
 
 
 def overflowing(*_):
@@ -13,12 +17,18 @@ def overflowing(*_):
 
 
 def test_starts_that_all_overflow_are_refused(monkeypatch):
-    monkeypatch.setattr(single, "followed", overflowing)
-    data = quick_data(("closed_volume", 0, 1000.0))
-    start = type("Start", (), {"chi_square": 1.0})()
+    data = quick_data(LAND)
+    start = Start(data, quick(LAND).solution.lifts, 1.0)
+    for room in (search, single):
+        monkeypatch.setattr(room, "followed", overflowing)
+    halves = search.Halves(data, data, np.zeros(data.chain.theta.size))
+    found = search.extended(search.Found({"land": []}), {"land": [start]}, halves)
+    assert found.minima == ()
+    assert found.best is None
+    assert not list(search.hops(found, halves, search.HOPS))
     with pytest.raises(Refusal, match="no start from which the model of this pump can be fitted"):
-        single.polished(data, {"land": [start]})
+        single.compared(found, data, data)
 
 
 def test_an_attempt_that_overflows_is_none():
-    assert single.attempted(overflowing) is None
+    assert minima.attempted(overflowing) is None

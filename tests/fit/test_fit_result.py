@@ -7,14 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from camtorque.fit import search, single
+from camtorque.fit import minima
 from camtorque.fit.findings import prior_findings
+from camtorque.fit.minima import judged
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
 from camtorque.fit.result import fitted_torque, model_on_grid
-from camtorque.fit.single import FitOptions, fit_prepared, judged
-from camtorque.fit.solver import lifts_at
+from camtorque.fit.search import Found
+from camtorque.fit.single import FitOptions, compared, fit_prepared
+from camtorque.fit.solver import no_lift
+from camtorque.fit.starts import Start, coarse
 from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
 from camtorque.laws.chain import binned
 from camtorque.records import Refusal
@@ -151,29 +154,30 @@ def test_a_minimum_is_worth_what_it_is_on_the_other_half_of_the_cycles():
     assert abs(judged(found, data, held).unseen) < 0.5 * INDEPENDENT
 
 
-def test_minima_that_all_fall_on_the_other_half_are_kept_as_they_are(monkeypatch):
-    found = quick(LAND)
+def test_a_minimum_that_falls_on_the_other_half_comes_last(monkeypatch):
+    found, data = quick(LAND), quick_data(LAND)
 
     def falls(*_arguments):
         raise FloatingPointError
 
-    monkeypatch.setattr(single, "search", lambda data, held, structures: {})
-    monkeypatch.setattr(single, "polished", lambda data, starts: (found,))
-    monkeypatch.setattr(single, "judged", falls)
-    assert single.prepare(*bridged(LAND)).candidates == (found,)
+    monkeypatch.setattr(minima, "try_at", falls)
+    worth = judged(found, data, data)
+    assert worth.solution is found.solution
+    assert worth.value > 0.4 * minima.FALLEN
 
 
-def test_a_start_that_falls_on_the_other_half_comes_last(monkeypatch):
-    data = quick_data(LAND)
-    start = search.Start(data, lifts_at(quick(LAND).problem, quick(LAND).problem.start), 10.0)
-    same = search.judged({"land": [start]}, data)["land"][0]
-    assert same.chi_square < search.FALLEN
-
-    def falls(*_arguments):
-        raise FloatingPointError
-
-    monkeypatch.setattr(search, "begun", falls)
-    assert search.judged({"land": [start]}, data)["land"][0].chi_square == 0.5 * (10.0 + search.FALLEN)
+def test_minima_are_compared_once_each_and_every_structure_has_one():
+    data, found = quick_data(LAND), quick(LAND)
+    start = Start(coarse(found.data), found.solution.lifts, found.value)
+    spill = Start(replace(start.data, structure="spill"), (no_lift(),), 1e5)
+    moved = found.solution.z + np.where(np.arange(found.problem.size) == 0, 2.0 * found.problem.steps, 0.0)
+    apart = replace(found, solution=replace(found.solution, z=moved), unseen=5.0)
+    same = replace(found, unseen=1.0)
+    known = Found({"land": [start], "spill": [spill]}, ((start, found), (start, same), (start, apart)))
+    ends = compared(known, data, data)
+    assert ends[:2] == [found, apart]
+    assert [item.data.structure for item in ends] == ["land", "land", "spill"]
+    assert known.best == (start, found)
 
 
 def test_signals_keep_their_harmonics_on_another_grid():

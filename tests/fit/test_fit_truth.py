@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.derived import delivered_volume
+from camtorque.fit.minima import followed
 from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
 from camtorque.fit.problem import build_problem, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.search import least, load_anew
-from camtorque.fit.single import FitOptions, fit_prepared, followed
+from camtorque.fit.search import Found, load_anew
+from camtorque.fit.single import FitOptions, fit_prepared
 from camtorque.fit.solver import lifts_at, try_at
 from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
@@ -204,7 +205,7 @@ def test_search_finds_the_structure_and_the_truth_from_nothing():
     rough = coarse(data)
     tried = {"spill": candidates(rough, "spill")[1::2], "land": candidates(rough, "land")[1::3]}
     found = descend(tried, SMOOTHINGS_DEG, True)
-    best = least(found)
+    best = min((group[0] for group in found.values() if group), key=lambda start: start.chi_square)
     assert best.data.structure == "spill"
     near = quick(SPILL)
     ended = followed(data, best)
@@ -229,8 +230,10 @@ def test_weights_of_the_search_are_as_large_as_the_residual():
 
 
 def test_the_load_is_begun_anew_on_the_shaft_that_was_found():
-    data = coarse(with_starts(quick_data(LAND), {"coupling_resonance": 365.0, "dead_volume": 2.0e-6}))
-    begun = load_anew({"land": [Start(data, (), 1.0)], "spill": [], "line": []}, coarse(quick_data(LAND)))
+    data = with_starts(quick_data(LAND), {"coupling_resonance": 365.0, "dead_volume": 2.0e-6})
+    start = Start(coarse(data), (), 1.0)
+    found = Found({"land": [start], "spill": [], "line": []}, ((start, replace(quick(LAND), data=data)),))
+    begun = load_anew(found, coarse(quick_data(LAND)))
     assert set(begun) == {"land", "spill"}
     assert {item.rows["coupling_resonance"].start for group in begun.values() for item in group} == {365.0}
     assert all(item.rows["dead_volume"].start != 2.0e-6 for group in begun.values() for item in group)

@@ -52,24 +52,38 @@ class Descent(Generic[T, P]):
     bounds: tuple[Array, Array]
 
 
-def minimise(descent: Descent[T, P], start: Array, max_iterations: int) -> tuple[T, P, tuple[int, int, bool]]:
-    """Return the last trial, the normal equations there, and iterations, evaluations, whether it converged.
+@dataclass(frozen=True)
+class Ended(Generic[T, P]):
+    """Where a descent ended: the last trial, the normal equations there if they are known, and what it cost.
+
+    ``cost``: iterations, evaluations, whether it converged.
+    """
+
+    trial: T
+    point: P | None
+    cost: tuple[int, int, bool]
+
+
+def minimise(
+    descent: Descent[T, P], start: Array, max_iterations: int, relative_gain: float = RELATIVE_GAIN
+) -> Ended[T, P]:
+    """Return where a descent ends.
 
     Parameters
     ----------
     start : (k,) where to start, moved into the bounds [SI]
     max_iterations : of normal equations
+    relative_gain : share of chi-square that a step has to promise
     """
     lower, upper = descent.bounds
     trial = descent.try_at(np.clip(start, lower, upper))
     evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
-    while True:
-        point = descent.linearise(trial)
-        if iterations >= max_iterations:
-            break
+    known: P | None = None
+    while iterations < max_iterations:
+        point = known = descent.linearise(trial)
         iterations += 1
-        before, accepted, gained = trial, False, 0.0
-        goal = RELATIVE_GAIN * trial.chi_square + LEAST_GAIN
+        accepted, gained = False, 0.0
+        goal = relative_gain * trial.chi_square + LEAST_GAIN
         while not converged and damping < LARGEST_DAMPING:
             step, promise = descent.step(point, trial.z, damping)
             if promise < goal:
@@ -81,12 +95,10 @@ def minimise(descent: Descent[T, P], start: Array, max_iterations: int) -> tuple
             if ratio > 1e-4 and np.isfinite(new.chi_square):
                 gained = trial.chi_square - new.chi_square
                 damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 1e-8)
-                trial, accepted = new, gained > goal
+                trial, known, accepted = new, None, gained > goal
                 break
             damping *= 4.0 if ratio > 0.0 else 8.0
         if not accepted:
             converged = converged or gained < 5.0 * goal
-            if trial is not before:
-                point = descent.linearise(trial)
             break
-    return trial, point, (iterations, evaluations, converged)
+    return Ended(trial, known, (iterations, evaluations, converged))

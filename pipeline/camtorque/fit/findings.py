@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import STRUCTURES
-from camtorque.fit.single import Candidate, Fit
+from camtorque.fit.single import Fit
 from camtorque.laws.chain import ChainInput, ChainOutput
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.smoothing import table_error

@@ -250,7 +250,8 @@ def solve_many(
         promise=lambda point, z: _promise(task, point, z),
         bounds=problem.bounds,
     )
-    return _solution(task, *minimise(descent, start, max_iterations))
+    ended = minimise(descent, start, max_iterations)
+    return _solution(task, ended.trial, ended.point or linearised(task, ended.trial), ended.cost)
 
 
 def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:

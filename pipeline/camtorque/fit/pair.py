@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camtorque.fit.minima import Candidate
 from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
 from camtorque.fit.problem import FitData, build_problem
-from camtorque.fit.single import Candidate, Prepared
+from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at
 from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, evaluate
 from camtorque.records import Array, CamCycles, Refusal, freeze_arrays

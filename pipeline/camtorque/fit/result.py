@@ -19,12 +19,12 @@ from camtorque.fit.uncertainty import (
     confidence,
     confounded_with,
     knowledge,
+    pressure_jacobian,
     uncertainty_budget,
 )
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
-from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.friction import Friction
@@ -273,9 +273,7 @@ def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
     tangents = fitted.output.pressure_tangents
     if tangents is None or not fitted.chain.uses_chamber:
         return None
-    columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
-    own = [k for k, s in enumerate(fit.problem.parameters) if s.recording in (-1, index) and s.row.name in columns]
-    jacobian = tangents[:, [columns.index(fit.problem.parameters[k].row.name) for k in own]]
+    jacobian, own = pressure_jacobian(fit.problem, index, tangents)
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(own, own)], jacobian)
     for shift in fit.pressure_shifts[index]:
         variance = variance + resampled(shift, variance.size) ** 2

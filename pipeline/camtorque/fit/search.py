@@ -6,11 +6,12 @@ begun anew. A hop draws the liquid or the valve of the best start anew. Each wal
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camtorque.fit.minima import Candidate, attempted, followed, judged, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.solver import no_lift
@@ -25,16 +26,19 @@ from camtorque.fit.starts import (
     continued,
     descend,
     ends_at,
-    on_other_half,
     rough,
 )
 from camtorque.laws import chamber, valve
+from camtorque.records import Array
 
 UNSMOOTHED = (0.0, 0.0)
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, INDEPENDENT, 5.0 * INDEPENDENT
-"""Chi-square above which the best start is moved on, hops on, and nothing found so far is believed."""
+DOUBTFUL, DISSATISFYING, UNEXPLAINED = 40.0, 100.0, 5.0 * INDEPENDENT
+"""Chi-square of the best minimum above which it is moved on, hops on, and nothing found so far is believed.
+
+The parameters take some 20 of the 60 independent values, so that a residual as large as expected leaves 40.
+"""
 HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
 HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
@@ -56,15 +60,16 @@ APART = 1.1
 """Least ratio of two frequencies of ringing that are followed."""
 FAR = 30.0
 """A structure whose chi-square exceeds the best one's by this factor (and what is unexplained) gets no more starts."""
+POLISHED, OF_A_STRUCTURE = 3, 2
+"""New starts that are followed to their minimum on the fine grid, in all and of one structure."""
+PROMISING_TIMES, PROMISING_PLUS = 10.0, 300.0
+"""A start is followed while its chi-square is below the best start's times and plus these."""
 HELPED, MOST_MOVES = 0.7, 14
 """Ratio of chi-squares below which a move has helped much, and how many are made at most."""
 Hops = tuple[tuple[float, int], ...]
-HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 20))
+HOPS: Hops = ((DOUBTFUL, 4), (DISSATISFYING, 10))
 HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
 """Chi-square above which the best start hops, and hops at most; ladder that each walks down."""
-JUDGED = "judged on both halves"
-FALLEN = 1e12
-"""Chi-square of a start so near an edge that the tangents overflow on the other half of the cycles."""
 REDRAWN = (
     tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
     tuple(row.name for row in valve.ROWS),
@@ -72,6 +77,53 @@ REDRAWN = (
 """Parameters that are drawn anew together: liquid, ports and leakage, or the delivery valve."""
 Items = dict[str, list[FitData]]
 """Recordings with their rows' starts, by structure."""
+
+
+@dataclass(frozen=True)
+class Halves:
+    """A recording as measured, with the half of its cycles that is fitted and with the other one.
+
+    ``lost`` is the torque that twists the shaft unseen by the transducer, on the fine grid [N m].
+    """
+
+    fitted: FitData
+    other: FitData
+    lost: Array
+
+    @property
+    def rough(self) -> FitData:
+        """The fitted half as the search sees it."""
+        return rough(with_lost_torque(self.fitted, self.lost))
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search has found so far.
+
+    starts : on the search's grid by structure, least chi-square first
+    minima : on the fine grid, each with the start that led to it, least mean chi-square of both halves first
+    """
+
+    starts: Mapping[str, list[Start]]
+    minima: tuple[tuple[Start, Candidate], ...] = ()
+
+    @property
+    def best(self) -> tuple[Start, Candidate] | None:
+        """The best minimum with a chamber."""
+        return next((pair for pair in self.minima if pair[1].data.structure != "line"), None)
+
+    @property
+    def start(self) -> Start:
+        """The start that led to the best minimum, moved to where that is."""
+        assert self.best is not None
+        start, minimum = self.best
+        rows = minimum.data.rows
+        return replace(start, data=with_starts(start.data, {name: row.start for name, row in rows.items()}))
+
+    @property
+    def value(self) -> float:
+        """Chi-square of the best minimum."""
+        return self.best[1].value if self.best else np.inf
 
 
 def with_hub(item: FitData, hertz: float, soft: float) -> FitData:
@@ -162,67 +214,57 @@ def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
     return with_starts(start.data, drawn)
 
 
-def hops(result: dict[str, list[Start]], most: Hops, held: FitData) -> Iterator[tuple[str, dict[str, list[Start]]]]:
-    """Yield the starts with those that follow from drawing the chamber or the valve of the best one anew.
+def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]]:
+    """Yield what was found with what follows from drawing the chamber or the valve of the best minimum anew.
 
-    Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves. From
-    here on a start is worth what it is on both halves of the cycles.
+    Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
     """
-    result = judged(result, held)
-    yield JUDGED, result
     for hop in range(max(count for _, count in most)):
-        best = least(result)
-        if not any(best.chi_square > above and hop < count for above, count in most):
+        if found.best is None or not any(found.value > above and hop < count for above, count in most):
             break
-        items = {best.data.structure: [redrawn(best, REDRAWN[hop % len(REDRAWN)], hop)]}
-        result = joined(result, judged(descend(items, HOP_SMOOTHINGS_DEG, False), held))
-        yield "hop", result
+        start = found.start
+        items = {start.data.structure: [redrawn(start, REDRAWN[hop % len(REDRAWN)], hop)]}
+        found = extended(found, descend(items, HOP_SMOOTHINGS_DEG, False), halves)
+        yield "hop", found
 
 
-def judged(starts: Starts, held: FitData) -> dict[str, list[Start]]:
-    """Return starts with the mean of their chi-square on both halves of the cycles, least first."""
-    return {name: sorted((_judged(start, held) for start in group), key=lambda start: start.chi_square)
-            for name, group in starts.items()}  # fmt: skip
-
-
-def _judged(start: Start, held: FitData) -> Start:
-    try:
-        there = begun(on_other_half(start.data, held), start.lifts)
-    except (FloatingPointError, np.linalg.LinAlgError):
-        there = FALLEN
-    return replace(start, chi_square=0.5 * (start.chi_square + there))
-
-
-def load_anew(result: Starts, rough: FitData) -> Items:
+def load_anew(found: Found, seen: FitData) -> Items:
     """Return first starts of all structures on the shaft, hub and drive that were found.
 
     A cam that swings at a resonance keeps every start from the load until the swing is known.
     """
-    rows = least(result).data.rows
-    found = {name: rows[name].start for name in SHAFT}
-    return {name: [with_starts(item, found) for item in candidates(rough, name)] for name in result if name != "line"}
+    rows = found.start.data.rows
+    known = {name: rows[name].start for name in SHAFT}
+    return {name: [with_starts(item, known) for item in candidates(seen, name)]
+            for name in found.starts if name != "line"}  # fmt: skip
 
 
-def scanned_again(result: Starts, _rough: FitData) -> Items:
+def scanned_again(found: Found, _seen: FitData) -> Items:
     """Return the best start in every likely structure with the end of delivery where a scan puts it."""
-    return {name: rescanned(least(result), name) for name in likely(result)}
+    start = found.start
+    return {name: rescanned(start, name) for name in likely(found)}
 
 
-def of_the_best(more: Callable[[Start], list[FitData]]) -> Callable[[Starts, FitData], Items]:
+def of_the_best(more: Callable[[Start], list[FitData]]) -> Callable[[Found, FitData], Items]:
     """Return a move that changes the best start within its structure."""
-    return lambda result, _rough: {least(result).data.structure: more(least(result))}
+
+    def moved(found: Found, _seen: FitData) -> Items:
+        start = found.start
+        return {start.data.structure: more(start)}
+
+    return moved
 
 
 @dataclass(frozen=True)
 class Move:
     """Further starts from what was found so far.
 
-    starts : from the starts so far and the recording on the search's grid
+    starts : from what was found so far and the recording on the search's grid
     smoothings : ladder that they walk down
-    above : chi-square of the best start above which the move is made
+    above : chi-square of the best minimum above which the move is made
     """
 
-    starts: Callable[[Starts, FitData], Items]
+    starts: Callable[[Found, FitData], Items]
     smoothings: tuple[float, ...]
     above: float
 
@@ -237,16 +279,14 @@ MOVES: dict[str, Move] = {
 """Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
 
 
-def search(data: FitData, held: FitData, structures: tuple[str, ...]) -> dict[str, list[Start]]:
-    """Return the best starts of each structure, least mean chi-square of both halves of the cycles first."""
-    *_, (_, result) = stages(data, held, structures)
-    return result
+def search(data: FitData, held: FitData, structures: tuple[str, ...]) -> Found:
+    """Return the best starts of each structure and the minima that they lead to."""
+    *_, (_, found) = stages(data, held, structures)
+    return found
 
 
-def stages(
-    data: FitData, held: FitData, structures: tuple[str, ...], most: Hops = HOPS
-) -> Iterator[tuple[str, dict[str, list[Start]]]]:
-    """Yield what was done last and the best starts of each structure so far, until the search ends.
+def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops = HOPS) -> Iterator[tuple[str, Found]]:
+    """Yield what was done last and what was found so far, until the search ends.
 
     Further moves are for recordings that are not explained yet; each is made again after others have helped much.
 
@@ -256,41 +296,60 @@ def stages(
     structures : that are tried
     most : hops between minima
     """
-    seen = rough(data)
-    first = descend({name: candidates(seen, name) for name in structures}, SMOOTHINGS_DEG, True)
-    result = {name: first.get(name, []) for name in structures}
-    yield "first starts", result
-    if not set(first) - {"line"}:
-        return
+    halves = Halves(data, held, np.zeros(data.chain.theta.size))
+    first = descend({name: candidates(halves.rough, name) for name in structures}, SMOOTHINGS_DEG, True)
+    found = extended(Found({name: [] for name in structures}), first, halves)
+    halves, found = relost(halves, found)
+    yield "first starts", found
     pending = dict(MOVES)
-    for _ in range(MOST_MOVES):
-        before = least(result).chi_square
+    for move_number in range(MOST_MOVES):
+        before = found.value
         name = next((name for name, move in pending.items() if before > move.above), None)
-        if name is None:
+        if name is None or not found.best or (move_number and before <= DOUBTFUL):
             break
         move = pending.pop(name)
-        items = {structure: group for structure, group in move.starts(result, seen).items() if group}
-        result = joined(result, descend(items, move.smoothings, False))
-        yield name, result
-        if least(result).chi_square < HELPED * before:
+        items = {structure: group for structure, group in move.starts(found, halves.rough).items() if group}
+        found = extended(found, descend(items, move.smoothings, False), halves)
+        if found.value < HELPED * before:
+            halves, found = relost(halves, found)
             pending = dict(MOVES)
-    yield from hops(result, most, held)
+        yield name, found
+    yield from hops(found, halves, most)
 
 
-def likely(result: Starts) -> list[str]:
+def relost(halves: Halves, found: Found) -> tuple[Halves, Found]:
+    """Return the halves with the torque that the transducer does not see at the best minimum, and that one again."""
+    if found.best is None or found.value > UNEXPLAINED:
+        return halves, found
+    start, minimum = found.best
+    halves = replace(halves, lost=lost_torque(minimum))
+    return halves, extended(found, {start.data.structure: [found.start]}, halves)
+
+
+def extended(found: Found, more: Starts, halves: Halves) -> Found:
+    """Return what was found with further starts and the minima that the promising ones among them lead to."""
+    starts = joined(found.starts, more)
+    least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
+    new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
+    minima = list(found.minima)
+    for start in new[:POLISHED]:
+        if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS:
+            end = attempted(followed, with_lost_torque(halves.fitted, halves.lost), start)
+            if end is not None:
+                minima.append((start, judged(end, halves.fitted, halves.other)))
+    return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
+
+
+def likely(found: Found) -> list[str]:
     """Return the structures with a chamber that are not far behind the best one; all of them where none explains."""
-    best = least(result).chi_square
-    limit = FAR * best + UNEXPLAINED
-    return [name for name, group in result.items()
-            if name != "line" and (best > UNEXPLAINED or (group and group[0].chi_square < limit))]  # fmt: skip
+    names = [name for name in found.starts if name != "line"]
+    if found.value > UNEXPLAINED:
+        return names
+    limit = FAR * min(found.starts[name][0].chi_square for name in names if found.starts[name]) + UNEXPLAINED
+    return [name for name in names if found.starts[name] and found.starts[name][0].chi_square < limit]
 
 
 def joined(one: Starts, other: Starts) -> dict[str, list[Start]]:
     """Return the starts of both by structure, best first."""
     return {name: sorted([*group, *other.get(name, [])], key=lambda start: start.chi_square)
             for name, group in one.items()}  # fmt: skip
-
-
-def least(result: Starts) -> Start:
-    """Return the start of least chi-square among those with a chamber."""
-    return min((group[0] for name, group in result.items() if group and name != "line"), key=lambda s: s.chi_square)

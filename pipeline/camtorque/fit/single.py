@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
+from camtorque.fit.minima import Candidate, at_minimum, attempted, followed, judged, with_its_lost_torque
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
-from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem, with_starts
-from camtorque.fit.search import search
-from camtorque.fit.solver import Solution, solve, try_at
-from camtorque.fit.starts import Start, on_other_half, refined
-from camtorque.fit.uncertainty import Covariance, covariance
-from camtorque.laws.causes import cam_torques, filtered_out_torque
+from camtorque.fit.problem import STRUCTURES, FitData, Problem
+from camtorque.fit.search import Found, search
+from camtorque.fit.solver import Solution
+from camtorque.fit.uncertainty import Covariance, covariance, pressure_jacobian, with_marginal
+from camtorque.fit.valley import Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
 from camtorque.units import DEGREE
 
-POLISHED = 3
-"""Starts that are followed to their minimum on the fine grid."""
-FILTER_ROUNDS = 2
 RELAXED_TIME = 2.5e-3
 """Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
-POLISH_ITERATIONS = 40
+QUICK_ITERATIONS = 5
+"""Of structures that are far behind: they are compared, not used."""
 SWITCHING = "switching delay of the trigger"
+TRIGGER = "trigger_offset"
+BENT = "valley of the trigger angle beyond its slope at the minimum"
+MINIMA = 5
+"""Minima that are compared at most."""
 
 
 @dataclass(frozen=True)
@@ -45,32 +47,15 @@ class FitOptions:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One structure (or minimum) followed to its end on the fine grid.
-
-    ``unseen``: what chi-square rises by, as the mean over both halves of the cycles, where the other half is asked too
-    """
-
-    data: FitData
-    problem: Problem
-    solution: Solution
-    unseen: float = 0.0
-
-    @property
-    def value(self) -> float:
-        """Chi-square with priors."""
-        return self.solution.chi_square + self.unseen
-
-
-@dataclass(frozen=True)
 class Prepared:
-    """One recording with its best minimum of each structure, least chi-square first."""
+    """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle."""
 
     recording: Recording
     cycles: CamCycles
     rigid: RigidTorque
     means: MeanCycles
     candidates: tuple[Candidate, ...]
+    valley: Valley
     measured: Array
 
 
@@ -101,90 +86,42 @@ class Fit:
 
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
-    """Return a recording with the minimum of every structure found."""
+    """Return a recording with the minima found and how far the trigger angle moves along the valley of the best one."""
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
     held = other_half(data, means)
-    found = search(data, held, tuple(STRUCTURES))
-    ends = polished(data, found)
-    seen_twice = (attempted(judged, item, data, held) for item in ends)
-    kept = sorted((item for item in seen_twice if item is not None), key=lambda item: item.value)
-    return Prepared(recording, cycles, rigid, means, tuple(kept) or ends, data.chain.shaft_torque)
+    ends = compared(search(data, held, tuple(STRUCTURES)), data, held)
+    corrected = attempted(with_its_lost_torque, ends[0], data.chain.shaft_torque)
+    kept = [ends[0], judged(corrected, data, held)] if corrected else ends[:1]
+    best, valley = swept(min(kept, key=lambda item: item.value), data, held)
+    return Prepared(recording, cycles, rigid, means, (best, *ends[1:]), valley, data.chain.shaft_torque)
 
 
-def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
-    """Return a minimum with what it is worth on the half of the cycles that it was not fitted to.
-
-    A delivery valve near chattering can be tuned to follow one mean cycle and be far off on the next: such a minimum is
-    not the better one for its lower chi-square.
-    """
-    lost = item.data.chain.shaft_torque - data.chain.shaft_torque
-    problem = build_problem([on_other_half(item.data, held, lost)])
-    trial = try_at(problem, item.solution.z, item.solution.lifts)
-    return replace(item, unseen=0.5 * (trial.data_chi_square - item.solution.data_chi_square))
-
-
-def polished(data: FitData, found: Mapping[str, list[Start]]) -> tuple[Candidate, ...]:
-    """Return the best starts of all structures at their minima on the fine grid, least chi-square first."""
-    best = min((group[0].chi_square for group in found.values() if group), default=0.0)
-    starts = sorted((start for group in found.values() for start in group[:2]), key=lambda start: start.chi_square)
-    kept = [start for start in starts if start.chi_square < 10.0 * best + 300.0][:POLISHED]
-    others = [group[0] for group in found.values() if group and all(group[0] is not start for start in kept)]
-    followed_ends = [attempted(followed, data, start) for start in kept]
-    ends = sorted((item for item in followed_ends if item is not None), key=lambda item: item.value)
+def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
+    """Return minima that differ and one of every structure that has starts, least chi-square first."""
+    ends: list[Candidate] = []
+    for _, item in found.minima:
+        if len(ends) < MINIMA and not any(_same(item, other) for other in ends):
+            ends.append(item)
+    for name, group in found.starts.items():
+        if group and all(item.data.structure != name for item in ends):
+            quick = attempted(followed, data, group[0], QUICK_ITERATIONS)
+            if quick is not None:
+                ends.append(judged(quick, data, held))
     if not ends:
         raise Refusal(
             f"{data.name}: found no start from which the model of this pump can be fitted, expected one; the recording "
             "may belong to another pump or trigger: `camtorque check` compares them"
         )
-    ends = [attempted(with_filtered_out_torque, ends[0]) or ends[0], *ends[1:]]
-    quick = [attempted(followed, data, start, 5) for start in others]
-    return tuple(sorted([*ends, *(item for item in quick if item is not None)], key=lambda item: item.value))
+    return sorted(ends, key=lambda item: item.value)
 
 
-def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
-    """Return a fit, None where it runs to a point at which the tangents of the model overflow."""
-    try:
-        return fit(*arguments)
-    except (FloatingPointError, np.linalg.LinAlgError):
-        return None
-
-
-def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS) -> Candidate:
-    """Return the minimum that a start leads to on the fine grid."""
-    item = replace(start.data, lift_basis=data.lift_basis, chain=replace(
-        data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
-    ))  # fmt: skip
-    problem = build_problem([item])
-    item = refined(item, problem.values(problem.start, 0)[0])
-    return at_minimum(item, iterations)
-
-
-def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS) -> Candidate:
-    """Return a recording at the minimum that its own start leads to."""
-    problem = build_problem([item])
-    solution = solve(problem, None, iterations)
-    starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
-    item = with_starts(item, starts)
-    return Candidate(item, build_problem([item]), solution)
-
-
-def with_filtered_out_torque(found: Candidate) -> Candidate:
-    """Return the minimum with the shaft's torque corrected for what the transducer's low-pass takes away.
-
-    One fixed-point step a round; with stiff shafts it changes nothing that counts.
-    """
-    measured = found.data.chain.shaft_torque
-    for _ in range(FILTER_ROUNDS):
-        values, coefficients = found.problem.values(found.solution.z, 0)
-        output = found.solution.outputs[0]
-        torques = cam_torques(found.data.chain, values, output, coefficients, np.zeros(measured.size))
-        lost = filtered_out_torque(found.data.chain, values, torques)
-        item = replace(found.data, chain=replace(found.data.chain, shaft_torque=measured + lost))
-        item = refined(item, values)
-        found = at_minimum(item)
-    return found
+def _same(one: Candidate, other: Candidate) -> bool:
+    """Return whether two minima are one: no parameter lies further apart than a change that matters."""
+    if one.data.structure != other.data.structure:
+        return False
+    return bool(np.all(np.abs(one.solution.z - other.solution.z) < one.problem.steps))
 
 
 def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
@@ -193,7 +130,9 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     problem, solution = best.problem, best.solution
     cov = covariance(problem, solution)
     probabilities = structure_probabilities(prepared.candidates, cov.inflation)
-    shifts, pressures = {}, []
+    std = prepared.valley.std(cov.inflation)
+    cov, along = with_marginal(cov, problem.index(TRIGGER), std)
+    shifts, pressures = {BENT: along}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
     shifts["what the delivery valve does as it opens"] = relaxed.solution.z - solution.z
     pressures.append(relaxed.solution.outputs[0].pressure - solution.outputs[0].pressure)
@@ -213,6 +152,14 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
         problem, solution, cov, shifts, (np.array(pressures),), prepared.candidates, probabilities, evidence,
         (prepared.measured,), (gain,),
     )  # fmt: skip
+
+
+def pressure_moved(best: Candidate, shift: Array) -> Array:
+    """Return how far a shift of the parameters (k,) [SI] moves the chamber pressure, (n,) [Pa]."""
+    tangents = best.solution.outputs[0].pressure_tangents
+    assert tangents is not None
+    jacobian, places = pressure_jacobian(best.problem, 0, tangents)
+    return np.asarray(jacobian @ shift[places])
 
 
 def switching_shift(problem: Problem, angle: float) -> Array:

@@ -24,6 +24,8 @@ from camtorque.records import Array, freeze_arrays
 N_NONLINEAR = len(NONLINEAR_NAMES)
 LARGEST_INFORMATION = 1.0e30
 """Beyond this a tangent has run away: the point is far from anything physical."""
+SEARCH_GAIN = 1.0e-3
+"""Share of chi-square that a step of a search has to promise."""
 LIFT_CUT = 0.05
 """Modes of the lift correction weaker than this (in standard deviations of the residual) are left out."""
 UNFELT = 0.2
@@ -248,10 +250,28 @@ def solve(
     ------
     FloatingPointError : a tangent has run away
     """
-    bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
-    z = np.clip(problem.start if start is None else start, *bounds)
-    smooth = smoother(smoothing)
+    z = np.clip(problem.start if start is None else start, *problem.bounds)
     modes = lifts_at(problem, z) if lifts is None else lifts
+    descent = _descent(problem, modes, smoothing)
+    ended = minimise(descent, z, max_iterations)
+    trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
+    outer = np.outer(problem.steps, problem.steps)
+    return Solution(
+        trial.z, trial.chi_square, trial.data_chi_square, point.matrix / outer, point.data_matrix / outer,
+        point.vector / problem.steps, point.outputs, trial.residuals, modes, *ended.cost,
+    )  # fmt: skip
+
+
+def approach(
+    problem: Problem, start: Array, max_iterations: int, lifts: tuple[LiftModes, ...], smoothing: float
+) -> Trial:
+    """Return where some iterations towards a minimum lead: what a search needs of it. Parameters as in `solve`."""
+    return minimise(_descent(problem, lifts, smoothing), start, max_iterations, SEARCH_GAIN).trial
+
+
+def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -> Descent[Trial, Point]:
+    bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
+    smooth = smoother(smoothing)
     inverse = (steps / stds) ** 2
 
     def linearise(trial: Trial) -> Point:
@@ -261,19 +281,13 @@ def solve(
         matrix = data_matrix + np.diag(inverse)
         return Point(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, outputs)
 
-    descent = Descent[Trial, Point](
+    return Descent[Trial, Point](
         try_at=lambda point: try_at(problem, point, modes, smooth),
         linearise=linearise,
         step=lambda point, at, damping: _step(problem, point, at, damping),
         promise=lambda point, at: _promise(point.matrix, point.vector, _free(at, point.vector, *bounds)),
         bounds=bounds,
     )
-    trial, point, cost = minimise(descent, z, max_iterations)
-    outer = np.outer(steps, steps)
-    return Solution(
-        trial.z, trial.chi_square, trial.data_chi_square, point.matrix / outer, point.data_matrix / outer,
-        point.vector / steps, point.outputs, trial.residuals, modes, *cost,
-    )  # fmt: skip
 
 
 def lifts_at(problem: Problem, z: Array, inflate: float = 1.0, cut: float = LIFT_CUT) -> tuple[LiftModes, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
-from camtorque.fit.solver import LiftModes, Trial, lifts_at, no_lift, smoother, solve, try_at
+from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, smoother, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.records import Array
 from camtorque.units import DEGREE
@@ -38,6 +38,8 @@ SEARCH_LIFT_CUT = 0.3
 """Weakest mode of the lift correction in the search, where only what is large counts."""
 ITERATIONS, TEMPERINGS = 8, 2
 """Iterations of a rung, and how often the weights are adapted to the residual within them."""
+LEFT_AT_LAST = 2
+"""Starts of a structure that are followed to the end of the ladder."""
 KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
 """A start is followed while its chi-square is below the best one's times and plus these."""
 
@@ -148,8 +150,8 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     try:
         trial = try_at(problem, problem.start, lifts, smooth)
         for _ in range(TEMPERINGS):
-            solution = solve(tempered(problem, trial), trial.z, iterations // TEMPERINGS, lifts, width)
-            trial = try_at(problem, solution.z, lifts, smooth)
+            near = approach(tempered(problem, trial), trial.z, iterations // TEMPERINGS, lifts, width)
+            trial = try_at(problem, near.z, lifts, smooth)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None  # a start so far off that its tangents overflow
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, trial.z, strict=True)}
@@ -188,7 +190,7 @@ def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core
             result = {name: group for name, group in result.items()
                       if group and (name == "line" or group[0].chi_square <= far)}  # fmt: skip
         last = len(smoothings) - 1 - rung
-        result = {name: [s for k, s in enumerate(group) if k == 0 or s.chi_square < limit][: max(1, last)]
+        result = {name: [s for k, s in enumerate(group) if k == 0 or s.chi_square < limit][: max(LEFT_AT_LAST, last)]
                   for name, group in result.items()}  # fmt: skip
         items = {name: [start.data for start in group] for name, group in result.items()}
     return result

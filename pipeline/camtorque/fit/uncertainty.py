@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import Solution
+from camtorque.laws.chain import SHIFT_NAMES
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.records import Array, freeze_arrays
 
 LEAST_FREEDOM = INDEPENDENT / 3.0
@@ -88,6 +90,42 @@ def covariance_of(problem: Problem, data_hessian: Array, lift_share: float, data
     information = data_hessian / inflation
     matrix = inverse(information + prior)
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
+
+
+def with_marginal(cov: Covariance, index: int, std: float) -> tuple[Covariance, Array]:
+    """Return a covariance in which one parameter has another standard deviation, and what is missing to it.
+
+    All others stay what they are at a given value of that one. A smaller deviation is more information about it alone;
+    a larger one comes as a shift along the valley that the others follow it in.
+
+    Parameters
+    ----------
+    index : parameter whose marginal deviation is known better than from the curvature at the minimum
+    std : that deviation [SI]; nan leaves all as it is
+
+    Returns
+    -------
+    Covariance, and the shift (k,) of all parameters that stands for the larger deviation [SI]
+    """
+    column = cov.matrix[:, index]
+    before = float(column[index])
+    along = column / before * np.sqrt(max(std**2 - before, 0.0)) if std**2 > before else np.zeros(column.size)
+    if not std**2 < before:
+        return cov, along
+    matrix = cov.matrix + (std**2 - before) / before**2 * np.outer(column, column)
+    scaled = matrix / cov.prior_std
+    return replace(cov, matrix=matrix, from_data=matrix - scaled @ scaled.T), along
+
+
+def pressure_jacobian(problem: Problem, index: int, tangents: Array) -> tuple[Array, list[int]]:
+    """Return the derivative of a recording's chamber pressure (n, m) [Pa/SI] by parameters, and their places (m,).
+
+    ``tangents`` are those of `camtorque.laws.chain.ChainOutput`.
+    """
+    columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
+    free = enumerate(problem.parameters)
+    own = [k for k, one in free if one.recording in (-1, index) and one.row.name in columns]
+    return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
 
 
 @dataclass(frozen=True)

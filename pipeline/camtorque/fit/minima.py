@@ -1,0 +1,109 @@
+"""Minima on the fine grid: what a start leads to, and what it is worth on both halves of the cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camtorque.fit.prepare import on_grid
+from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.solver import Solution, solve, try_at
+from camtorque.fit.starts import Start, on_other_half, refined
+from camtorque.laws.causes import cam_torques, filtered_out_torque
+from camtorque.records import Array
+
+FILTER_ROUNDS = 2
+POLISH_ITERATIONS = 40
+FALLEN = 1e12
+"""What chi-square rises by on the other half of the cycles where the tangents overflow there."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One structure (or minimum) followed to its end on the fine grid.
+
+    ``unseen``: what chi-square rises by, as the mean over both halves of the cycles, where the other half is asked too
+    """
+
+    data: FitData
+    problem: Problem
+    solution: Solution
+    unseen: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """Chi-square with priors."""
+        return self.solution.chi_square + self.unseen
+
+
+def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
+    """Return a fit, None where it runs to a point at which the tangents of the model overflow."""
+    try:
+        return fit(*arguments)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None
+
+
+def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS) -> Candidate:
+    """Return the minimum that a start leads to on the fine grid."""
+    item = replace(start.data, lift_basis=data.lift_basis, chain=replace(
+        data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
+    ))  # fmt: skip
+    problem = build_problem([item])
+    item = refined(item, problem.values(problem.start, 0)[0])
+    return at_minimum(item, iterations)
+
+
+def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS) -> Candidate:
+    """Return a recording at the minimum that its own start leads to."""
+    problem = build_problem([item])
+    solution = solve(problem, None, iterations)
+    starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
+    item = with_starts(item, starts)
+    return Candidate(item, build_problem([item]), solution)
+
+
+def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
+    """Return a minimum with what it is worth on the half of the cycles that it was not fitted to.
+
+    A delivery valve near chattering can be tuned to follow one mean cycle and be far off on the next: such a minimum is
+    not the better one for its lower chi-square.
+    """
+    lost = item.data.chain.shaft_torque - data.chain.shaft_torque
+    problem = build_problem([on_other_half(item.data, held, lost)])
+    try:
+        there = try_at(problem, item.solution.z, item.solution.lifts).data_chi_square
+    except (FloatingPointError, np.linalg.LinAlgError):
+        there = FALLEN
+    return replace(item, unseen=0.5 * (there - item.solution.data_chi_square))
+
+
+def lost_torque(found: Candidate) -> Array:
+    """Return the shaft's torque that the transducer's low-pass takes away at a minimum, on the fine grid [N m].
+
+    It twists the shaft all the same.
+    """
+    chain = found.data.chain
+    values, coefficients = found.problem.values(found.solution.z, 0)
+    torques = cam_torques(chain, values, found.solution.outputs[0], coefficients, np.zeros(chain.theta.size))
+    return filtered_out_torque(chain, values, torques)
+
+
+def with_lost_torque(data: FitData, lost: Array) -> FitData:
+    """Return a recording, as it was measured, whose shaft is twisted by what the transducer does not see as well."""
+    twisting = data.chain.shaft_torque + on_grid(lost, data.chain.theta.size)
+    return replace(data, chain=replace(data.chain, shaft_torque=twisting))
+
+
+def with_its_lost_torque(found: Candidate, measured: Array) -> Candidate:
+    """Return a minimum with the torque that is lost at it, by fixed-point steps; stiff shafts need none.
+
+    ``measured`` is the shaft's torque as the transducer saw it, on the fine grid [N m].
+    """
+    for _ in range(FILTER_ROUNDS):
+        values, _ = found.problem.values(found.solution.z, 0)
+        chain = replace(found.data.chain, shaft_torque=measured + lost_torque(found))
+        found = at_minimum(refined(replace(found.data, chain=chain), values))
+    return found

@@ -1,0 +1,118 @@
+"""The valley along the trigger angle: the best minimum with that angle held aside, and how wide the valley is.
+
+Trigger angle, friction and drive trade against one another along a bent valley of the residual. Its curvature at one
+point tells neither its width nor whether a deeper place lies further on, so it is walked: the angle is held, all else
+follows, both halves of the cycles judge. The width is that of the posterior along the walk (profile likelihood; Raue
+et al., Bioinformatics 25 (2009) 1923).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
+from camtorque.fit.problem import FitData, with_rows
+from camtorque.fit.uncertainty import covariance
+from camtorque.records import Array, freeze_arrays
+from camtorque.units import DEGREE
+
+ANGLE = "trigger_offset"
+HELD = 1.0e-9
+"""Standard deviation of an angle that is held [rad]."""
+STEP_SHARE, STEPS_DEG = 0.6, (0.02, 0.3)
+"""Step in standard deviations of the angle at the minimum, and its limits [deg]."""
+MOST_STEPS, ITERATIONS, ROUNDS = 14, 12, 3
+WALKED = 9.0
+"""Rise of chi-square at which a walk ends: three standard deviations."""
+DEEPER, GAINED = 1.0, 0.5
+"""Fall of chi-square on the walk from which a minimum is sought there, and what that has to gain."""
+NARROWEST = 0.5
+"""Least width against that from the curvature: narrower is a rugged valley, not a known angle."""
+
+
+@dataclass(frozen=True)
+class Valley:
+    """Trigger angles that were held (m,) [rad] and chi-square there (m,), where the best minimum lies, and its slope.
+
+    at : angle of the minimum [rad]; curvature_std : standard deviation from the curvature there [rad]
+    """
+
+    angles: Array
+    chi_square: Array
+    at: float
+    curvature_std: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    def std(self, inflation: float) -> float:
+        """Return the root mean square distance from the minimum under the posterior along the valley [rad]."""
+        if self.angles.size < 3:
+            return self.curvature_std
+        angles = np.linspace(self.angles[0], self.angles[-1], 50 * self.angles.size)
+        chi = np.interp(angles, self.angles, self.chi_square) / inflation
+        weight = np.exp(-0.5 * (chi - np.min(chi)))
+        spread = float(np.sqrt(np.sum(weight * (angles - self.at) ** 2) / np.sum(weight)))
+        return max(spread, NARROWEST * self.curvature_std)
+
+
+NO_VALLEY = Valley(np.zeros(0), np.zeros(0), float("nan"), float("nan"))
+"""Of a minimum that nobody walked from."""
+
+
+def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Valley]:
+    """Return the deepest minimum of the valley that a minimum lies in, and the valley.
+
+    Parameters
+    ----------
+    best : minimum on the fine grid, judged
+    data, held : the half of the cycles that is fitted and the other one
+    """
+    for _ in range(ROUNDS):
+        place, points = _walked(best, data, held)
+        deepest = min(points, key=lambda point: point[1])
+        if deepest[1] > best.value - DEEPER:
+            break
+        prior = best.data.rows[ANGLE].prior
+        freed = attempted(at_minimum, with_rows(deepest[2].data, {ANGLE: {"prior": prior}}))
+        if freed is None or judged(freed, data, held).value > best.value - GAINED:
+            break
+        best = judged(freed, data, held)
+    angles, values = np.array([point[:2] for point in points]).T
+    return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]), place)
+
+
+def _walked(best: Candidate, data: FitData, held: FitData) -> tuple[float, list[tuple[float, float, Candidate]]]:
+    """Return the deviation from the curvature [rad], and angle, chi-square and fit of all points in order."""
+    index = best.problem.index(ANGLE)
+    cov = covariance(best.problem, best.solution)
+    std = float(cov.std[index])
+    step = min(max(STEP_SHARE * std, STEPS_DEG[0] * DEGREE), STEPS_DEG[1] * DEGREE)
+    points = [(float(best.solution.z[index]), best.value, best)]
+    for signed in (step, -step):
+        least = min(point[1] for point in points)
+        for point in _one_way(best, signed, data, held):
+            points.append(point)
+            least = min(least, point[1])
+            if point[1] > least + WALKED * cov.inflation:
+                break
+    return std, sorted(points, key=lambda point: point[0])
+
+
+def _one_way(best: Candidate, step: float, data: FitData, held: FitData) -> Iterator[tuple[float, float, Candidate]]:
+    """Yield angle, chi-square and fit of steps away from a minimum, each from the one before."""
+    row = best.data.rows[ANGLE]
+    mean, std = row.prior or (0.0, np.inf)
+    angle, item = float(best.solution.z[best.problem.index(ANGLE)]), best.data
+    for _ in range(MOST_STEPS):
+        angle += step
+        if not row.lower <= angle <= row.upper:
+            return
+        end = attempted(at_minimum, with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}}), ITERATIONS)
+        if end is None:
+            return
+        item = end.data
+        yield angle, judged(end, data, held).value + ((angle - mean) / std) ** 2, end

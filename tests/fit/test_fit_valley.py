@@ -1,0 +1,110 @@
+"""The valley along the trigger angle: its width, a deeper place in it, and what it does to the covariance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from camtorque.fit.minima import at_minimum, judged
+from camtorque.fit.prepare import mean_cycles, other_half
+from camtorque.fit.problem import with_rows
+from camtorque.fit.uncertainty import covariance, pressure_jacobian, uncertainty_budget, with_marginal
+from camtorque.fit.valley import HELD, NARROWEST, NO_VALLEY, Valley, swept
+from fit_cases import bridged, quick, quick_data
+
+LAND = ("closed_volume", 0, 1000.0)
+ANGLE = "trigger_offset"
+
+
+def halves():
+    data = quick_data(LAND)
+    return data, other_half(data, mean_cycles(bridged(LAND)[1]))
+
+
+@pytest.fixture(scope="module")
+def walked():
+    data, held = halves()
+    return swept(judged(quick(LAND), data, held), data, held)
+
+
+def test_a_parabola_has_its_own_width():
+    angles = np.linspace(-5.0, 5.0, 41)
+    valley = Valley(angles, 3.0 + (angles / 0.7) ** 2, 0.0, 0.7)
+    assert valley.std(1.0) == pytest.approx(0.7, rel=2e-3)
+    assert valley.std(4.0) == pytest.approx(1.4, rel=1e-2)  # cut off at 3.6 of its deviations
+    # of one side only, the mean square distance from the minimum stays
+    half = Valley(angles[20:], valley.chi_square[20:], 0.0, 0.7)
+    assert half.std(1.0) == pytest.approx(0.7, rel=2e-2)
+
+
+def test_a_rugged_or_unknown_valley_does_not_narrow():
+    valley = Valley(np.array([-0.02, 0.0, 0.02]), np.array([500.0, 1.0, 700.0]), 0.0, 0.1)
+    assert valley.std(1.0) == pytest.approx(NARROWEST * 0.1)
+    assert Valley(np.array([0.0, 0.1]), np.array([0.0, 1.0]), 0.0, 0.3).std(1.0) == 0.3
+    assert np.isnan(NO_VALLEY.std(1.0))
+
+
+def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked):
+    best, valley = walked
+    data, held = halves()
+    assert best.value <= judged(quick(LAND), data, held).value
+    place = int(np.argmin(np.abs(valley.angles - valley.at)))
+    assert 0 < place < valley.angles.size - 1
+    assert valley.chi_square[0] > valley.chi_square[place] + 5.0
+    assert valley.chi_square[-1] > valley.chi_square[place] + 5.0
+    assert 0.5 < valley.std(1.0) / valley.curvature_std < 2.0
+
+
+def test_a_minimum_that_was_held_aside_finds_the_deeper_place(walked):
+    data, held = halves()
+    aside = walked[0].solution.z[walked[0].problem.index(ANGLE)] + 2.0 * walked[1].curvature_std
+    rows = {ANGLE: {"start": aside, "prior": (aside, HELD)}}
+    stuck = at_minimum(with_rows(walked[0].data, rows))
+    prior = {ANGLE: {"prior": data.rows[ANGLE].prior}}
+    # what a search that stops too early hands on: everything but the angle at its best
+    stuck = judged(replace(stuck, data=with_rows(stuck.data, prior)), data, held)
+    assert stuck.value > walked[0].value + 2.0
+    freed, _ = swept(stuck, data, held)
+    assert freed.value < walked[0].value + 1.0
+
+
+def test_a_narrower_marginal_is_information_about_one_parameter_alone():
+    found = quick(LAND)
+    cov = covariance(found.problem, found.solution)
+    k = found.problem.index(ANGLE)
+    narrow, along = with_marginal(cov, k, 0.6 * cov.std[k])
+    assert not along.any()
+    assert narrow.std[k] == pytest.approx(0.6 * cov.std[k])
+
+    def given(matrix):
+        others = np.arange(matrix.shape[0]) != k
+        return (matrix - np.outer(matrix[:, k], matrix[k]) / matrix[k, k])[np.ix_(others, others)]
+
+    scale = cov.std[np.arange(cov.std.size) != k]
+    np.testing.assert_allclose(given(narrow.matrix) / scale, given(cov.matrix) / scale, atol=1e-9 * np.max(scale))
+    for row, std in zip(uncertainty_budget(found.problem, narrow, {}), narrow.std, strict=True):
+        assert row.total**2 == pytest.approx(std**2, rel=2e-2)
+
+
+def test_a_wider_marginal_moves_the_others_along_the_valley():
+    found = quick(LAND)
+    cov = covariance(found.problem, found.solution)
+    k = found.problem.index(ANGLE)
+    same, along = with_marginal(cov, k, 1.7 * cov.std[k])
+    assert same is cov
+    assert cov.std[k] ** 2 + along[k] ** 2 == pytest.approx((1.7 * cov.std[k]) ** 2)
+    np.testing.assert_allclose(along / along[k], cov.matrix[:, k] / cov.matrix[k, k])
+    left, none = with_marginal(cov, k, float("nan"))
+    assert left is cov
+    assert not none.any()
+
+
+def test_the_pressure_follows_its_parameters():
+    found = quick(LAND)
+    tangents = found.solution.outputs[0].pressure_tangents
+    jacobian, places = pressure_jacobian(found.problem, 0, tangents)
+    assert jacobian.shape == (tangents.shape[0], len(places))
+    names = [found.problem.names[k] for k in places]
+    assert {"bulk_modulus", "valve_mass", ANGLE, "shaft_compliance"} <= set(names)
+    assert "bearing_arm" not in names
