@@ -13,21 +13,20 @@ import numpy as np
 
 from camtorque.fit.minima import Candidate, attempted, followed, judged, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.fit.problem import FitData, build_problem, with_starts
+from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
-    CORE,
     RETRACTIONS,
     SMOOTHINGS_DEG,
     Start,
     Starts,
     begun,
     candidates,
-    continued,
     descend,
     ends_at,
     rough,
 )
+from camtorque.fit.swings import expected, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.records import Array
 
@@ -39,25 +38,11 @@ DOUBTFUL, DISSATISFYING, UNEXPLAINED = 40.0, 100.0, 5.0 * INDEPENDENT
 
 The parameters take some 20 of the 60 independent values, so that a residual as large as expected leaves 40.
 """
-HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
-"""Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
-HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
-"""Smoothing [deg] of the scan of hubs, iterations, and how many are followed after it."""
-SHAFTS_WITH_HUB = ((60.0e-6, 1200.0), (200.0e-6, 620.0), (400.0e-6, 450.0))
-"""Compliance [rad/(N m)] and frequency of ringing [Hz] of the shafts on which hubs are tried."""
 SHAFT = (
     "shaft_compliance", "shaft_resonance", "shaft_damping_ratio", "coupling_compliance", "coupling_resonance",
     "coupling_damping", "drive_admittance", "drive_bandwidth", "drive_reset", "drive_lag",
 )  # fmt: skip
 """Parameters of shaft, hub and drive."""
-RINGINGS = tuple(
-    (hertz, ratio) for ratio, count in ((0.02, 72), (0.06, 36), (0.2, 18))
-    for hertz in np.geomspace(120.0, 2600.0, count)
-)  # fmt: skip
-"""Frequency at which the cam rings on the shaft [Hz] and damping ratio: the true ones stand in a narrow dip."""
-RINGINGS_KEPT = 3
-APART = 1.1
-"""Least ratio of two frequencies of ringing that are followed."""
 FAR = 30.0
 """A structure whose chi-square exceeds the best one's by this factor (and what is unexplained) gets no more starts."""
 POLISHED, OF_A_STRUCTURE = 3, 2
@@ -126,57 +111,6 @@ class Found:
         return self.best[1].value if self.best else np.inf
 
 
-def with_hub(item: FitData, hertz: float, soft: float) -> FitData:
-    """Return a start with a hub that swings on a yielding coupling, lightly damped."""
-    return with_starts(item, {
-        "coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": 0.07
-    })  # fmt: skip
-
-
-def with_hubs(best: Start) -> list[FitData]:
-    """Return the best start with the hubs that help it most."""
-    return scanned_hubs([best.data])
-
-
-def with_hubs_alone(best: Start) -> list[FitData]:
-    """Return the best start with hubs on several shafts, all but what places the load as expected.
-
-    A shaft that rings where shaft and hub swing together does not let go of it.
-    """
-    item = as_expected(best)
-    return scanned_hubs([with_starts(item, {"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz})
-                         for soft, hertz in SHAFTS_WITH_HUB])  # fmt: skip
-
-
-def scanned_hubs(shafts: list[FitData]) -> list[FitData]:
-    """Return the best hubs on some shafts by two rungs of less and less smoothing.
-
-    Much smoothing hides a hub: at 300 Hz and 600 rpm it swings once in 12 degrees.
-    """
-    items = [with_hub(item, *hub) for item in shafts for hub in HUBS]
-    for smoothing, iterations, kept in HUB_RUNGS:
-        ends = [continued(item, smoothing, False, iterations) for item in items]
-        order = sorted((end for end in ends if end), key=lambda end: end.chi_square)
-        items = [end.data for end in order[:kept]]
-    return items
-
-
-def with_ringing(best: Start) -> list[FitData]:
-    """Return the best start with the shaft ringing at other frequencies, lightly damped: the best of a scan.
-
-    Ringing is invisible while the residual is smoothed, and an overdamped shaft does not find it afterwards.
-    """
-    scored = []
-    for hertz, ratio in RINGINGS:
-        item = with_starts(best.data, {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio})
-        scored.append((begun(item, best.lifts), hertz, item))
-    kept: list[tuple[float, FitData]] = []
-    for _, hertz, item in sorted(scored, key=lambda one: one[0]):
-        if len(kept) < RINGINGS_KEPT and all(max(hertz / f, f / hertz) > APART for f, _ in kept):
-            kept.append((hertz, item))
-    return [item for _, item in kept]
-
-
 def rescanned(start: Start, structure: str) -> list[FitData]:
     """Return a start in the same or another structure with the end of delivery at the best places of a scan."""
     item = replace(start.data, structure=structure)
@@ -187,20 +121,6 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
         rest = expected(item, ("spill_width", "spill_span"))
     tried = [with_starts(item, {**end, **rest}) for end in ends_at(item, SCAN_SHARES)]
     return sorted(tried, key=lambda trial: begun(trial, (no_lift(),)))[:SCAN_KEPT]
-
-
-def expected(data: FitData, names: Iterable[str]) -> dict[str, float]:
-    """Return what is expected of the named parameters, those of which something is [SI]."""
-    priors = {name: data.rows[name].prior for name in names}
-    return {name: prior[0] for name, prior in priors.items() if prior}
-
-
-def as_expected(start: Start) -> FitData:
-    """Return a start with all but what places the load back at what is expected of it."""
-    names = [
-        parameter.row.name for parameter in build_problem([start.data]).parameters if parameter.row.name not in CORE
-    ]
-    return with_starts(start.data, expected(start.data, names))
 
 
 def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
