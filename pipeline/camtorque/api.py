@@ -30,6 +30,7 @@ from camtorque.mechanism.predict import predict as _predict
 from camtorque.records import CamCycles, Refusal
 from camtorque.report import RunResult, check_output, output_folder, write_run
 from camtorque.report.document import result_document
+from camtorque.report.numbers import near, plus_minus, unit_text
 from camtorque.run import Progress, RunOptions, analyse_recording, silent
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
@@ -113,12 +114,16 @@ class Recording(records.Recording):
         """Return the same recording with this face."""
         return cls(record.config, record.channels, record.cam_table, record.inputs, record.findings)
 
+    def __repr__(self) -> str:
+        told = ", ".join(f"{c.quantity} {c.duration:.2f} s at {c.sample_rate:g} Hz" for c in self.channels)
+        return f"<Recording {self.config.id}: {told}>"
+
     def _repr_html_(self) -> str:
         rows = [[c.quantity, f"{c.n_samples}", f"{c.sample_rate:g} Hz", f"{c.duration:.2f} s"] for c in self.channels]
         return _table(f"Recording {self.config.id}", ["channel", "samples", "rate", "duration"], rows, self.findings)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result(RunResult):
     """A fitted recording: aligned cycles, rigid and fitted model, parameters, losses, findings.
 
@@ -139,25 +144,25 @@ class Result(RunResult):
         """Return cycles, models and forces as an xarray.Dataset; see `camtorque.to_xarray`."""
         return to_xarray(self)
 
-    def _repr_html_(self) -> str:
+    def __repr__(self) -> str:
+        return f"<Result {self._title}>"
+
+    @property
+    def _title(self) -> str:
         held = self.fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
         rigid = self.fitted.metrics["rigid"].rms_percent_of_peak
-        title = (
+        return (
             f"{self.recording.config.id}: {self.cycles.mean_speed / RPM:.1f} rpm, {self.cycles.index.size} of "
             f"{self.cycles.cycles_found} cycles; RMS {rigid:.2f} % of the peak rigid, {held:.2f} % fitted (held-out)"
         )
+
+    def _repr_html_(self) -> str:
         rows = [
-            [
-                row.name,
-                f"{row.value:.4g}",
-                f"± {row.stderr:.2g}" if np.isfinite(row.stderr) else "",
-                row.unit,
-                row.knowledge,
-            ]
+            [row.name, near(row.value, row.stderr), f"± {plus_minus(row.stderr)}", unit_text(row.unit), row.knowledge]
             for row in self.fitted.parameters
             if row.role != "assumed"
         ]
-        return _table(title, ["parameter", "value", "", "unit", "known by"], rows, self.findings)
+        return _table(self._title, ["parameter", "value", "", "unit", "known by"], rows, self.findings)
 
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], findings: Sequence[records.Finding]) -> str:

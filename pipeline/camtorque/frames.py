@@ -82,6 +82,7 @@ def to_xarray(item: RunResult | CamCycles | Prediction) -> Any:
     data = {}
     for row in variables:
         values = np.asarray(row.values)
+        values = values.astype(str) if values.dtype.kind == "S" else values
         over_cycles = row.path.startswith("cycles/")
         dims = ("cycle", "theta") if values.ndim == 2 else ("cycle",) if over_cycles else ("theta",)
         data[row.path.replace("/", "_")] = (dims, values, {"units": row.units, "long_name": row.long_name})

@@ -150,6 +150,7 @@ def test_curves_with_units() -> None:
     data = result.to_xarray()
     assert data["model_fitted"].attrs["units"] == "N m"
     assert data["cycles_torque"].dims == ("cycle", "theta")
+    assert set(data["cycles_role"].values.tolist()) == {"fitted", "held_out"}
     np.testing.assert_allclose(data["mean_torque"], result.cycles.torque.mean(axis=0), rtol=1e-13)
     assert "model_fitted" not in camtorque.to_xarray(result.cycles)
 
@@ -175,6 +176,17 @@ def test_a_notebook_shows_escaped_texts() -> None:
     told = api.Recording.of_record(replace(base, findings=(Finding("x", "warning", NASTY),)))._repr_html_()
     assert NASTY not in told
     assert "20000 Hz" in told
+
+
+def test_what_python_prints_of_a_record_is_a_line() -> None:
+    result = a_result()
+    prediction = camtorque.predict(ROOT / "calibration" / "paper_pump.toml", [300.0, 500.0], n_theta=360)
+    shown = [repr(item) for item in (camtorque.read(EXAMPLE), result, result.cycles, prediction)]
+    assert "torque 3.00 s at 20000 Hz" in shown[0]
+    assert "% of the peak rigid" in shown[1]
+    assert f"{result.cycles.index.size} of {result.cycles.cycles_found} cycles" in shown[2]
+    assert shown[3] == "<Prediction 300, 500 rpm, 360 angles>"
+    assert all(len(text) < 200 for text in shown)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,9 +12,10 @@ import numpy as np
 import pytest
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
+from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, load_for, matched_end, width_of
-from camtorque.fit.forecast import FRACTION, FittedAt, KnownFit, Load, _draws, law_share, law_std, shape_of
+from camtorque.fit.forecast import DRAWS, FittedAt, KnownFit, Load, _draws, law_share, law_std, shape_of
 from camtorque.predict_from import file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
@@ -127,15 +129,39 @@ def test_a_mean_of_fitted_values_is_drawn_with_what_the_fit_leaves_open_of_the_m
                    ArrowCovariance.whole(np.diag([1e6, 1e-6, 1e-6])), ())  # fmt: skip
     load = Load({"end_width": Estimate(0.03, 0.0)}, means={"end_width": {1: 0.5, 2: 0.5}})
     mean = {"torque_zero": 0.0, "pressure_zero": 0.0, "end_width": 0.03}
-    drawn = [item["end_width"] for item in _draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load)]
-    assert np.std(drawn) / FRACTION == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
+    drawn = [item["end_width"] for item in _draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load, 0.1)]
+    assert np.std(drawn) / 0.1 == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
+
+
+@pytest.mark.parametrize(("curve", "wanted"), [
+    (lambda leakage: 3.0 * (leakage > 1e-15), 3.0 / np.sqrt(2.0)),
+    (lambda leakage: (leakage - 1e-15) / 1e-17, 1.0),
+])  # fmt: skip
+def test_a_step_of_the_model_is_not_scaled_up(
+    curve: Callable[[float], float], wanted: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = FittedAt("a", 50.0, "land", 0.0, True)
+    fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]),
+                   ArrowCovariance.whole(np.diag([1e-34, 1.0])), (source,) * 3)  # fmt: skip
+    names = ("torque", "mean", "pressure", "contact", "angle", "flow", "delivered")
+
+    def parts(chain: object, values: dict[str, float]) -> dict[str, np.ndarray]:
+        return {name: np.full(4, 1.0 + curve(values["leakage"])) * (1.0 if name == "torque" else 0.0) for name in names
+                } | {"mean": np.array(0.0), "delivered": np.array(0.0)}  # fmt: skip
+
+    monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
+    monkeypatch.setattr(forecast_module, "_parts", parts)
+    chain = SimpleNamespace(speed=50.0, theta=np.zeros(4))
+    found = forecast_module.forecast(fit, chain, source, Load({}), {})  # type: ignore[arg-type]
+    assert found.torque_std == pytest.approx(np.full(4, wanted), rel=0.25)
+    assert np.max(found.shape_std) < 1e-9, "all of it is one constant"
 
 
 def test_a_constant_of_the_band_is_no_part_of_its_shape() -> None:
     rng = np.random.default_rng(3)
     wave = np.sin(np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False))
-    steady, moving = rng.standard_normal((2, 400))
-    shape = shape_of(list(5.0 * steady[:, None] + moving[:, None] * wave), np.ones(200))
+    steady, moving = rng.standard_normal((2, DRAWS))
+    shape = shape_of(5.0 * steady[:, None] + moving[:, None] * wave, np.ones(200)) / np.std(moving)
     assert shape == pytest.approx(np.abs(wave), abs=0.12)
 
 

@@ -177,8 +177,8 @@ def load_for(
     if source.structure == "spill":
         slope = float(np.interp(place, rising, np.gradient(lift, rising)))
         end = Estimate(float(np.interp(place, rising, lift)), std * slope)
-    templates_used = nearest_ends(ends, curve.speed)
-    weights = {known.own(item.id)[END_OF[source.structure]]: 1.0 / len(templates_used) for item in templates_used}
+    near = nearest_ends(ends, curve.speed)
+    weights = {known.own(item.id)[END_OF[source.structure]]: 1.0 / len(near) for item in near}
     widths = {name: width for name in WIDTHS_OF[source.structure] if (width := width_of(known, name, alike))}
     found = {END_OF[source.structure]: end, **{name: value for name, (value, _) in widths.items()}}
     means = {END_OF[source.structure]: weights, **{name: weights for name, (_, weights) in widths.items()}}

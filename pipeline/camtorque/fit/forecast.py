@@ -1,9 +1,9 @@
 """A run that was not made: torque, chamber and load from the values of a fit, with bands.
 
-Values are drawn about the fit by a share of its covariance and each draw is evaluated whole: bands of torque, causes,
-chamber and load are those of the linearised model, whose correlations bounds would spoil. What the laws get wrong is
-added: as large as predictions of left-out recordings were off, growing beyond the fitted speeds as they grew. The twist
-needs the torque itself, which is found by a fixed point.
+Values are drawn about the fit by shares of its covariance and each draw is evaluated whole: where bounds would spoil
+the correlations, bands are those of the linearised model; beside a valve near chattering, where the model steps, those
+of whole standard deviations. What the laws get wrong is added: as large as predictions of left-out recordings were off,
+growing beyond the fitted speeds as they grew. The twist needs the torque itself, which is found by a fixed point.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.records import Array, Estimate, Refusal, freeze_arrays
 from camtorque.units import BAR
 
-DRAWS = 80
-FRACTION = 0.2
-"""Draws are this share of the covariance's standard deviations away; their scatter is scaled up again."""
+DRAWS = 60
+FRACTIONS = (0.2, 1.0)
+"""Draws are such shares of the covariance's standard deviations away; their scatter is scaled up again, and the smaller
+one counts: small draws make too much of a step of the model, large ones of the bounds."""
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
 GROWTH = 0.02
@@ -196,19 +197,16 @@ def forecast(
     best = values_of(mean, source, changes)
     chain = settled(chain, best)
     center = _parts(chain, best)
-    drawn = [_parts(chain, values_of(item, source, changes)) for item in _draws(known, places, mean, load)]
-    std = {
-        name: np.sqrt(np.mean([(item[name] - center[name]) ** 2 for item in drawn], axis=0)) / FRACTION
-        for name in center
-    }
-    if load.pressure_std.size:
-        moved = _parts(replace(chain, line_pressure=chain.line_pressure + FRACTION * load.pressure_std), best)
-        std = {name: np.hypot(std[name], (moved[name] - center[name]) / FRACTION) for name in center}
+    scatters = []
+    for fraction in FRACTIONS:
+        drawn = [values_of(item, source, changes) for item in _draws(known, places, mean, load, fraction)]
+        scatters.append(_scatter(chain, center, drawn, best, fraction * load.pressure_std, fraction))
+    std = {name: np.minimum(*(item.std[name] for item in scatters)) for name in center}
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
     law = law_std(torque, share)
     total = np.hypot(std["torque"], law)
-    shape = shape_of([(item["torque"] - center["torque"]) / FRACTION for item in drawn], total)
+    shape = np.minimum(*(shape_of(item.torque, total) for item in scatters))
     causes = [name for name in center if name.startswith("cause ")]
     return Forecast(
         speed=chain.speed, theta=chain.theta, torque=torque, torque_std=total,
@@ -221,10 +219,36 @@ def forecast(
     )  # fmt: skip
 
 
-def shape_of(moved: Sequence[Array], std: Array) -> Array:
-    """Return the scatter of drawn torques, (n,) each, less the constant of each where the torque is sure."""
-    drawn = np.array(moved)
-    return np.asarray(np.sqrt(np.mean((drawn - (drawn @ std**-2.0 / np.sum(std**-2.0))[:, None]) ** 2, axis=0)))
+@dataclass(frozen=True)
+class Scatter:
+    """Standard deviations of all curves, and by how far each draw moved the torque, (m, n) [N m]."""
+
+    std: dict[str, Array]
+    torque: Array
+
+
+def _scatter(
+    chain: ChainInput, center: Mapping[str, Array], drawn: Sequence[Mapping[str, float]], best: Mapping[str, float],
+    pressure: Array, fraction: float,
+) -> Scatter:  # fmt: skip
+    """Return how far drawn values, and a line pressure moved by ``pressure`` (n,), move the curves."""
+    found = [_parts(chain, item) for item in drawn]
+    moved = {name: np.array([item[name] - middle for item in found]) / fraction for name, middle in center.items()}
+    if pressure.size:
+        other = _parts(replace(chain, line_pressure=chain.line_pressure + pressure), best)
+        weight = np.sqrt(len(found)) / fraction  # one more draw that counts as much as all others
+        moved = {name: np.vstack([rows.reshape(len(found), -1), weight * (other[name] - center[name])])
+                 for name, rows in moved.items()}  # fmt: skip
+    std = {
+        name: np.sqrt(np.sum(rows**2, axis=0) / len(found)).reshape(center[name].shape) for name, rows in moved.items()
+    }
+    return Scatter(std, moved["torque"])
+
+
+def shape_of(moved: Array, std: Array) -> Array:
+    """Return the scatter of drawn torques, (m, n), less the constant of each where the torque is sure."""
+    constant = moved @ std**-2.0 / np.sum(std**-2.0)
+    return np.asarray(np.sqrt(np.sum((moved - constant[:, None]) ** 2, axis=0) / DRAWS))
 
 
 def values_of(
@@ -238,7 +262,9 @@ def values_of(
     return {name: value * changes.get(name, 1.0) for name, value in full.items()}
 
 
-def _draws(known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], load: Load) -> list[dict[str, float]]:
+def _draws(
+    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], load: Load, fraction: float
+) -> list[dict[str, float]]:
     """Return drawn values within the bounds of the rows."""
     parts = [load.means.get(name, {place: 1.0}) for name, place in places.items()]
     index = sorted({place for part in parts for place in part})
@@ -250,11 +276,11 @@ def _draws(known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float]
     every = np.random.default_rng(0).standard_normal((DRAWS, len(parts) + len(load.ends)))
     normal, found = np.split(every, [len(parts)], axis=1)
     result = []
-    for k, step in enumerate(FRACTION * normal @ root.T):
+    for k, step in enumerate(fraction * normal @ root.T):
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
         item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
         for (name, end), away in zip(load.ends.items(), found[k].tolist(), strict=True):
-            item[name] += FRACTION * end.stderr * away
+            item[name] += fraction * end.stderr * away
         result.append(
             {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
         )

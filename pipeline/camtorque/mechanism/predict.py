@@ -31,7 +31,7 @@ KEPT = 720
 """So many samples of a curve go into the document, at least where there are as many."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Prediction:
     """What a pump will do at several speeds.
 
@@ -61,6 +61,10 @@ class Prediction:
     roller: Roller
     findings: tuple[Finding, ...]
     friction: Friction = NO_FRICTION
+
+    def __repr__(self) -> str:
+        speeds = ", ".join(f"{speed * 30.0 / np.pi:.4g}" for speed in self.speeds)
+        return f"<Prediction {speeds} rpm, {self.theta.size} angles>"
 
     def __post_init__(self) -> None:
         freeze_arrays(self)

@@ -45,7 +45,7 @@ class AngleError:
     text: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CamCycles:
     """Cycles on one cam-angle grid with nominal alignment (declared delays off, nominal trigger angle).
 
@@ -90,6 +90,10 @@ class CamCycles:
         if self.index.shape != (n_cycles,) or self.held_out.shape != (n_cycles,):
             raise ValueError("cycles: index and held_out need one entry per cycle")
         freeze_arrays(self)
+
+    def __repr__(self) -> str:
+        used = f"{self.index.size} of {self.cycles_found} cycles"
+        return f"<CamCycles {used}, {self.mean_speed * 30.0 / np.pi:.1f} rpm, {self.theta.size} angles>"
 
     @property
     def mean_speed(self) -> float:
