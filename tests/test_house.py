@@ -281,3 +281,17 @@ def test_every_field_is_read() -> None:
     fields = {item.target.id for c in classes for item in c.body
               if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)}  # fmt: skip
     assert fields - read - set(re.findall(r"\.(\w+)", pages)) == set(ONLY_WRITTEN)
+
+
+def test_every_test_that_the_page_of_faults_names_is_there() -> None:
+    page = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8")
+    known = {
+        node.name
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.FunctionDef)
+    }
+    named = set(re.findall(r"`(test_\w+)`", page))
+    assert len(named) > 10
+    assert not named - known
+    assert all((ROOT / path).exists() for path in re.findall(r"`((?:tests|benchmarks)/[\w/.]*)`", page))
