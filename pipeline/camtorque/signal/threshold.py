@@ -5,6 +5,8 @@ They are numbers like any other, so that a rule reads as it always did; `docs/th
 
 from __future__ import annotations
 
+from typing import Self
+
 BASES = {
     "physics": "follows from what a shaft, a sensor or a logger can do",
     "statistics": "odds or efficiencies of a test, whatever the data",
@@ -15,8 +17,8 @@ BASES = {
 """What a threshold was set on -> what that means."""
 
 
-class Threshold(float):
-    """A number with unit, reason and basis (key of `BASES`).
+class _Reasoned:
+    """What a number knows of itself.
 
     Attributes
     ----------
@@ -29,30 +31,20 @@ class Threshold(float):
     basis: str
     reason: str
 
-    def __new__(cls, value: float, unit: str, basis: str, reason: str) -> Threshold:
+    def __new__(cls, value: float, unit: str, basis: str, reason: str) -> Self:
         """Return a number that knows where it comes from."""
-        self = super().__new__(cls, value)
+        self = super().__new__(cls, value)  # type: ignore[call-arg]
         self.unit, self.basis, self.reason = unit, basis, reason
         return self
 
-    def __getnewargs__(self) -> tuple[float, str, str, str]:  # type: ignore[override]
+    def __getnewargs__(self) -> tuple[float, str, str, str]:
         """Copy and pickle with all that it knows."""
-        return float(self), self.unit, self.basis, self.reason
+        return self.real, self.unit, self.basis, self.reason  # type: ignore[attr-defined]
 
 
-class Count(int):
-    """A whole number with unit, reason and basis; see `Threshold`."""
+class Threshold(_Reasoned, float):  # type: ignore[misc]
+    """A number with unit, reason and basis (key of `BASES`)."""
 
-    unit: str
-    basis: str
-    reason: str
 
-    def __new__(cls, value: int, unit: str, basis: str, reason: str) -> Count:
-        """Return a whole number that knows where it comes from."""
-        self = super().__new__(cls, value)
-        self.unit, self.basis, self.reason = unit, basis, reason
-        return self
-
-    def __getnewargs__(self) -> tuple[int, str, str, str]:  # type: ignore[override]
-        """Copy and pickle with all that it knows."""
-        return int(self), self.unit, self.basis, self.reason
+class Count(_Reasoned, int):  # type: ignore[misc]
+    """A whole number with unit, reason and basis."""

@@ -145,13 +145,13 @@ def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int) -> tuple
     return np.arange(steps) * (TURN / steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
 
 
-def collocation(shaft: Shaft, elements: int, stages: int, offset: float = 0.0) -> tuple[Array, Array, bool]:
+def collocation(shaft: Shaft, elements: int, stages: int) -> tuple[Array, Array, bool]:
     """Return stage angles, shaft torque there and success of the periodic solution by Gauss collocation in cam angle.
 
-    Elements on the pieces of the law when their number is a multiple of 360 and ``offset`` is 0; Newton on the state
-    at the border of the revolution closes the period.
+    Elements on the pieces of the law when their number is a multiple of 360; Newton on the state at the border of the
+    revolution closes the period.
     """
-    borders = np.linspace(0.0, TURN, elements + 1) + offset
+    borders = np.linspace(0.0, TURN, elements + 1)
     orbit = solve_orbit(load_rows, borders, stages, (shaft.stiffness, shaft.damping, shaft.speed))
     return orbit.theta, orbit.torque, orbit.closed
 
