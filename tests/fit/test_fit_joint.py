@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from camtorque.fit.forecast import KnownFit
 from camtorque.fit.joint import (
     common_error,
     fit_joint,
+    fitting_no_other,
     joint_fit_of,
     refuse_two_states,
     solve_joint,
@@ -91,6 +93,33 @@ def test_shared_parameters_are_told_better_together(prepared, campaign):
         assert record.metrics["fitted_held_out_cycles"].rms_percent_of_peak < 0.2
         own = {row.name for row in record.parameters if row.role == "own"}
         assert len({name.split(SEPARATOR)[1] for name in own}) == 1
+
+
+def test_a_recording_that_fits_no_other_is_excluded_and_told(prepared, solved, campaign):
+    odd = replace(prepared[0], data=replace(prepared[0].data, name="odd"))
+    bad = SimpleNamespace(misfits=np.array([60.0, 2000.0, 70.0, 80.0]))
+    four = [prepared[0], odd, *prepared[1:]]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint_room, "solve_joint", lambda used, each: (None, bad) if len(used) == 4 else solved)
+        found = fit_joint(four, four.__getitem__)
+    assert found.names == campaign.names
+    assert found.excluded == ("odd",)
+    (told,) = [finding for finding in found.findings if finding.code == "recording_excluded"]
+    assert told.where == "odd"
+    np.testing.assert_array_equal(found.covariance.std, campaign.covariance.std)
+
+
+@pytest.mark.parametrize(
+    ("misfits", "places"),
+    [
+        ([60.0, 2000.0, 70.0, 3000.0, 65.0], [3]),  # the worst may be what makes the other one bad
+        ([60.0] * 25 + [9000.0, 8000.0, 9500.0], [27, 25]),
+        ([60.0, 70.0, 9000.0], []),
+        ([1.0, 1.2, 1.1, 30.0], []),  # far off the others, and still within the noise
+    ],
+)
+def test_which_recordings_fit_no_other(misfits, places):
+    assert fitting_no_other(np.array(misfits)) == places
 
 
 def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(campaign):

@@ -39,7 +39,8 @@ START_ITERATIONS = 6
 OWN_ITERATIONS = 6
 BAD_FACTOR = 4.0
 """A recording whose misfit exceeds the median by this factor has its structure searched anew."""
-EXCLUSION_FACTOR = 25.0
+EXCLUSION_FACTOR, FEWEST = 25.0, 3
+"""A recording with so many times the median misfit fits no other; with the fewest left none is excluded."""
 SAME_SPEED = 0.05
 TWO_STATES = 5.0
 """Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
@@ -224,11 +225,11 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     while True:
         used = [known[k] for k in places]
         problem, solution = solve_joint(used, each)
-        misfit = solution.misfits
-        worst = int(np.argmax(misfit))
-        if len(used) <= 3 or misfit[worst] < max(EXCLUSION_FACTOR * float(np.median(misfit)), 10.0 * INDEPENDENT):
+        odd = fitting_no_other(solution.misfits)
+        if not odd:
             break
-        excluded.append(known[places.pop(worst)].name)
+        excluded += [known[places[k]].name for k in odd]
+        places = [place for k, place in enumerate(places) if k not in odd]
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts)
     others = left_out(fit) if len(used) > 1 else None
@@ -248,6 +249,16 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(excluded), findings,
     )  # fmt: skip
+
+
+def fitting_no_other(misfits: Array) -> list[int]:
+    """Return the places of recordings that the joint fit is done again without, the worst first.
+
+    The worst of few, of many up to a tenth at once: done again for each of them, a fit of a thousand would never end.
+    """
+    limit = max(EXCLUSION_FACTOR * float(np.median(misfits)), 10.0 * INDEPENDENT)
+    worst = [int(k) for k in np.argsort(-misfits, kind="stable") if misfits[k] >= limit]
+    return worst[: min(max(1, len(misfits) // 10), max(len(misfits) - FEWEST, 0))]
 
 
 def joint_fit_of(
