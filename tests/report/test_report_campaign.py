@@ -17,7 +17,7 @@ from camtorque.fit.joint import CampaignFit, JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
 from camtorque.report.campaign_figures import overlay
-from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page
+from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page, verdict_text
 from camtorque.report.campaign_view import CampaignView, Column, campaign_view
 from camtorque.report.campaign_write import campaign_document
 from camtorque.report.document import result_document
@@ -228,3 +228,12 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
     assert parts["What to do"].endswith("Coupling resonance drifts.")
     quiet = {**doc, "recordings": [row("A", True)], "n_refused": 0, "findings": []}
     assert "What to do" not in {part["head"] for part in campaign_answer(quiet)}
+
+
+@pytest.mark.parametrize(
+    ("severities", "told"),
+    [(("info",), ""), (("warning", "info"), " 1 warning below."), (("warning", "error"), " 2 warnings below.")],
+)
+def test_the_headline_counts_the_warnings(severities: tuple[str, ...], told: str) -> None:
+    doc = {"recordings": [{}, {}], "n_refused": 1, "held_out": [], "findings": [{"severity": s} for s in severities]}
+    assert verdict_text(doc) == f"1 of 2 recordings used.{told}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,12 @@ def curves(label: str = "measured") -> Curves:
     y[100:120] = np.nan
     panel = Panel("torque [N m]", (Line(label, y, "measured"),), (Band("band", y - 0.1, y + 0.1),))
     return Curves(x, "cam angle [deg]", (panel,), spans=(Span(10.0, 60.0, label), Span(80.0, 90.0, label, loud=True)))
+
+
+def test_a_stretch_outside_what_is_shown_hides_no_other() -> None:
+    spans = (Span(0.0, 50.0, "before"), Span(120.0, 180.0, "within", loud=True), Span(300.0, 310.0, "after"))
+    drawn = curves_svg(replace(curves(), x_range=(100.0, 200.0), spans=spans), "torque")
+    assert [name in drawn for name in ("before", "within", "after")] == [False, True, False]
 
 
 def test_a_gap_in_a_curve_stays_a_gap() -> None:
