@@ -40,7 +40,7 @@ TIE_STEP = 1.0e-6
 """Relative step of the central difference through a tie (ties are short formulas, the chain itself is exact)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OwnFit:
     """One recording ready to be fitted by lmfit.
 
@@ -54,6 +54,9 @@ class OwnFit:
     problem: Problem
     minimum: Array
     lifts: tuple[LiftModes, ...]
+
+    def __repr__(self) -> str:
+        return f"<OwnFit {self.problem.data[0].name}: {len(self.names)} free parameters>"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -56,12 +56,16 @@ WIDEST_STEP = np.radians(6.0)
 """Distance of points under load above which nothing tells what the points missed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Found:
     """Predicted runs, and the document of them."""
 
     items: tuple[Forecast, ...]
     document: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        peaks = ", ".join(f"{np.max(one.torque):.4g} N m at {one.speed / RPM:.4g} rpm" for one in self.items)
+        return f"<Found {peaks}>"
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,10 @@ def test_the_residual_is_that_of_the_fit(own: OwnFit) -> None:
     assert np.sum(own.residual(parameters) ** 2) == pytest.approx(trial.chi_square, rel=1e-9)
 
 
+def test_what_python_prints_of_it_is_a_line(own: OwnFit) -> None:
+    assert repr(own) == f"<OwnFit {own.problem.data[0].name}: {len(own.names)} free parameters>"
+
+
 def test_the_derivative_is_exact_through_ties_too(own: OwnFit) -> None:
     parameters = some_free(own)
     parameters["bearing_arm"].set(value=200.0)

@@ -16,7 +16,7 @@ from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, load_for, matched_end, width_of
 from camtorque.fit.forecast import DRAWS, FittedAt, KnownFit, Load, _draws, law_share, law_std, shape_of
-from camtorque.predict_from import file_curve, leakage_factor, read_fit
+from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from report_cases import run_result
@@ -230,6 +230,11 @@ def test_what_a_file_misses_between_its_points_is_told(tmp_path: Path) -> None:
 def test_a_file_that_leaves_its_pressure_to_guesses_is_refused(tmp_path: Path, step_deg: float) -> None:
     with pytest.raises(Refusal, match=f"found points {step_deg:g} deg apart .* give a point every half degree"):
         of_file(tmp_path, step_deg, ringing())
+
+
+def test_what_python_prints_of_predicted_runs_is_a_line() -> None:
+    items = (SimpleNamespace(torque=np.array([1.0, 61.26]), speed=50.0 * np.pi / 3.0),)
+    assert repr(Found(items, {})) == "<Found 61.26 N m at 500 rpm>"  # type: ignore[arg-type]
 
 
 def test_clearance_changes_leakage_by_its_third_power() -> None:
