@@ -14,7 +14,7 @@ from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, end_variance, load_for, matched_end, width_of
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, found_end, load_for, matched_end, width_of
 from camtorque.fit.forecast import DRAWS, FittedAt, KnownFit, Load, _draws, law_share, law_std, shape_of
 from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
@@ -81,25 +81,41 @@ def test_the_first_fall_is_the_end_and_not_the_wave_that_returns() -> None:
     assert matched_end(known_ends, twice(0.72, 0.98), RISING) == pytest.approx(0.72, abs=0.02)
 
 
-def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
-    names = ("end_of_delivery__a", "end_of_delivery__b", "end_of_delivery__c")
+def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float = 60.0) -> Estimate:
+    """Return the end found where it is 0.8 rad, by recordings of three speeds whose fitted ends are others."""
     speeds = {"a": 50.0, "b": 60.0, "c": 75.0}
     recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
+    names = tuple(f"end_of_delivery__{name}" for name in speeds)
+    fit = KnownFit(names, np.array(ends), ArrowCovariance.whole(width**2 * np.eye(3)), recordings)
+    known_ends = [KnownEnd(n, end, falling(0.8, speeds[n])) for n, end in zip("abc", ends, strict=True)]
+    curve = replace(falling(0.8, at), step=step, points=np.arange(0.0, 2.0 * np.pi, step) if step else np.zeros(0))
+    return found_end(fit, "land", known_ends, curve, RISING, RISING)
 
-    def taught(ends: list[float], width: float = 1e-3, step: float = 0.0) -> float:
-        fit = KnownFit(names, np.array(ends), ArrowCovariance.whole(width**2 * np.eye(3)), recordings)
-        known_ends = [KnownEnd(n, end, falling(0.8, speeds[n])) for n, end in zip("abc", ends, strict=True)]
-        return float(np.sqrt(end_variance(fit, "land", known_ends, RISING, RISING, step)))
 
-    assert taught([0.8, 0.8, 0.8]) == pytest.approx(LEAST_STD, abs=0.004)
-    assert taught([0.8, 0.85, 0.8]) > 0.02, "an end that the shape does not show is in the band"
-    assert taught([0.8, 0.85, 0.8], 0.05) == pytest.approx(LEAST_STD), "what the fit leaves open is in its covariance"
-    alone = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
-    fit = KnownFit(names[:1], np.array([0.8]), ArrowCovariance.whole(np.eye(1)), recordings[:1])
-    assert end_variance(fit, "land", alone, RISING, RISING) == pytest.approx(UNKNOWN_STD**2)
-    coarse = np.radians(6.0)
-    assert end_variance(fit, "land", alone, RISING, RISING, coarse) == pytest.approx(UNKNOWN_STD**2 + coarse**2 / 12.0)
-    assert taught([0.8, 0.8, 0.8], step=coarse) > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
+def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
+    sure = taught([0.8, 0.8, 0.8])
+    assert sure.value == pytest.approx(0.8, abs=0.004)
+    assert sure.stderr == pytest.approx(LEAST_STD, abs=0.004)
+    assert taught([0.8, 0.85, 0.8]).stderr > 0.02, "an end that the shape does not show is in the band"
+    assert taught([0.8, 0.85, 0.8], 0.05).stderr < 0.005, "what the fit leaves open is in its covariance"
+    coarse = taught([0.8, 0.8, 0.8], step=np.radians(6.0))
+    assert coarse.stderr > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
+    alone = FittedAt("a", 50.0, "land", 0.01, True)
+    fit = KnownFit(("end_of_delivery__a",), np.array([0.8]), ArrowCovariance.whole(np.eye(1)), (alone,))
+    end = found_end(fit, "land", [KnownEnd("a", 0.8, falling(0.8, 50.0))], falling(0.8, 60.0), RISING, RISING)
+    assert end.stderr == pytest.approx(UNKNOWN_STD)
+
+
+def test_misses_that_grow_with_speed_are_taken_off_and_widen_beyond_the_fitted_speeds() -> None:
+    late = 0.05
+    ends = [0.8 - late * float(np.log(speed / 60.0)) for speed in (50.0, 60.0, 75.0)]
+    truth = 0.8 - late * float(np.log(90.0 / 60.0))
+    found = taught(ends, at=90.0)
+    blind = matched_end([KnownEnd("b", ends[1], falling(0.8, 60.0)), KnownEnd("c", ends[2], falling(0.8, 75.0))],
+                        falling(0.8, 90.0), RISING)  # fmt: skip
+    assert abs(found.value - truth) < 0.4 * abs(blind - truth)
+    scattered = [0.8, 0.82, 0.8]
+    assert taught(scattered, at=90.0).stderr > taught(scattered, at=61.0).stderr
 
 
 def test_how_sharply_another_delivery_ends_is_what_it_was_before_and_as_unsure_as_it_went() -> None:
