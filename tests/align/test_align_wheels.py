@@ -33,6 +33,11 @@ WHEELS = {
     "60-2 inductive, ten samples a tooth": Wheel(kind="inductive", edge="falling", rate=6e3),
     "60-2 on the crank, index": Wheel(turns=2, index=True),
     "60 and index": Wheel(missing=0, index=True),
+    "36-2 on the crank, index": Wheel(teeth=36, turns=2, index=True),
+    "4 and index": Wheel(teeth=4, missing=0, index=True),
+    "8 and index": Wheel(teeth=8, missing=0, index=True),
+    "24 and index": Wheel(teeth=24, missing=0, index=True),
+    "4+1": Wheel(teeth=4, missing=0, extra=0.3),
     "four lobes": Wheel(shaft=Shaft(rpm=600.0, ripple=0.01, order=4)),
     "100 rpm": Wheel(shaft=Shaft(rpm=100.0, ripple=0.02), duration=8.0, rate=10e3),
     "6000 rpm": Wheel(shaft=Shaft(rpm=6000.0, ripple=0.005), duration=1.0, rate=200e3),
@@ -198,6 +203,15 @@ def test_recorded_angle(law) -> None:
     assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.52
     truth = true_deviation(wheel.shaft, cycles.theta)
     assert np.std(cycles.details["angle_deviation"] - truth) < 0.1 * np.std(truth)
+
+
+@pytest.mark.parametrize("rounded", [np.floor, np.rint], ids=["counts edges", "rounds"])
+@pytest.mark.parametrize("counts", [360, 3600, 36000])
+def test_error_of_a_counter_is_stated_however_it_rounds(counts: int, rounded) -> None:
+    wheel = Wheel(shaft=Shaft(rpm=300.37, ripple=0.01), missing=0, rate=20e3, nominal_deg=40.0)
+    angle = rounded(wheel.wheel_angle(wheel.times) * counts / TWO_PI) * TWO_PI / counts % TWO_PI
+    found = judged(wheel, wheel_recording(wheel, pulse_channel(wheel, "angle", angle)))
+    assert 1.0 < found.ratio < 2.0
 
 
 def test_wheel_without_mark_needs_an_index() -> None:

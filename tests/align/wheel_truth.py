@@ -38,6 +38,8 @@ class Wheel:
     index_at: float = 0.3
     """Where the index pulse rises, in pitches after the tooth of the nominal angle."""
     edge: str = "rising"
+    extra: float = 0.0
+    """How far before tooth 0 an extra one stands, in pitches; 0 for none."""
     seed: int = 3
 
     @property
@@ -78,6 +80,10 @@ def wheel_volts(wheel: Wheel) -> np.ndarray:
             steep = wheel.flank_rad * pitch
             rise, fall = distance / steep, (distance - 0.4 * pitch) / steep
             volts += there * 5.0 * (np.clip(rise + 0.5, 0.0, 1.0) - np.clip(fall + 0.5, 0.0, 1.0))
+    if wheel.extra:
+        ahead = (angle + (wheel.extra + 0.2) * pitch) % TWO_PI - 0.2 * pitch
+        steep = wheel.flank_rad * pitch
+        volts += 5.0 * (np.clip(ahead / steep + 0.5, 0, 1) - np.clip((ahead - 0.15 * pitch) / steep + 0.5, 0, 1))
     if wheel.kind == "inductive":
         speed = np.gradient(angle, wheel.times)
         volts = 0.02 * volts * speed / wheel.teeth
@@ -114,7 +120,7 @@ def wheel_recording(wheel: Wheel, *pulse_channels: Channel, volts: np.ndarray | 
     trigger = recording.config.trigger
     trigger = replace(
         trigger, nominal_angle=trigger.nominal_angle + at_index, sensor=wheel.kind,
-        revolutions_per_cycle=wheel.turns, edge=wheel.edge,
+        revolutions_per_cycle=wheel.turns, edge=wheel.edge, double_tooth=bool(wheel.extra),
     )  # fmt: skip
     return replace(recording, config=replace(recording.config, trigger=trigger))
 

@@ -26,6 +26,20 @@ LEVEL_SAMPLES = 20_000
 MOST_STEPS = 120
 """Steps per turn: three degrees see the speed of any shaft."""
 LEAST_STEPS = 4
+COUNT_SHIFT = Threshold(
+    0.25, "counts", "physics",
+    "A counter of edges rounds down, half a count late in the mean, a resolver rounds to the nearest, and nothing "
+    "tells which: with this shift either is a quarter of a count off, and 1 / sqrt(12) is stated."
+)  # fmt: skip
+FINEST = Threshold(
+    5.0e-6, "rad", "physics",
+    "Levels nearer to each other are one but for the rounding of the file: no counter has a million lines."
+)  # fmt: skip
+WHOLE = Threshold(
+    0.1, "1", "statistics",
+    "Steps between the levels of a counter are whole counts but for this part; those of an analogue angle are "
+    "off by a quarter in the median."
+)  # fmt: skip
 LINES = 4096
 """Steps worked on at a time."""
 CHANGES_PER_STEP = 4.0
@@ -61,7 +75,8 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
         The angle does not turn, or swings to and fro.
     """
     where = f"{channel.path.name}, channel {channel.name!r}"
-    time, angle, n_missing = _changes(channel, where)
+    quantum = _quantum(channel)
+    time, angle, n_missing, shared = _changes(channel, quantum, where)
     back = float(np.mean(np.diff(angle) < 0.0))
     turned = back > 0.5
     if turned:
@@ -77,10 +92,9 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     steps = np.arange(np.ceil(angle[0] / pitch) + 1.0, np.floor(angle[-1] / pitch))
     coarse = np.interp(steps * pitch, np.maximum.accumulate(angle), time)
     at, noise = _line_times(time, angle, steps * pitch, coarse, pitch)
-    quantum = float(np.median(np.abs(np.diff(angle))))
     # a line through few levels may miss none of them, so its residual is no measure of them
     per_second = (angle[-1] - angle[0]) / (time[-1] - time[0])
-    noise = max(noise, _quantum(channel) / np.sqrt(12.0) / per_second)
+    noise = max(noise * np.sqrt(1.0 + shared), quantum / np.sqrt(12.0) / per_second)
     none = np.zeros(at.size, dtype=bool)
     train = PulseTrain(
         at, steps.astype(np.int64), none, none.copy(), 0.0, {}, offset_std=quantum / np.sqrt(12.0) / pitch,
@@ -94,8 +108,12 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     return Counted(edges, train, n * revolutions_per_cycle, findings)
 
 
-def _changes(channel: Channel, where: str) -> tuple[Array, Array, int]:
-    """Return time and unwrapped angle in the middle between samples that differ, and how many are no numbers."""
+def _changes(channel: Channel, quantum: float, where: str) -> tuple[Array, Array, int, float]:
+    """Return time and unwrapped angle in the middle between samples that differ, and how many are no numbers.
+
+    Last comes the share of the middles that have a sample in common with the next one: their errors are not
+    independent.
+    """
     every = max(1, channel.n_samples // MOST_SAMPLES)
     blocks = range(0, channel.n_samples, every << 20)
     raw = np.concatenate([channel.read(a, min(a + (every << 20), channel.n_samples))[::every] for a in blocks])
@@ -105,16 +123,24 @@ def _changes(channel: Channel, where: str) -> tuple[Array, Array, int]:
     if raw.size < 3 or not np.ptp(raw) > 0.0:
         raise Refusal(f"{where}: the angle does not change, expected one that turns; check the encoder and its channel")
     angle = _unwrapped(raw)
+    angle += COUNT_SHIFT * quantum
     moved = np.flatnonzero(np.diff(angle) != 0.0)
     middle = 0.5 * (position[moved] + position[moved + 1])
-    return sample_times(channel, middle), 0.5 * (angle[moved] + angle[moved + 1]), int(np.sum(~known))
+    shared = float(np.mean(np.diff(moved) == 1)) if moved.size > 1 else 0.0
+    return sample_times(channel, middle), 0.5 * (angle[moved] + angle[moved + 1]), int(np.sum(~known)), shared
 
 
 def _quantum(channel: Channel) -> float:
-    """Return the step between neighbouring levels of a recorded angle [rad]."""
+    """Return the step between neighbouring levels of a counter [rad], 0 where the angle has no levels."""
     raw = channel.read(0, min(channel.n_samples, LEVEL_SAMPLES))
-    levels = np.unique(raw[np.abs(raw) < NO_VOLTAGE])
-    return float(np.median(np.diff(levels))) if levels.size > 1 else 0.0
+    steps = np.diff(np.unique(raw[np.abs(raw) < NO_VOLTAGE]))
+    steps = steps[steps > FINEST]
+    if not steps.size:
+        return 0.0
+    # a shaft that turns by two or three counts a sample shows no single one
+    apart = np.diff(np.unique(steps))
+    quantum = float(min(steps.min(), np.min(apart, where=apart > FINEST, initial=np.inf)))
+    return quantum if np.median(np.abs(steps / quantum - np.rint(steps / quantum))) < WHOLE else 0.0
 
 
 def _unwrapped(raw: Array) -> Array:

@@ -30,6 +30,10 @@ LEAST_PULSES = Count(
 )  # fmt: skip
 MOST_ORDERS = 30
 """Orders of the deviation, at most; fewer on a wheel with fewer teeth."""
+LEAST_ORDERS = 8
+"""Few teeth do not see all orders that a shaft may have: what they cannot tell apart is stated, not left out."""
+LOBES = 3.0
+"""Up to this order the torque of a cam may be as large as in the first one: that of its lobes."""
 SMOOTHNESS = 2.0
 """The angle's harmonic of order n falls as 1 / n to this power: torque over inertia, integrated twice."""
 TOOTH_STD = (1.0e-3, np.log(10.0))
@@ -84,12 +88,18 @@ class Places:
     turns: int
 
     def at(self, step: float) -> tuple[float, float]:
-        """Return the place between two teeth, by a straight line, and its standard deviation [rad]."""
+        """Return the place of what passes between two teeth, by time, and its standard deviation [rad].
+
+        The straight line between the teeth, and what the speed bends it by: a quarter of a turn holds much of that.
+        """
         n, low = self.place.size, int(np.floor(step))
         part = step - low
         pair = [low % n, (low + 1) % n]
         share = np.array([1.0 - part, part])
-        return float(share @ self.place[pair]), float(np.hypot(*(share * self.place_std[pair])))
+        waves = _waves(np.array([step, low, low + 1.0]) * (TWO_PI / n), self.orders)
+        bend = waves[0] - share @ waves[1:]
+        variance = share**2 @ self.place_std[pair] ** 2 + max(float(bend @ self.covariance @ bend), 0.0)
+        return float(share @ self.place[pair] + bend @ self.coefficient), float(np.sqrt(variance))
 
     def deviation(self, since_zero: Array) -> tuple[Array, Array]:
         """Return how far the cam is ahead of even running, and its standard deviation [rad].
@@ -164,7 +174,7 @@ class _Sizes:
 
     def waves(self, orders: NDArray[np.int64]) -> Array:
         """Return the prior variance of each coefficient."""
-        variance = self.ripple**2 / orders.astype(np.float64) ** (2.0 * SMOOTHNESS)
+        variance = self.ripple**2 / np.maximum(orders / LOBES, 1.0) ** (2.0 * SMOOTHNESS)
         for order, size in self.own:
             variance = variance + np.where(orders == order, size**2, 0.0)
         return np.r_[variance, variance]
@@ -175,7 +185,7 @@ def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: Trigge
     which = np.zeros((tooth.size, per_wheel))
     which[np.arange(tooth.size), tooth % per_wheel] = 1.0
     free = _beside_gap(spec, per_wheel)
-    orders = np.arange(1, max(1, min(MOST_ORDERS, (tooth.size - 1) // 2)) + 1)
+    orders = np.arange(1, max(LEAST_ORDERS, min(MOST_ORDERS, (tooth.size - 1) // 2)) + 1)
     # a cam that is ahead passes its teeth earlier
     waves = -_waves(np.asarray(tooth * (TWO_PI / n)), orders)
     return _Pattern(mean, variance, which, free, orders, waves, which @ which.T)

@@ -25,6 +25,10 @@ ONE_PITCH = Threshold(
     0.3, "1", "physics",
     "Two gaps make one pitch when their sum differs from it by less than this part."
 )  # fmt: skip
+BOUNCE = Threshold(
+    0.15, "1", "convention",
+    "An extra tooth stands further from its neighbours than this part of a pitch: a bounce is nearer."
+)  # fmt: skip
 SHORT_GAP = Threshold(
     0.7, "1", "physics",
     "The shorter of the two is below this part of a pitch: an engine's ripple stretches single gaps by 20 "
@@ -92,10 +96,11 @@ def missing_tooth_steps(time: Array, missing: int) -> Counted:
 
 
 def double_tooth_steps(time: Array) -> Counted:
-    """Return the steps of a wheel whose mark is one tooth more in the middle of a gap."""
+    """Return the steps of a wheel whose mark is one tooth more, anywhere in a gap."""
     ratio = np.diff(time) / pitch_of(time)
-    halves = (np.abs(ratio[:-1] - 0.5) < 0.2) & (np.abs(ratio[1:] - 0.5) < 0.2)
-    doubled = 1 + np.flatnonzero(halves)
+    short, long = np.minimum(ratio[:-1], ratio[1:]), np.maximum(ratio[:-1], ratio[1:])
+    parted = (np.abs(short + long - 1.0) < ONE_PITCH) & (short > BOUNCE) & (long < 1.0 - BOUNCE)
+    doubled = 1 + np.flatnonzero(parted)
     kept = np.delete(time, doubled)
     steps, still = _steps(kept, 1)
     marks = doubled - np.arange(doubled.size)

@@ -15,8 +15,9 @@ from camtorque.signal.repeats import repeats_every
 LOOKED_AT = 400_000
 """Samples looked at of each channel."""
 LEAST_PULSES = 4
-LONG_PERIOD, SHORT_PERIOD = 1.5, 0.7
-"""A period longer than those beside it by this factor is a gap of the wheel; two shorter ones hold an extra tooth."""
+LONG_PERIOD, SHORT_PERIOD, ONE_PERIOD = 1.5, 0.85, 1.3
+"""A period longer than those beside it by this factor is a gap of the wheel; two shorter ones that make one hold an
+extra tooth."""
 BESIDE = 2
 """Periods on either side that one is compared with."""
 POINTS = 48
@@ -90,7 +91,7 @@ def _teeth(times: Array) -> tuple[Wheel, Array]:
         turns = times[gaps + 1]
         return Wheel(_rate(turns), int(np.diff(gaps)[0]) + missing, missing), turns
     short = ratio < SHORT_PERIOD
-    extra = 1 + np.flatnonzero(short[:-1] & short[1:])
+    extra = 1 + np.flatnonzero(short[:-1] & short[1:] & (ratio[:-1] + ratio[1:] < ONE_PERIOD))
     if _regular(extra):
         turns = times[extra + 1]
         return Wheel(_rate(turns), int(np.diff(extra)[0]) - 1, 0, True), turns
