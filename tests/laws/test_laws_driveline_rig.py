@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from camtorque.laws import ROWS
 from camtorque.laws.chain import angle_grid, cam_motion, drive_response, filtered
-from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, twist_basis
+from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, shaft_transfer, twist_basis
 from camtorque.laws.sensor import sensor_transfer
 from laws_cases import chain_input, start_values
 from rigs.cycles import as_cycles, nominal_times
@@ -119,3 +119,26 @@ def test_a_wheel_leaves_to_the_twist_what_is_above_its_orders():
     assert left[4:] == pytest.approx(alone[4:], abs=1e-12)
     rate = np.fft.rfft(seen.rate / data.speed) / data.theta.size
     assert rate[3] == pytest.approx(3j * 0.002, rel=1e-9)
+
+
+def test_a_coupling_half_before_the_transducer_is_that_of_the_equations_of_motion():
+    omega = np.array([40.0, 300.0, 1500.0, 4000.0, 9000.0])
+    values = {name: ROWS[name].start for name in COMPLIANCE_NAMES}
+    values.update(half_inertia=0.8e-3, half_place=0.7, shaft_compliance=120e-6, drive_admittance=3.0)
+    total = compliance(omega, values, False)[0][:, None]
+    passed, _ = shaft_transfer(omega, values, total)
+    values_of_drive = {**values, "shaft_compliance": 0.0}
+    drive = compliance(omega, values_of_drive, False)[0]
+    inertia = 1.0 / (values["shaft_resonance"] ** 2 * values["shaft_compliance"])
+    for k, w in enumerate(omega):
+        s = 1j * w
+        soft = values["shaft_compliance"] / (1.0 + 2.0 * values["shaft_damping_ratio"] / values["shaft_resonance"] * s)
+        # angles of half and cam, springs to the drive (which yields by itself) and between them, a load of 1 on the cam
+        to_drive = 1.0 / (drive[k] + 0.3 * soft)
+        between = 1.0 / (0.7 * soft)
+        stiffness = np.array([[to_drive + between, -between], [-between, between]])
+        mass = np.diag([values["half_inertia"], inertia])
+        half, cam = np.linalg.solve(stiffness + s**2 * mass, [0.0, -1.0])
+        felt = -to_drive * half
+        assert passed[k] == pytest.approx(felt, rel=1e-9)
+        assert -total[k, 0] * felt == pytest.approx(cam, rel=1e-9)

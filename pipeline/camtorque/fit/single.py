@@ -14,7 +14,7 @@ from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES, FitData, Problem
 from camtorque.fit.search import Found, search
 from camtorque.fit.solver import Solution
-from camtorque.fit.uncertainty import Covariance, covariance, pressure_jacobian, with_marginal
+from camtorque.fit.uncertainty import Covariance, along_valley, covariance, pressure_jacobian
 from camtorque.fit.valley import Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
@@ -130,8 +130,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     problem, solution = best.problem, best.solution
     cov = covariance(problem, solution)
     probabilities = structure_probabilities(prepared.candidates, cov.inflation)
-    std = prepared.valley.std(cov.inflation)
-    cov, along = with_marginal(cov, problem.index(TRIGGER), std)
+    along = along_valley(cov, problem.index(TRIGGER), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
     shifts["what the delivery valve does as it opens"] = relaxed.solution.z - solution.z

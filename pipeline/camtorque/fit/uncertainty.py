@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -92,29 +92,19 @@ def covariance_of(problem: Problem, data_hessian: Array, lift_share: float, data
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
 
 
-def with_marginal(cov: Covariance, index: int, std: float) -> tuple[Covariance, Array]:
-    """Return a covariance in which one parameter has another standard deviation, and what is missing to it.
+def along_valley(cov: Covariance, index: int, std: float) -> Array:
+    """Return the shift (k,) of all parameters that is missing where one of them has a larger deviation [SI].
 
-    All others stay what they are at a given value of that one. A smaller deviation is more information about it alone;
-    a larger one comes as a shift along the valley that the others follow it in.
+    The others follow it along the valley of the residual, as they are correlated with it.
 
     Parameters
     ----------
-    index : parameter whose marginal deviation is known better than from the curvature at the minimum
-    std : that deviation [SI]; nan leaves all as it is
-
-    Returns
-    -------
-    Covariance, and the shift (k,) of all parameters that stands for the larger deviation [SI]
+    index : parameter whose deviation is known from more than the curvature at the minimum
+    std : that deviation [SI]; nothing is missing where it is smaller, or nan
     """
     column = cov.matrix[:, index]
-    before = float(column[index])
-    along = column / before * np.sqrt(max(std**2 - before, 0.0)) if std**2 > before else np.zeros(column.size)
-    if not std**2 < before:
-        return cov, along
-    matrix = cov.matrix + (std**2 - before) / before**2 * np.outer(column, column)
-    scaled = matrix / cov.prior_std
-    return replace(cov, matrix=matrix, from_data=matrix - scaled @ scaled.T), along
+    missing = std**2 - column[index]
+    return np.asarray(column / column[index] * np.sqrt(missing) if missing > 0.0 else np.zeros(column.size))
 
 
 def pressure_jacobian(problem: Problem, index: int, tangents: Array) -> tuple[Array, list[int]]:

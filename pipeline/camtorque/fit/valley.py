@@ -2,8 +2,9 @@
 
 Trigger angle, friction and drive trade against one another along a bent valley of the residual. Its curvature at one
 point tells neither its width nor whether a deeper place lies further on, so it is walked: the angle is held, all else
-follows, both halves of the cycles judge. The width is that of the posterior along the walk (profile likelihood; Raue
-et al., Bioinformatics 25 (2009) 1923).
+follows, both halves of the cycles judge. Where the posterior along the walk (profile likelihood; Raue et al.,
+Bioinformatics 25 (2009) 1923) is wider than the curvature says, the angle is that uncertain; narrower it may be rugged,
+and is not believed.
 """
 
 from __future__ import annotations
@@ -29,37 +30,33 @@ WALKED = 9.0
 """Rise of chi-square at which a walk ends: three standard deviations."""
 DEEPER, GAINED = 1.0, 0.5
 """Fall of chi-square on the walk from which a minimum is sought there, and what that has to gain."""
-NARROWEST = 0.5
-"""Least width against that from the curvature: narrower is a rugged valley, not a known angle."""
 
 
 @dataclass(frozen=True)
 class Valley:
-    """Trigger angles that were held (m,) [rad] and chi-square there (m,), where the best minimum lies, and its slope.
-
-    at : angle of the minimum [rad]; curvature_std : standard deviation from the curvature there [rad]
-    """
+    """Trigger angles that were held (m,) [rad], chi-square there (m,), and the angle of the best minimum [rad]."""
 
     angles: Array
     chi_square: Array
     at: float
-    curvature_std: float
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
 
     def std(self, inflation: float) -> float:
-        """Return the root mean square distance from the minimum under the posterior along the valley [rad]."""
+        """Return the root mean square distance from the minimum under the posterior along the valley [rad].
+
+        It is nan where the valley was not walked on both sides.
+        """
         if self.angles.size < 3:
-            return self.curvature_std
+            return float("nan")
         angles = np.linspace(self.angles[0], self.angles[-1], 50 * self.angles.size)
         chi = np.interp(angles, self.angles, self.chi_square) / inflation
         weight = np.exp(-0.5 * (chi - np.min(chi)))
-        spread = float(np.sqrt(np.sum(weight * (angles - self.at) ** 2) / np.sum(weight)))
-        return max(spread, NARROWEST * self.curvature_std)
+        return float(np.sqrt(np.sum(weight * (angles - self.at) ** 2) / np.sum(weight)))
 
 
-NO_VALLEY = Valley(np.zeros(0), np.zeros(0), float("nan"), float("nan"))
+NO_VALLEY = Valley(np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
 
@@ -72,7 +69,7 @@ def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Val
     data, held : the half of the cycles that is fitted and the other one
     """
     for _ in range(ROUNDS):
-        place, points = _walked(best, data, held)
+        points = _walked(best, data, held)
         deepest = min(points, key=lambda point: point[1])
         if deepest[1] > best.value - DEEPER:
             break
@@ -82,11 +79,11 @@ def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Val
             break
         best = judged(freed, data, held)
     angles, values = np.array([point[:2] for point in points]).T
-    return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]), place)
+    return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]))
 
 
-def _walked(best: Candidate, data: FitData, held: FitData) -> tuple[float, list[tuple[float, float, Candidate]]]:
-    """Return the deviation from the curvature [rad], and angle, chi-square and fit of all points in order."""
+def _walked(best: Candidate, data: FitData, held: FitData) -> list[tuple[float, float, Candidate]]:
+    """Return angle, chi-square and fit of all points in order."""
     index = best.problem.index(ANGLE)
     cov = covariance(best.problem, best.solution)
     std = float(cov.std[index])
@@ -99,7 +96,7 @@ def _walked(best: Candidate, data: FitData, held: FitData) -> tuple[float, list[
             least = min(least, point[1])
             if point[1] > least + WALKED * cov.inflation:
                 break
-    return std, sorted(points, key=lambda point: point[0])
+    return sorted(points, key=lambda point: point[0])
 
 
 def _one_way(best: Candidate, step: float, data: FitData, held: FitData) -> Iterator[tuple[float, float, Candidate]]:

@@ -109,7 +109,7 @@ class ChainInput:
 class Motion:
     """Cam angle, its rates, and the lift with three derivatives at one set of values, (n,) and (4, n).
 
-    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 11) each.
+    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 13) each.
     """
 
     theta: Array
@@ -130,7 +130,7 @@ class ChainOutput:
     derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
-    pressure_tangents : (n, 26 + 11) by `chamber.NAMES`, then `SHIFT_NAMES` [Pa per SI]; None where not asked for
+    pressure_tangents : (n, 26 + 13) by `chamber.NAMES`, then `SHIFT_NAMES` [Pa per SI]; None where not asked for
     load : (n,) contact force along the follower lambda_y [N]
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations of the chamber
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
@@ -160,7 +160,7 @@ def highest_order(deviation: Array) -> int:
 
 
 def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
-    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 11) or (k, 1)."""
+    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 13) or (k, 1)."""
     highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
     vector = np.array([values[name] for name in driveline.COMPLIANCE_NAMES])
     return driveline.compliances(np.arange(float(highest)) * data.speed, vector, tangents)  # type: ignore[no-any-return]
@@ -200,7 +200,7 @@ def binned(values: Array) -> Array:
 def transfer(
     data: ChainInput, values: Mapping[str, float], n_points: int, response: NDArray[np.complex128] | None = None
 ) -> tuple[Any, Any, Any]:
-    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 13) on the harmonics of a grid."""
+    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 15) on the harmonics of a grid."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     both = drive_response(data, values, False) if response is None else response
     shaft, shaft_d = driveline.shaft_transfer(omega, values, both)

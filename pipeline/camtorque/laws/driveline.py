@@ -13,7 +13,15 @@ are the parameters: ``I_c = 1/(w_t^2 C_t)``, ``c_t = 2 zeta_t/(w_t C_t)``. The s
 J = 1/a on a speed controller with proportional gain
 ``K_p = J w_b``, integral gain ``K_i = K_p r`` and lag T_c; a flywheel or an induction machine over its slip is the
 same with w_b, r small. The third is a hub that swings behind the transducer on a yielding coupling; far below w_c it is
-more compliance. The inertia between transducer and cam turns the load into shaft torque by ``1 / (1 + I_c s^2 C(s))``.
+more compliance.
+
+Before the transducer a coupling has a half of its own: with its inertia I_h a share h of the shaft's compliance lies
+between it and the cam. With B(s) the compliance from the drive up to it and C_2(s) = h C_t / (1 + 2 zeta_t s/w_t)::
+
+    C = B + C_2 (1 + I_h s^2 B),   shaft torque / load = 1 / (1 + I_h s^2 B + I_c s^2 C)
+
+for the transducer feels what both inertias leave of the load; without a half, I_h = 0, that is C above and
+``1 / (1 + I_c s^2 C(s))``.
 
 w_b, r and T_c act through their logarithms (they are scales without a zero); where the recording's [drive] table knows
 inertia or loop, that is the prior. Sources: servo drives close their speed loop at 1-60 Hz with a reset time of 20 ms
@@ -60,6 +68,12 @@ COUPLING_ROWS = (
             "frequency at which the hub behind the transducer swings", "0.1-10 g m^2 on such a coupling"),
     parameter("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.15),
             "damping ratio of that motion", "elastomer couplings: 0.05-0.15"),
+    parameter("half_inertia", "I_h", "kg mm^2", 1.0e-6, (0.0, 0.0, 40000.0, 200.0), (0.0, 1000.0),
+            "inertia of the coupling's half between transducer and coupling",
+            "catalogues: halves of couplings for 30-300 N m have 50-2000 kg mm^2"),
+    parameter("half_place", "h", "-", 1.0, (0.6, 0.0, 1.0, 0.1), (0.6, 0.3),
+            "share of the shaft's compliance between that half and the cam",
+            "couplings yield more than transducers, and less where they are stiff"),
 )  # fmt: skip
 
 TWIST_BANDWIDTH_HZ = 2500.0
@@ -107,14 +121,13 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: i
 
 COMPLIANCE_NAMES = (
     "shaft_compliance", "shaft_damping_ratio", "shaft_resonance", "drive_admittance", "drive_bandwidth", "drive_reset",
-    "drive_lag", "coupling_compliance", "coupling_resonance", "coupling_damping",
+    "drive_lag", "coupling_compliance", "coupling_resonance", "coupling_damping", "half_inertia", "half_place",
 )  # fmt: skip
-"""Parameters of C(s), in the order of its derivatives."""
-COMPLIANCE_PLACE, RESONANCE_PLACE = (COMPLIANCE_NAMES.index(name) for name in ("shaft_compliance", "shaft_resonance"))
+"""Parameters of C(s), in the order of its derivatives: the first three and the last two are those of the shaft."""
 
 
 def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 10) where asked for.
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 12) where asked for.
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
@@ -131,10 +144,10 @@ def inverse(value):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
-    """Return C(s), then its derivatives where asked for, (k, 11) or (k, 1); values in the order of the names."""
-    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio = values
+    """Return C(s), then its derivatives where asked for, (k, 13) or (k, 1); values in the order of the names."""
+    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio, half, place = values
     band, reset, lag = np.exp(ln_band), np.exp(ln_reset), np.exp(ln_lag)
-    both = np.empty((omega.size, 11 if tangents else 1), dtype=np.complex128)
+    both = np.empty((omega.size, 13 if tangents else 1), dtype=np.complex128)
     for k in range(omega.size):
         s = 1j * omega[k]
         slowed = inverse(1.0 + 2.0 * damping / ringing * s)
@@ -145,19 +158,27 @@ def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
             response = inverse(s * s + driven)
             swing = inverse(s * s + 2.0 * ratio * resonance * s + resonance * resonance)
         row = both[k]
-        row[0] = shaft * slowed + admittance * response + soft * resonance * resonance * swing
+        twist = shaft * slowed
+        behind = admittance * response + soft * resonance * resonance * swing + (1.0 - place) * twist
+        inertia = half * s * s
+        row[0] = behind + place * twist * (1.0 + inertia * behind)
         if not tangents:
             continue
         square = -admittance * response * response
         squared = swing * swing
         by_resonance = -2.0 * (ratio * s + resonance) * squared
         bent = 2.0 * shaft / ringing * s * slowed * slowed
-        row[1], row[2], row[3] = slowed, -bent, bent * damping / ringing
+        by_behind = 1.0 + inertia * place * twist
+        by_twist = (1.0 - place) * by_behind + place * (1.0 + inertia * behind)
+        row[1], row[2], row[3] = by_twist * slowed, -by_twist * bent, by_twist * bent * damping / ringing
         row[4], row[5], row[6] = response, square * driven, square * band * reset * late
         row[7] = -square * driven * late * lag * s
         row[8] = resonance * resonance * swing
         row[9] = soft * (2.0 * resonance * swing + resonance * resonance * by_resonance)
         row[10] = -soft * resonance * resonance * 2.0 * resonance * s * squared
+        row[4:11] *= by_behind
+        row[11] = s * s * place * twist * behind
+        row[12] = inertia * twist * (behind - place * twist)
     return both
 
 
@@ -195,33 +216,49 @@ def shift_spectra(spectrum, phase, both):  # type: ignore[no-untyped-def]
 
 
 def cam_side_inertia(values: Mapping[str, float]) -> float:
-    """Return the inertia between transducer and cam, camshaft included [kg m^2]."""
+    """Return the inertia on the cam's side, camshaft included [kg m^2]."""
     return 1.0 / (values["shaft_resonance"] ** 2 * max(values["shaft_compliance"], RIGID))
 
 
 def shaft_transfer(omega: Array, values: Mapping[str, float], both: Any) -> tuple[Any, Any]:
-    """Return load torque -> shaft torque ``1 / (1 + I_c s^2 C(s))``, (k,), and its derivatives by `COMPLIANCE_NAMES`.
+    """Return load torque -> shaft torque (k,), and its derivatives by `COMPLIANCE_NAMES`.
 
     ``both`` (at least k, m) holds C(s) in column 0, then its derivatives.
     """
-    return loaded(omega, cam_side_inertia(values), values["shaft_compliance"], values["shaft_resonance"], both)  # type: ignore[no-any-return]
+    own = np.array([values[name] for name in (*COMPLIANCE_NAMES[:3], *COMPLIANCE_NAMES[-2:])])
+    return loaded(omega, cam_side_inertia(values), own, both)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def loaded(omega, inertia, soft, ringing, both):  # type: ignore[no-untyped-def]
-    """Return transfer and derivatives of `shaft_transfer` from inertia, the shaft's compliance and resonance."""
+def loaded(omega, inertia, own, both):  # type: ignore[no-untyped-def]
+    """Return transfer and derivatives of `shaft_transfer` from the cam's inertia and the shaft's own parameters."""
+    soft, damping, ringing, half, place = own
     m = both.shape[1] - 1
     transfer = np.empty(omega.size, dtype=np.complex128)
     by = np.empty((omega.size, m), dtype=np.complex128)
+    twisted = np.zeros(max(m, 3), dtype=np.complex128)
     for k in range(omega.size):
         square = -omega[k] * omega[k]
-        transfer[k] = inverse(1.0 + inertia * square * both[k, 0])
-        factor = -inertia * square * transfer[k] * transfer[k]
+        slowed = inverse(1.0 + 2.0 * damping / ringing * 1j * omega[k])
+        beyond = place * soft * slowed
+        over = inverse(1.0 + half * square * beyond)
+        total = both[k, 0]
+        passed = half * square * (total - beyond) * over
+        transfer[k] = inverse(1.0 + passed + inertia * square * total)
+        if m == 0:
+            continue
+        factor = -transfer[k] * transfer[k]
+        bent = 2.0 * soft / ringing * 1j * omega[k] * slowed * slowed * place
+        twisted[0], twisted[1], twisted[2] = place * slowed, -bent, bent * damping / ringing
+        twisted[m - 1] = soft * slowed
         for j in range(m):
-            by[k, j] = factor * both[k, j + 1]
-        if m > 0:
-            through = factor * both[k, 0]
-            if soft > RIGID:
-                by[k, COMPLIANCE_PLACE] -= through / soft
-            by[k, RESONANCE_PLACE] -= 2.0 * through / ringing
+            more = both[k, j + 1] - twisted[j]
+            by_half, by_over = half * more, half * twisted[j]
+            if j == m - 2:
+                by_half, by_over = by_half + total - beyond, by_over + beyond
+            by[k, j] = factor * square * ((by_half - passed * by_over) * over + inertia * both[k, j + 1])
+        through = factor * inertia * square * total
+        if soft > RIGID:
+            by[k, 0] -= through / soft
+        by[k, 2] -= 2.0 * through / ringing
     return transfer, by
