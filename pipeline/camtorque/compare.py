@@ -13,7 +13,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config_toml import load_recording_config
 from camtorque.fit.changes import Attribution, attribution, together
-from camtorque.fit.pair import SAME_SPEED, Pair, pair_of
+from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
@@ -136,7 +136,7 @@ def compare_prepared(before: Prepared, after: Prepared, progress: Progress = sil
     Refusal : they are recordings of different pumps or speeds
     """
     progress("fitting both together")
-    pair = pair_of(before, after, before.candidates[0])
+    pair = best_pair(before, after)
     progress("weighing what may have changed")
     found, pair = attribution(pair)
     return Compared(before, after, pair, found)

@@ -21,7 +21,7 @@ from camtorque.fit.changes import (
     two_ln_odds,
 )
 from camtorque.fit.difference import evaluated, minimised, within
-from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, shift_covariance
+from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
 from camtorque.units import DEGREE
@@ -76,6 +76,17 @@ def test_a_step_of_the_model_is_not_taken_for_a_slope(monkeypatch: pytest.Monkey
     monkeypatch.setattr(pair_module, "evaluate", stepping)
     apart = np.abs(np.sqrt(np.diag(shift_covariance(pair, pair.fixed))) - np.sqrt(np.diag(smooth)))
     assert 0.0 < np.max(apart) <= 0.5 * jump + 1e-9
+
+
+@pytest.mark.parametrize(("worse", "louder", "kept"), [(40.0, 0.3, 1), (200.0, 0.3, 0), (400.0, 3.0, 0)])
+def test_a_minimum_that_says_nothing_of_the_difference_is_left_for_one_a_little_worse(
+    worse: float, louder: float, kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    roots = [np.eye(BINS) * np.exp(louder * 100.0 / BINS), np.eye(BINS)]
+    starts = [SimpleNamespace(value=300.0), SimpleNamespace(value=300.0 + worse)]
+    pairs = [SimpleNamespace(difference_root=root) for root in roots]
+    monkeypatch.setattr(pair_module, "pair_of", lambda before, after, start: pairs[starts.index(start)])
+    assert best_pair(SimpleNamespace(candidates=starts), None) is pairs[kept]  # type: ignore[arg-type]
 
 
 def test_a_change_is_never_called_unchanged_above_the_smallest_stated() -> None:

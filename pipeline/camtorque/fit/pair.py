@@ -40,6 +40,8 @@ MOST_BLOCKS = 48
 EDGE_SHARE = 0.5
 """Share of the time error of one trigger edge that does not average out: levels and samples are the same in each."""
 LEAST_EDGE = np.radians(0.002)
+MOST_WORSE = 300.0
+"""Chi-square by which a minimum may explain the first recording worse than the best one and still be compared in."""
 COMMON_TIME_BASE = "common time base"
 START_ERROR = 8.0e-6
 """Standard error of the start of a file that shares a time base with others but starts by itself [s]: headers write it
@@ -114,6 +116,25 @@ class Pair:
 def separate_starts(cycles: CamCycles) -> bool:
     """Return whether torque, pressure and trigger lie in files of one time base that start each at its own time."""
     return any(clock.method == COMMON_TIME_BASE for clock in cycles.clocks)
+
+
+def best_pair(before: Prepared, after: Prepared) -> Pair:
+    """Return two recordings in that minimum of the first which makes their difference most likely.
+
+    Beside a valve near chattering a minimum may explain the first recording a little better and yet say nothing of a
+    difference: a microsecond turns its ringing over. The logarithm of the determinant of the difference's covariance
+    is what that costs.
+
+    Raises
+    ------
+    Refusal : see `pair_of`
+    """
+    least = before.candidates[0].value
+    near = [start for start in before.candidates if start.value < least + MOST_WORSE]
+    pairs = [pair_of(before, after, start) for start in near]
+    cost = [start.value + 2.0 * float(np.sum(np.log(np.diag(pair.difference_root))))
+            for start, pair in zip(near, pairs, strict=True)]  # fmt: skip
+    return pairs[int(np.argmin(cost))]
 
 
 def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
