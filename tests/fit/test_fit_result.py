@@ -18,7 +18,7 @@ from camtorque.fit.search import Found
 from camtorque.fit.single import FitOptions, compared, fit_prepared
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
-from camtorque.fit.uncertainty import confidence, knowledge, uncertainty_budget
+from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
 from camtorque.laws.chain import binned
 from camtorque.records import Refusal
 from fit_cases import bridged, quick, quick_data, quick_prepared
@@ -170,7 +170,9 @@ def test_minima_are_compared_once_each_and_every_structure_has_one():
     data, found = quick_data(LAND), quick(LAND)
     start = Start(coarse(found.data), found.solution.lifts, found.value)
     spill = Start(replace(start.data, structure="spill"), (no_lift(),), 1e5)
-    moved = found.solution.z + np.where(np.arange(found.problem.size) == 0, 2.0 * found.problem.steps, 0.0)
+    moved = found.solution.z + np.where(
+        np.arange(found.problem.size) == 0, 2.0 * covariance(found.problem, found.solution).std, 0.0
+    )
     apart = replace(found, solution=replace(found.solution, z=moved), unseen=5.0)
     same = replace(found, unseen=1.0)
     known = Found({"land": [start], "spill": [spill]}, ((start, found), (start, same), (start, apart)))

@@ -118,10 +118,11 @@ def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
 
 
 def _same(one: Candidate, other: Candidate) -> bool:
-    """Return whether two minima are one: no parameter lies further apart than a change that matters."""
+    """Return whether two minima are one: no parameter lies a standard deviation of the other one's apart."""
     if one.data.structure != other.data.structure:
         return False
-    return bool(np.all(np.abs(one.solution.z - other.solution.z) < one.problem.steps))
+    apart = np.abs(one.solution.z - other.solution.z)
+    return bool(np.all(apart < covariance(other.problem, other.solution).std))
 
 
 def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
