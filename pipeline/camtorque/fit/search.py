@@ -33,8 +33,8 @@ from camtorque.records import Array
 UNSMOOTHED = (0.0, 0.0)
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-DOUBTFUL, DISSATISFYING, UNEXPLAINED = 40.0, 100.0, 5.0 * INDEPENDENT
-"""Chi-square of the best minimum above which it is moved on, hops on, and nothing found so far is believed.
+UNSURE, DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, 40.0, 100.0, 5.0 * INDEPENDENT
+"""Chi-square of the best minimum above which cheap moves are made, all are, it hops on, and nothing is believed.
 
 The parameters take some 20 of the 60 independent values, so that a residual as large as expected leaves 40.
 """
@@ -191,7 +191,7 @@ class Move:
 
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
-    "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, DOUBTFUL),
+    "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, UNSURE),
     "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
     "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
@@ -225,7 +225,7 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
     for move_number in range(MOST_MOVES):
         before = found.value
         name = next((name for name, move in pending.items() if before > move.above), None)
-        if name is None or not found.best or (move_number and before <= DOUBTFUL):
+        if name is None or not found.best or (move_number and before <= UNSURE):
             break
         move = pending.pop(name)
         items = {structure: group for structure, group in move.starts(found, halves.rough).items() if group}
