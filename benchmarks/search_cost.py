@@ -27,7 +27,7 @@ from camtorque.fit.search import DOUBTFUL, HOPS, stages
 from camtorque.ingest import read_recording
 from camtorque.mechanism.spectral import spectral_law
 
-LONG = 60
+LONG = 24
 FOUND_TIMES, FOUND_PLUS = 1.5, 20.0
 HELPED = 0.9
 TRIGGER = "trigger_offset"
@@ -146,8 +146,7 @@ def chart(paths: Sequence[Sequence[Stage]], file: Path) -> None:
     for axis in axes:
         axis.axvline(usual, color="0.4", linestyle="--", linewidth=1.0)
         axis.grid(alpha=0.3, which="both")
-    axes[0].annotate("a run ends its search (mean)", (usual, 8.0), xytext=(-6.0, 0.0), textcoords="offset points",
-                     ha="right", color="0.3")  # fmt: skip
+    axes[0].annotate("a run ends its search (mean)", (usual, 30.0), xytext=(6.0, 0.0), textcoords="offset points", color="0.3")  # fmt: skip
     figure.savefig(file)
 
 
