@@ -146,7 +146,8 @@ def chart(paths: Sequence[Sequence[Stage]], file: Path) -> None:
     for axis in axes:
         axis.axvline(usual, color="0.4", linestyle="--", linewidth=1.0)
         axis.grid(alpha=0.3, which="both")
-    axes[0].annotate("a run ends its search (mean)", (usual, 30.0), xytext=(6.0, 0.0), textcoords="offset points", color="0.3")  # fmt: skip
+    axes[0].annotate("a run ends its search (mean)", (usual, 30.0), xytext=(6.0, 0.0), textcoords="offset points",
+                     color="0.3", fontsize=9)  # fmt: skip
     figure.savefig(file)
 
 
