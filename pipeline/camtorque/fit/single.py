@@ -15,7 +15,7 @@ from camtorque.fit.problem import STRUCTURES, FitData, Problem
 from camtorque.fit.search import Found, search
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, along_valley, covariance, pressure_jacobian
-from camtorque.fit.valley import Valley, swept
+from camtorque.fit.valley import ANGLE, Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
@@ -28,7 +28,6 @@ RELAXED_SHARE = 0.5
 QUICK_ITERATIONS = 5
 """Of structures that are far behind: they are compared, not used."""
 SWITCHING = "switching delay of the trigger"
-TRIGGER = "trigger_offset"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
 MINIMA = 5
 """Minima that are compared at most."""
@@ -131,7 +130,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     problem, solution = best.problem, best.solution
     cov = covariance(problem, solution)
     probabilities = structure_probabilities(prepared.candidates, cov.inflation)
-    along = along_valley(cov, problem.index(TRIGGER), prepared.valley.std(cov.inflation))
+    along = along_valley(cov, problem.index(ANGLE), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
     shifts["what the delivery valve does as it opens"] = relaxed.solution.z - solution.z

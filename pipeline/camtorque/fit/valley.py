@@ -21,6 +21,7 @@ from camtorque.records import Array, freeze_arrays
 from camtorque.units import DEGREE
 
 ANGLE = "trigger_offset"
+"""Parameter whose valley is walked."""
 HELD = 1.0e-9
 """Standard deviation of an angle that is held [rad]."""
 STEP_SHARE, STEPS_DEG = 0.6, (0.02, 0.3)
