@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import Solution, solve, try_at
-from camtorque.fit.starts import Start, on_other_half, refined
+from camtorque.fit.starts import Start, refined
 from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.records import Array
 
@@ -72,7 +71,9 @@ def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
     not the better one for its lower chi-square.
     """
     lost = item.data.chain.shaft_torque - data.chain.shaft_torque
-    problem = build_problem([on_other_half(item.data, held, lost)])
+    twisting = held.chain.shaft_torque + lost
+    chain = replace(item.data.chain, line_pressure=held.chain.line_pressure, shaft_torque=twisting)
+    problem = build_problem([replace(item.data, torque=held.torque, chain=chain)])
     try:
         there = try_at(problem, item.solution.z, item.solution.lifts).data_chi_square
     except (FloatingPointError, np.linalg.LinAlgError):
@@ -93,8 +94,7 @@ def lost_torque(found: Candidate) -> Array:
 
 def with_lost_torque(data: FitData, lost: Array) -> FitData:
     """Return a recording, as it was measured, whose shaft is twisted by what the transducer does not see as well."""
-    twisting = data.chain.shaft_torque + on_grid(lost, data.chain.theta.size)
-    return replace(data, chain=replace(data.chain, shaft_torque=twisting))
+    return replace(data, chain=replace(data.chain, shaft_torque=data.chain.shaft_torque + lost))
 
 
 def with_its_lost_torque(found: Candidate, measured: Array) -> Candidate:

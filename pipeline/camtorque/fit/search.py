@@ -251,10 +251,10 @@ def extended(found: Found, more: Starts, halves: Halves) -> Found:
     starts = joined(found.starts, more)
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
-    minima = list(found.minima)
+    minima, twisted = list(found.minima), with_lost_torque(halves.fitted, halves.lost)
     for start in new[:POLISHED]:
         if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS:
-            end = attempted(followed, with_lost_torque(halves.fitted, halves.lost), start)
+            end = attempted(followed, twisted, start)
             if end is not None:
                 minima.append((start, judged(end, halves.fitted, halves.other)))
     return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))

@@ -167,7 +167,7 @@ def switching_shift(problem: Problem, angle: float) -> Array:
     The pulse comes that much later than the tooth, and the fit finds the pulse.
     """
     shift = np.zeros(problem.size)
-    shift[problem.index("trigger_offset")] = angle
+    shift[problem.index(ANGLE)] = angle
     return shift
 
 

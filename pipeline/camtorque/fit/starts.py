@@ -118,20 +118,6 @@ def refined(data: FitData, values: Mapping[str, float]) -> FitData:
     return replace(data, chain=replace(data.chain, substeps=with_substeps(data.chain, output, values)))
 
 
-def on_other_half(item: FitData, held: FitData, lost: float | Array = 0.0) -> FitData:
-    """Return a recording as it starts, on the same grid, with the other half of its cycles.
-
-    Parameters
-    ----------
-    held : the recording with the other half of the cycles, as `prepare.other_half` returns it
-    lost : torque of the shaft that the transducer's low-pass takes away, on the grid of ``item`` [N m]
-    """
-    other = (held.chain.line_pressure, held.chain.shaft_torque)
-    pressure, torque = (on_grid(part, item.chain.theta.size) for part in other)
-    chain = replace(item.chain, line_pressure=pressure, shaft_torque=torque + lost)
-    return replace(item, torque=held.torque, chain=chain)
-
-
 def grid_for(smoothing_deg: float) -> int:
     """Return the grid that a smoothing needs."""
     return SEARCH_GRID if smoothing_deg > 5.0 else 2 * SEARCH_GRID

@@ -76,9 +76,10 @@ def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Val
             break
         prior = best.data.rows[ANGLE].prior
         freed = attempted(at_minimum, with_rows(deepest[2].data, {ANGLE: {"prior": prior}}))
-        if freed is None or judged(freed, data, held).value > best.value - GAINED:
+        freed = freed and judged(freed, data, held)
+        if freed is None or freed.value > best.value - GAINED:
             break
-        best = judged(freed, data, held)
+        best = freed
     angles, values = np.array([point[:2] for point in points]).T
     return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]))
 
