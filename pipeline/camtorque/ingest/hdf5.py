@@ -97,12 +97,17 @@ def columns_of(data: Any) -> tuple[str, ...]:
     return tuple(map(numbered_name, range(min(shape))))
 
 
+def _column(columns: tuple[str, ...], field: str) -> int:
+    """Return the place of a column that is named, or counted ("column 2"); 0 where there is none to choose."""
+    return columns.index(field) if field in columns else column_number(field) or 0
+
+
 def _unit(attributes: Mapping[str, Any], data: h5py.Dataset, field: str) -> str:
     """Return the unit of a data set, or of its column where an attribute has one for each; "" where none is stated."""
     columns = data.dtype.names or columns_of(data)
     stated = _first(attributes, UNIT_NAMES)
     value = np.asarray("" if stated is None else stated).ravel().tolist()
-    number = columns.index(field) if field in columns else column_number(field) or 0
+    number = _column(columns, field)
     if field:
         value = value[number : number + 1] if len(value) == len(columns) > 1 else []
     texts = [item.decode() if isinstance(item, bytes) else str(item) for item in value]
@@ -189,7 +194,7 @@ def _source(path: Path, data: h5py.Dataset, field: str = "") -> CallSource:
     elif len(long) > 1 or not data.shape:
         hint = f"; name a column of it: group = {data.name.strip('/')!r}, channel = {columns[0]!r}" if columns else ""
         raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples{hint}")
-    number = columns.index(field) if field in columns else column_number(field) or 0
+    number = _column(columns, field)
     factor, offset = _scale(data)
     plain = (factor, offset) == (1.0, 0.0)
     key, axis, shape = data.name, (long[0] if long else 0), data.shape

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.header import numbered_name
 from camtorque.ingest.raw import FileChannel, RawFile, read_each, refusing
 from camtorque.ingest.variables import channel_of, listed, members_of
 from camtorque.ingest.zlib_check import refuse_bomb
@@ -82,7 +83,7 @@ def _fields(name: str, array: np.ndarray) -> dict[str, Any]:
     if name or array.ndim != 2:
         return {name: array}
     columns = array if array.shape[0] >= array.shape[1] else array.T
-    return {f"column {number + 1}": columns[:, number] for number in range(columns.shape[1])}
+    return {numbered_name(number): columns[:, number] for number in range(columns.shape[1])}
 
 
 def _with_seconds(array: np.ndarray) -> np.ndarray:

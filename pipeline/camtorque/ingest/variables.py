@@ -47,15 +47,14 @@ def members_of(variables: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
 
     def add(group: str, name: str, value: Any) -> None:
         fields = getattr(getattr(value, "dtype", None), "names", None) or ()
+        inner = f"{group}.{name}".strip(".")
         if not fields:
             found[group, name] = value
             matrix = np.squeeze(value) if isinstance(value, np.ndarray) else np.empty(0)
             columns = hdf5.columns_of(matrix) if matrix.dtype.kind in hdf5.KINDS else ()
-            place = f"{group}.{name}".strip(".")
             for number, column in enumerate(columns):
-                found[place, column] = np.take(matrix, number, int(np.argmin(matrix.shape)))
+                found[inner, column] = np.take(matrix, number, int(np.argmin(matrix.shape)))
             return
-        inner = f"{group}.{name}".strip(".")
         for number, item in enumerate(value.ravel(), start=1):
             place = inner if value.size == 1 else f"{inner}({number})"
             for field in fields:
