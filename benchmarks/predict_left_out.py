@@ -7,7 +7,8 @@ The line pressure is taken as the recording has it (`--load-of`), and from a fil
 sure: weighted by the band, so that an error in one place is not spread over the revolution; the band is that of the
 torque less a constant. One line per recording and source of the load: whether its speed lies inside those of the
 others, rms error and band width as shares of the peak, share of the revolution inside the pointwise 95 % band, and the
-same where the torque is or moves.
+same where the torque is or moves. Where the others do not all end as it does, it is predicted with its own ending,
+too, and where none does with either.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
-from camtorque.fit.ends import Curve, load_for
-from camtorque.fit.forecast import FittedAt, KnownFit, forecast
+from camtorque.fit.endings import EITHER, either, endings_of
+from camtorque.fit.ends import END_OF, Curve, load_for
+from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import joint_input
 from camtorque.fit.prepare import on_grid
@@ -31,7 +33,7 @@ from camtorque.ingest import read_recording
 from camtorque.predict_from import chain_of, file_curve
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
-from camtorque.units import BAR
+from camtorque.units import BAR, RPM
 
 STEPS_DEG = (0.0, 0.25, 1.0, 2.0, 3.0)
 """Steps of the file of the load; 0: as the recording has it."""
@@ -67,23 +69,34 @@ def from_file(left: Prepared, step_deg: float) -> Curve:
         return replace(file_curve(path), speed=left.cycles.mean_speed)
 
 
-def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_deg: float) -> dict[str, object]:
-    """Return how well a recording that is not in the fit is predicted.
+def run_of(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_deg: float, ending: str) -> Forecast:
+    """Return a recording that is not in the fit as `predict --from` gives it.
 
     Parameters
     ----------
     step_deg : of the file with its line pressure; 0 for the line pressure as the recording has it
+    ending : see `camtorque.fit.endings.endings_of`
     """
     speed = left.cycles.mean_speed
     curve = Curve(left.cycles.theta, left.means.pressure_all, speed)
     curve = from_file(left, step_deg) if step_deg else curve
-    source = known.nearest(speed)
     chain = chain_of(rig_of(left), speed, curve)
     templates = {
         item.recording.config.id: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
         for item in used
     }
-    item = forecast(known, chain, source, load_for(known, source, templates, chain, curve), {})
+    runs = [
+        forecast(known, chain, source, load_for(known, source, templates, chain, curve), {})
+        for source in endings_of(known, speed, ending)
+    ]
+    return either(*runs) if len(runs) > 1 else runs[0]
+
+
+def predicted(
+    known: KnownFit, used: Sequence[Prepared], left: Prepared, step_deg: float, ending: str
+) -> dict[str, object]:
+    """Return how well a recording that is not in the fit is predicted; see `run_of`."""
+    item = run_of(known, used, left, step_deg, ending)
     measured = on_grid(left.means.torque_all, item.theta.size)
     error = measured - item.torque
     zero = float(np.average(error, weights=item.torque_std**-2.0))
@@ -94,8 +107,8 @@ def predicted(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_de
     moving = np.abs(measured) / TORQUE_OVER + np.abs(np.gradient(measured)) / STEP_OVER > peak
     return {
         "left_out": left.recording.config.id, "load": f"file, {step_deg:g} deg" if step_deg else "recording",
-        "rpm": round(speed * 30.0 / np.pi), "inside": min(speeds) < speed < max(speeds),
-        "structure": source.structure, "rms_percent": round(100.0 * float(np.sqrt(np.mean(error**2))) / peak, 3),
+        "rpm": round(item.speed / RPM), "inside": min(speeds) < item.speed < max(speeds),
+        "ending": item.ending, "rms_percent": round(100.0 * float(np.sqrt(np.mean(error**2))) / peak, 3),
         "band_percent": round(100.0 * 1.96 * float(np.sqrt(np.mean(item.shape_std**2))) / peak, 3),
         "covered_percent": round(100.0 * float(np.mean(inside)), 1),
         "covered_moving_percent": round(100.0 * float(np.mean(inside[moving])), 1),
@@ -112,10 +125,14 @@ def left_out_rows(prepared: Sequence[Prepared], steps: Sequence[float]) -> list[
         known = known_fit(used)
         for step_deg in steps:
             try:
-                rows.append(predicted(known, used, left, step_deg))
+                rows.append(predicted(known, used, left, step_deg, ""))
             except Refusal as refusal:
                 rows.append({"left_out": left.recording.config.id, "load": f"file, {step_deg:g} deg: {refusal}"})
             print(rows[-1], flush=True)
+        own, shown = left.candidates[0].data.structure, {item.structure for item in known.recordings}
+        others = (own,) if len(shown) > 1 else (own, EITHER) if own not in shown else ()
+        rows += [predicted(known, used, left, 0.0, ending) for ending in others if own in END_OF]
+        print(*rows[len(rows) - len(others) :], sep="\n", flush=True)
     return rows
 
 

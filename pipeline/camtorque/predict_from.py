@@ -20,7 +20,8 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.endings import either, endings_of, if_it_ended_so, the_other
+from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, Load, forecast
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
@@ -37,7 +38,14 @@ from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
 from camtorque.report.forecast_page import forecast_document
-from camtorque.report.forecast_texts import CLEARANCE, assumptions, constant_text, end_text, load_text
+from camtorque.report.forecast_texts import (
+    CLEARANCE,
+    assumptions,
+    constant_text,
+    end_text,
+    ending_text,
+    load_text,
+)
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
 from camtorque.units import DEGREE, RPM
@@ -232,6 +240,7 @@ def predict_from(
     pump: Path | None = None,
     cam: Path | None = None,
     clearance: str = "",
+    ending: str = "",
 ) -> Found:
     """Return runs at some speeds with the values of a fit.
 
@@ -242,27 +251,46 @@ def predict_from(
     load_of : recording or report whose line pressure is used; neither: that of the fitted recording nearest in speed
     pump, cam : another pump file, another lift table
     clearance : change of the plunger's clearance, such as ``+1um``
+    ending : how delivery ends under that load: ``land``, ``spill`` or ``either``; empty: as in the fitted recordings,
+        ``either`` where these differ
 
     Raises
     ------
-    Refusal : see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
+    Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
     """
     known, folder, rows = read_fit(Path(fit))
-    changes = {"leakage": leakage_factor(clearance)} if clearance else {}
-    given = _given(pressure, load_of)
+    asked = Asked(
+        _given(pressure, load_of), Path(pressure or load_of or "").name, ending, pump, cam, clearance,
+        {"leakage": leakage_factor(clearance)} if clearance else {},
+    )  # fmt: skip
+    if ending and asked.given is None:
+        raise Refusal(
+            f"predict: found --ending {ending} without a load, expected one that may end so; give it with --load-of or "
+            "--pressure: without them the load is that of a fitted recording, whose ending is known"
+        )
     reports = {row["id"]: folder / row["folder"] for row in rows}
     templates = {item.id: curve_of(reports[item.id], item.speed) for item in known.recordings}
-    items, forces = [], []
-    for value in speeds_rpm:
-        source = known.nearest(value * RPM)
-        rig = rig_of(reports[source.id], pump, cam)
-        item, force, ends = _predicted(known, source, templates, rig, value * RPM, given, changes)
-        load = load_text(source, Path(pressure or load_of or "").name, given, value * RPM)
-        assumed = assumptions(source, load, clearance, pump or cam)
-        items.append(replace(item, assumed=(*assumed, *end_text(ends, source, value), *constant_text(item))))
-        forces.append(force)
+    runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]
+    items, forces = [item for item, _ in runs], [force for _, force in runs]
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
     return Found(tuple(items), forecast_document(items, forces, origin))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a prediction is asked for beside its speeds.
+
+    given : line pressure of the load, None for that of the nearest fitted recording; name : of its recording or file
+    changes : parameter -> factor
+    """
+
+    given: Curve | None
+    name: str
+    ending: str
+    pump: Path | None
+    cam: Path | None
+    clearance: str
+    changes: Mapping[str, float]
 
 
 def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
@@ -271,6 +299,32 @@ def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
     if pressure is None:
         return None
     return file_curve(pressure)
+
+
+def _at_speed(
+    known: KnownFit, reports: Mapping[str, Path], templates: Mapping[str, Curve], speed: float, asked: Asked
+) -> tuple[Forecast, tuple[Forces, ...]]:
+    """Return a run at one speed [rad/s], by the ending that is asked for or known, with what was assumed."""
+    given = asked.given
+    sources = (known.nearest(speed),) if given is None else endings_of(known, speed, asked.ending)
+
+    def run(source: FittedAt) -> tuple[Forecast, Forces, Mapping[str, Estimate]]:
+        rig = rig_of(reports[source.id], asked.pump, asked.cam)
+        return _predicted(known, source, templates, rig, speed, given, asked.changes)
+
+    runs = [run(source) for source in sources]
+    item = runs[0][0]
+    if len(runs) > 1:
+        item = either(item, runs[1][0])
+    elif given is not None and not asked.ending and item.ending in END_OF:
+        item = replace(item, other=if_it_ended_so(item, run(the_other(known, sources[0], speed))[0]))
+    load = load_text(sources[0], asked.name, given, speed)
+    texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
+             for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
+    assumed = assumptions(sources[0], load, asked.clearance, asked.pump or asked.cam)
+    return replace(item, assumed=(*assumed, *texts, *ending_text(item), *constant_text(item))), tuple(
+        one[1] for one in runs
+    )
 
 
 @on_one_thread

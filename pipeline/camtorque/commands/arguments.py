@@ -9,6 +9,8 @@ from pathlib import Path
 STUDIES = ("speed-accuracy", "stability")
 METHODS = ("closed", "recursion", "denoc")
 """Ways to solve the mechanics; a test holds them to those of the mechanism."""
+ENDINGS = ("land", "spill", "either")
+"""Ways in which a delivery may end; a test holds them to those of the fit."""
 FORMATS = ("csv", "xlsx", "mat", "parquet")
 SHELLS = ("bash", "zsh", "fish")
 LARGEST_TOLERANCE = 0.01
@@ -207,6 +209,8 @@ def predict(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cam", type=Path, metavar="FILE", help="another lift table, of the columns of the fitted one")
     text = "change of the plunger's clearance, such as +1um, or 3um+1um from a known one (default from 4 um)"
     parser.add_argument("--clearance", default="", metavar="CHANGE", help=text)
+    text = f"how delivery ends under that load: {', '.join(ENDINGS)} (default: as in the fitted recordings)"
+    parser.add_argument("--ending", choices=ENDINGS, default="", metavar="NAME", help=text)
     parser.add_argument("--speed", type=speeds, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
     parser.add_argument("--method", choices=METHODS, default="closed", metavar="NAME", help=" or ".join(METHODS))

@@ -39,7 +39,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 
 def _refuse_mixed(arguments: argparse.Namespace) -> None:
     """Refuse options of a fit without one, and none or both of pump file and fit."""
-    of_a_fit = ("load_of", "other_pump", "cam", "clearance")
+    of_a_fit = ("load_of", "other_pump", "cam", "clearance", "ending")
     named = [f"--{name.replace('other_', '').replace('_', '-')}" for name in of_a_fit if getattr(arguments, name)]
     if arguments.fit is None and named:
         raise Refusal(f"predict: found {', '.join(named)} without --from, expected a fit; name one with --from RESULT")
@@ -51,7 +51,7 @@ def _refuse_mixed(arguments: argparse.Namespace) -> None:
 def _from_fit(arguments: argparse.Namespace) -> Outcome:
     found = predict_from(
         arguments.fit, arguments.speed, pressure=arguments.pressure, load_of=arguments.load_of,
-        pump=arguments.other_pump, cam=arguments.cam, clearance=arguments.clearance,
+        pump=arguments.other_pump, cam=arguments.cam, clearance=arguments.clearance, ending=arguments.ending,
     )  # fmt: skip
     heads = zip(("torque max, N m", "mean, N m", "chamber, bar", "contact, N", "Hertz, GPa"), WIDTHS, strict=True)
     lines = [f"{'rpm':>8}{''.join(f'{head:>{width}}' for head, width in heads)}  (± 95 %)"]

@@ -19,6 +19,7 @@ from scipy.special import stdtrit
 from camtorque.fit.forecast import FittedAt, KnownFit, Load
 from camtorque.fit.problem import END_NAMES, SPILL_NAMES
 from camtorque.fit.uncertainty import COVERAGE
+from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.records import Array, Estimate, Refusal, freeze_arrays
 from camtorque.units import DEGREE, RPM
@@ -154,7 +155,8 @@ def load_for(
 
     Parameters
     ----------
-    source : recording whose structure is that of the run
+    source : recording whose structure is that of the run; where no fitted recording has it, places are those at which
+        the others end, and how sharply it ends is as unsure as before any fit
     templates : line pressure of every fitted recording, by name
 
     Raises
@@ -172,18 +174,38 @@ def load_for(
         )
     rising = rising_angles(chain)
     lift = np.asarray(chain.law.evaluate(rising, 0))
-    alike = [item for item in known.recordings if item.structure == source.structure and item.id in templates]
-    ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike]
-    end = found_end(known, source.structure, ends, curve, rising, lift)
+    shown = [item for item in known.recordings if item.structure in END_OF and item.id in templates]
+    alike = [item for item in shown if item.structure == source.structure]
+    ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike or shown]
+    end = found_end(known, (alike or shown)[0].structure, ends, curve, rising, lift)
+    near = nearest_ends(ends, curve.speed)
+    if not alike:
+        end = _end_of_another_kind(known, shown[0].structure, end, [item.id for item in near], rising, lift)
     if source.structure == "spill":
         slope = float(np.interp(end.value, rising, np.gradient(lift, rising)))
         end = Estimate(float(np.interp(end.value, rising, lift)), end.stderr * slope)
-    near = nearest_ends(ends, curve.speed)
+    if not alike:
+        return Load({END_OF[source.structure]: end, **_usual_widths(source.structure)}, curve.std)
     weights = {known.own(item.id)[END_OF[source.structure]]: 1.0 / len(near) for item in near}
     widths = {name: width for name in WIDTHS_OF[source.structure] if (width := width_of(known, name, alike))}
     found = {END_OF[source.structure]: end, **{name: value for name, (value, _) in widths.items()}}
     means = {END_OF[source.structure]: weights, **{name: weights for name, (_, weights) in widths.items()}}
     return Load(found, curve.std, means)
+
+
+def _end_of_another_kind(
+    known: KnownFit, structure: str, end: Estimate, near: Sequence[str], rising: Array, lift: Array
+) -> Estimate:
+    """Return where delivery ends in a way that no fitted recording shows, found by ends of ``structure`` [rad]."""
+    places = [known.own(item)[END_OF[structure]] for item in near]
+    per = 1.0 if structure == "land" else float(np.interp(end.value, rising, np.gradient(lift, rising)))
+    left_open = float(np.mean(known.covariance.among(places))) / per**2
+    return Estimate(end.value, float(np.sqrt(end.stderr**2 + UNKNOWN_STD**2 + left_open)))
+
+
+def _usual_widths(structure: str) -> dict[str, Estimate]:
+    """Return how sharply delivery ends before anything is known of it [SI]."""
+    return {name: Estimate(*prior) for name in WIDTHS_OF[structure] if (prior := ROWS[name].prior) is not None}
 
 
 def student(freedom: int) -> float:

@@ -107,6 +107,15 @@ class Load:
 
 
 @dataclass(frozen=True)
+class OtherEnding:
+    """What a run would be if its delivery ended the other way: largest difference of torque [N m], where [rad]."""
+
+    structure: str
+    difference: float
+    angle: float
+
+
+@dataclass(frozen=True)
 class Forecast:
     """A predicted run at one speed.
 
@@ -126,6 +135,9 @@ class Forecast:
     delivered, delivered_std : volume that leaves the chamber for the line in a stroke [m^3]
     law_share : rms of the law's error as a share of the peak
     beyond : distance from the fitted speeds in ln speed, 0 inside
+    ending : how delivery ends: ``land``, ``spill``, ``either`` where nobody knows, ``line`` where it is not seen
+    both : where nobody knows how it ends: the run with one ending and with the other
+    other : what it would be if it ended the other way, None where that is known or makes no difference
     assumed : sentences on what was assumed
     """
 
@@ -147,6 +159,9 @@ class Forecast:
     delivered_std: float
     law_share: float
     beyond: float
+    ending: str
+    both: tuple[Forecast, ...] = ()
+    other: OtherEnding | None = None
     assumed: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
@@ -216,6 +231,7 @@ def forecast(
         contact_std=std["contact"], true_angle=center["angle"],
         flow=center["flow"], delivered=float(center["delivered"]),
         delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
+        ending=source.structure,
     )  # fmt: skip
 
 
@@ -280,7 +296,7 @@ def _draws(
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
         item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
         for (name, end), away in zip(load.ends.items(), found[k].tolist(), strict=True):
-            item[name] += fraction * end.stderr * away
+            item[name] = item.get(name, mean[name]) + fraction * end.stderr * away
         result.append(
             {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
         )

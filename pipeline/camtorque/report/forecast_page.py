@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.endings import holding
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.plain import now, plain
@@ -16,6 +17,7 @@ from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import drawn
 from camtorque.report.files import write_json, write_page
+from camtorque.report.forecast_texts import ending_text
 from camtorque.report.numbers import near, num, plus_minus, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
@@ -38,28 +40,45 @@ TITLES = {
 """Key of a row of the sweep -> what the page calls it."""
 
 
-def sweep_row(item: Forecast, forces: Forces) -> dict[str, Any]:
-    """Return the extremes of one speed, each with its standard uncertainty."""
-    top, low = int(np.argmax(item.torque)), int(np.argmin(item.torque))
-    peak, load = int(np.argmax(item.pressure)), int(np.argmax(item.contact))
-    hertz = float(np.nanmax(forces.hertz)) / 1e9
-    relative = float(item.contact_std[load] / max(abs(item.contact[load]), 1e-9))
+def sweep_row(item: Forecast, forces: Sequence[Forces]) -> dict[str, Any]:
+    """Return the extremes of one speed, each with its standard uncertainty.
+
+    Parameters
+    ----------
+    forces : of the run, or of both where nobody knows how delivery ends
+    """
+    rows = [_extremes(one, force) for one, force in zip(item.both or (item,), forces, strict=True)]
     causes = {name: float(np.mean(values)) for name, values in item.by_cause.items()}
+    other = item.other
     return {
         "speed_rpm": item.speed / RPM,
-        "torque_max_nm": _value(item.torque[top], item.torque_std[top]),
-        "torque_min_nm": _value(item.torque[low], item.torque_std[low]),
-        "torque_mean_nm": _value(float(np.mean(item.torque)), item.mean_std),
-        "chamber_peak_bar": _value(item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
-        "delivered_mm3": _value(1e9 * item.delivered, 1e9 * item.delivered_std),
-        "contact_max_n": _value(item.contact[load], item.contact_std[load]),
-        "hertz_max_gpa": _value(hertz, 0.5 * relative * hertz),
+        **{name: _value(*(holding(*value, *rows[-1][name]))) for name, value in rows[0].items()},
         "law_error_percent": 100.0 * item.law_share, "beyond_fitted_speeds": item.beyond > SAME_SPEED,
+        "ending": item.ending, "other_ending": None if other is None else {
+            "ending": other.structure, "torque_difference_nm": other.difference, "theta_deg": other.angle / DEGREE,
+        },
         "mean_by_cause_nm": causes,
     }  # fmt: skip
 
 
-def _value(value: float, std: float) -> dict[str, Any]:
+def _extremes(item: Forecast, forces: Forces) -> dict[str, tuple[float, float]]:
+    """Return the extremes of a run, each with its standard uncertainty."""
+    top, low = int(np.argmax(item.torque)), int(np.argmin(item.torque))
+    peak, load = int(np.argmax(item.pressure)), int(np.argmax(item.contact))
+    hertz = float(np.nanmax(forces.hertz)) / 1e9
+    relative = float(item.contact_std[load] / max(abs(item.contact[load]), 1e-9))
+    return {
+        "torque_max_nm": (item.torque[top], item.torque_std[top]),
+        "torque_min_nm": (item.torque[low], item.torque_std[low]),
+        "torque_mean_nm": (float(np.mean(item.torque)), item.mean_std),
+        "chamber_peak_bar": (item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
+        "delivered_mm3": (1e9 * item.delivered, 1e9 * item.delivered_std),
+        "contact_max_n": (item.contact[load], item.contact_std[load]),
+        "hertz_max_gpa": (hertz, 0.5 * relative * hertz),
+    }
+
+
+def _value(value: Array | float, std: Array | float) -> dict[str, Any]:
     return {
         "value": float(value),
         "stderr": float(std),
@@ -67,11 +86,14 @@ def _value(value: float, std: float) -> dict[str, Any]:
     }
 
 
-def forecast_document(items: Sequence[Forecast], forces: Sequence[Forces], source: Mapping[str, Any]) -> dict[str, Any]:
+def forecast_document(
+    items: Sequence[Forecast], forces: Sequence[Sequence[Forces]], source: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return the predicted runs as JSON-ready values in border units.
 
     Parameters
     ----------
+    forces : of each run, of both where nobody knows how its delivery ends
     source : where the values come from: ``fit``, ``recordings``, ``inputs``
     """
     return plain({
@@ -109,9 +131,12 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
             f" {' and '.join(beyond)} rpm {'lie' if len(beyond) > 1 else 'lies'} beyond the fitted speeds: the bands "
             "are wider there, and a recording near that speed would narrow them."
         )
+    unsure = [text for item in items for text in ending_text(item)]
+    answer = " ".join((answer, *dict.fromkeys(unsure)))
     html = render(
-        "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer, beyond=bool(beyond),
-        assumed=document["assumed"], sweep=[(TITLES[key], [_cell(row[key]) for row in rows]) for key in TITLES],
+        "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer,
+        look=bool(beyond or unsure), assumed=document["assumed"],
+        sweep=[(TITLES[key], [_cell(row[key]) for row in rows]) for key in TITLES],
     )  # fmt: skip
     write_page(folder / "predict.html", html)
     write_json(folder / "predict.json", document)

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from camtorque.fit.endings import EITHER
 from camtorque.fit.ends import Curve
-from camtorque.fit.forecast import FittedAt, Forecast
+from camtorque.fit.forecast import FittedAt, Forecast, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Estimate
 from camtorque.units import DEGREE, RPM
 
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
-SAME_ENDING = (
-    "A line pressure does not tell whether a land or a spill ended delivery: if this load ends the other way, the "
-    "return stroke is wrong."
-)
+NOT_TOLD = "A line pressure does not tell whether a land or a spill ended delivery"
+ENDED_BY = {"land": "a land", "spill": "spill"}
+"""Structure -> what ends delivery."""
 
 
 def load_text(source: FittedAt, name: str, given: Curve | None, speed: float) -> str:
@@ -62,18 +62,37 @@ def assumptions(source: FittedAt, load: str, clearance: str, other: Path | None)
     return tuple(texts)
 
 
-def end_text(ends: Mapping[str, Estimate], source: FittedAt, speed_rpm: float) -> tuple[str, ...]:
+def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, speed_rpm: float) -> tuple[str, ...]:
     """Return where delivery was taken to end, and how well that is known."""
     units = {"end_of_delivery": (DEGREE, "deg of cam angle"), "spill_lift": (1e-3, "mm of lift")}
-    texts = []
-    for name in (name for name in units if name in ends):
-        end, (per, unit) = ends[name], units[name]
-        how = "a land" if source.structure == "land" else "spill"
-        texts.append(
-            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, by "
-            f"{how} as in {source.id}: where the line pressure looks as it does there."
-        )
-    return (*texts, SAME_ENDING) if texts else ()
+    alike = any(item.structure == source.structure for item in known.recordings)
+    kind = ENDED_BY[source.structure]
+    how = (
+        f"by {kind} as in {source.id}: where the line pressure looks as it does there" if alike else
+        f"by {kind}, as no fitted recording does: where the line pressure looks as it does at their ends; how sharply "
+        "is as unsure as before any fit"
+    )  # fmt: skip
+    found = [(ends[name], per, unit) for name, (per, unit) in units.items() if name in ends]
+    return tuple(
+        f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {how}."
+        for end, per, unit in found
+    )
+
+
+def ending_text(item: Forecast) -> tuple[str, ...]:
+    """Return what was taken for granted of the way in which delivery ends under a given load."""
+    if item.ending == EITHER:
+        return (f"{NOT_TOLD}: the bands hold both, the curves lie midway.",)
+    if item.other is None:
+        return ()
+    other, so = item.other, ENDED_BY[item.other.structure]
+    more = "higher" if other.difference > 0.0 else "lower"
+    apart = f"{abs(other.difference):.2g} N m {more} at {other.angle / DEGREE:.0f} deg of cam angle"
+    return (
+        f"{NOT_TOLD}: it is {ENDED_BY[item.ending]} as in the fitted recordings. If {so} ends it, the torque at "
+        f"{item.speed / RPM:.4g} rpm is up to {apart}: --ending {other.structure} predicts it, --ending {EITHER} holds "
+        "both.",
+    )
 
 
 def constant_text(item: Forecast) -> tuple[str, ...]:

@@ -1,0 +1,140 @@
+"""Land or spill: which ending a load that is given has, what it would be if it ended the other way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from camtorque import predict_from as flow
+from camtorque.commands.arguments import ENDINGS as WORDS
+from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so
+from camtorque.fit.ends import UNKNOWN_STD, Curve, load_for
+from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, Load, _draws
+from camtorque.laws import ROWS
+from camtorque.records import Estimate, Forces, Refusal
+from camtorque.report.forecast_page import sweep_row
+from camtorque.report.forecast_texts import end_text, ending_text
+from camtorque.units import DEGREE
+
+THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
+BOTH_STRUCTURES = {"a": "land", "b": "land", "c": "spill"}
+
+
+def known(structures: dict[str, str]) -> KnownFit:
+    recordings = tuple(FittedAt(name, 50.0 * 1.25**k, structure, 0.01, True)
+                       for k, (name, structure) in enumerate(structures.items()))  # fmt: skip
+    names = tuple(f"end_of_delivery__{name}" for name in structures)
+    return KnownFit(names, np.full(len(names), 0.8), ArrowCovariance.whole(1e-6 * np.eye(len(names))), recordings)
+
+
+def run(torque: float, std: float, ending: str, chamber: float = 1e7) -> Forecast:
+    flat = np.ones(4)
+    causes = {"pressure": torque * flat}
+    return Forecast(
+        speed=50.0, theta=np.arange(4.0), torque=torque * flat, torque_std=std * flat, shape_std=0.5 * std * flat,
+        mean_std=std, by_cause=causes, by_cause_std={"pressure": std * flat}, pressure=chamber * flat,
+        pressure_std=1e5 * flat, contact=flat, contact_std=0.1 * flat, true_angle=flat, flow=flat, delivered=1e-7,
+        delivered_std=1e-9, law_share=0.01, beyond=0.0, ending=ending,
+    )  # fmt: skip
+
+
+def test_words_of_the_command_line_are_those_of_the_fit() -> None:
+    assert WORDS == ENDINGS
+
+
+@pytest.mark.parametrize(("structures", "speed", "asked", "wanted"), [
+    ({"a": "land", "b": "land"}, 50.0, "", [("a", "land")]),
+    ({"a": "land", "b": "land"}, 50.0, "spill", [("a", "spill")]),
+    ({"a": "land", "b": "land"}, 70.0, "either", [("b", "land"), ("b", "spill")]),
+    (BOTH_STRUCTURES, 50.0, "", [("a", "land"), ("c", "spill")]),
+    (BOTH_STRUCTURES, 90.0, "", [("c", "spill"), ("b", "land")]),
+    (BOTH_STRUCTURES, 90.0, "land", [("b", "land")]),
+    ({"a": "line"}, 50.0, "", [("a", "line")]),
+])  # fmt: skip
+def test_an_ending_is_what_was_asked_for_or_seen_and_both_where_the_recordings_differ(
+    structures: dict[str, str], speed: float, asked: str, wanted: list[tuple[str, str]]
+) -> None:
+    assert [(item.id, item.structure) for item in endings_of(known(structures), speed, asked)] == wanted
+
+
+def test_an_ending_that_nothing_can_tell_is_refused() -> None:
+    with pytest.raises(Refusal, match="no fitted recording shows where delivery ends"):
+        endings_of(known({"a": "line"}), 50.0, "spill")
+    with pytest.raises(Refusal, match="found 'lid', expected one of land, spill, either"):
+        endings_of(known({"a": "land"}), 50.0, "lid")
+
+
+def test_an_ending_without_a_load_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flow, "read_fit", lambda path: (known({"a": "land"}), tmp_path, []))
+    with pytest.raises(Refusal, match="found --ending land without a load"):
+        flow.predict_from(tmp_path, [500.0], ending="land")
+
+
+def test_bands_of_either_hold_both_and_are_no_wider() -> None:
+    found = either(run(10.0, 1.0, "land"), run(4.0, 0.5, "spill"))
+    assert found.ending == EITHER
+    low, high = 4.0 - 1.96 * 0.5, 10.0 + 1.96
+    assert found.torque == pytest.approx(np.full(4, 0.5 * (low + high)), abs=1e-3)
+    assert found.torque_std == pytest.approx(np.full(4, 0.5 * (high - low) / 1.96), abs=1e-3)
+    assert found.by_cause["pressure"] == pytest.approx(found.torque)
+    for one in found.both:
+        assert np.all(np.abs(one.torque - found.torque) + 1.959 * one.shape_std <= 1.96 * found.shape_std)
+
+
+def test_extremes_of_either_hold_those_of_both() -> None:
+    item = either(run(10.0, 1.0, "land", 1e8), run(4.0, 0.5, "spill", 2e7))
+    forces: list[Forces] = [SimpleNamespace(hertz=np.full(4, value)) for value in (3e9, 2e9)]  # type: ignore[misc]
+    row = sweep_row(item, forces)
+    low, high = row["chamber_peak_bar"]["ci95"]
+    assert low == pytest.approx(200.0 - 1.96, abs=0.01)
+    assert high == pytest.approx(1000.0 + 1.96, abs=0.01)
+    assert row["hertz_max_gpa"]["ci95"][1] > 3.0 > 2.0 > row["hertz_max_gpa"]["ci95"][0]
+    alone = sweep_row(run(10.0, 1.0, "land"), forces[:1])
+    assert alone["torque_max_nm"]["value"] == pytest.approx(10.0)
+    assert (alone["ending"], alone["other_ending"]) == ("land", None)
+
+
+def test_what_the_other_ending_would_make_is_told_where_the_band_does_not_hold_it() -> None:
+    item = run(10.0, 1.0, "land")
+    assert if_it_ended_so(item, run(8.5, 1.0, "spill")) is None
+    other = if_it_ended_so(item, run(4.0, 1.0, "spill"))
+    text = ending_text(replace(item, other=other))[0]
+    assert "by a land" not in text
+    assert "it is a land as in the fitted recordings. If spill ends it" in text
+    assert "up to 6 N m lower at 0 deg of cam angle: --ending spill predicts it" in text
+    assert ending_text(item) == ()
+
+
+def falling(end: float, speed: float) -> Curve:
+    fall = 1.0 / (1.0 + np.exp((THETA - end) / (2e-4 * speed)))
+    return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
+
+
+def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less_sure() -> None:
+    fit = known({"a": "land", "b": "land", "c": "land"})
+    templates = {item.id: falling(0.8, item.speed) for item in fit.recordings}
+    chain = SimpleNamespace(theta=THETA, law=SimpleNamespace(evaluate=lambda theta, order: 0.01 * np.sin(theta / 2.0)))
+    curve = falling(0.9, 60.0)
+    land = load_for(fit, fit.recordings[0], templates, chain, curve)  # type: ignore[arg-type]
+    spill = load_for(fit, replace(fit.recordings[0], structure="spill"), templates, chain, curve)  # type: ignore[arg-type]
+    end, lift = land.ends["end_of_delivery"], spill.ends["spill_lift"]
+    assert lift.value == pytest.approx(0.01 * np.sin(0.5 * end.value), rel=1e-3)
+    assert lift.stderr > UNKNOWN_STD * 0.005 * np.cos(0.5 * end.value)
+    assert (spill.ends["spill_width"].value, spill.ends["spill_width"].stderr) == ROWS["spill_width"].prior
+    assert not spill.means
+    texts = end_text(spill.ends, replace(fit.recordings[0], structure="spill"), fit, 500.0)
+    assert "by spill, as no fitted recording does" in texts[0]
+    assert f"ends at {end.value / DEGREE:.3g}" in end_text(land.ends, fit.recordings[0], fit, 500.0)[0]
+
+
+def test_parameters_of_an_ending_that_was_not_fitted_are_drawn() -> None:
+    load = Load({"spill_width": Estimate(5e-3, 1e-3)})
+    mean = {"end_of_delivery": 0.8, "torque_zero": 0.0, "pressure_zero": 0.0, "spill_width": 5e-3}
+    fit = replace(known({"a": "land"}), names=("end_of_delivery__a", "pressure_zero"),
+                  values=np.zeros(2), covariance=ArrowCovariance.whole(np.eye(2)))  # fmt: skip
+    drawn = [item["spill_width"] for item in _draws(fit, {"end_of_delivery": 0, "pressure_zero": 1}, mean, load, 1.0)]
+    assert np.std(drawn) == pytest.approx(1e-3, rel=0.25)
