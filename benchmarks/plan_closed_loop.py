@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.fit.ends import Curve
-from camtorque.fit.forecast import FittedAt, KnownFit
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import plan, point_of
 from camtorque.fit.single import Prepared, prepare
 from camtorque.plan import SPEED_FACTORS

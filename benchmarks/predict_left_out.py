@@ -24,9 +24,10 @@ from camtorque.align import align
 from camtorque.fit import leftout
 from camtorque.fit.endings import EITHER, either, endings_of
 from camtorque.fit.ends import END_OF, Curve, load_for
-from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, forecast
+from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import joint_input
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording

@@ -14,7 +14,8 @@ import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import Curve, load_for
-from camtorque.fit.forecast import FittedAt, KnownFit, forecast
+from camtorque.fit.forecast import forecast
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.predict_from import chain_of

@@ -20,7 +20,8 @@ from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
 from camtorque.fit.ends import Curve
-from camtorque.fit.forecast import FittedAt, KnownFit, Load
+from camtorque.fit.forecast import Load
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism import lift_law
 from camtorque.mechanism.cam import TURN, CamLaw

@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from camtorque.fit.forecast import FittedAt, KnownFit
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, chamber_peak, plan, point_of, weighed
 from camtorque.laws import ROWS
 from camtorque.plain import now as created

@@ -18,11 +18,13 @@ import h5py
 import numpy as np
 
 from camtorque.align import align
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config_pump import PumpConfig
 from camtorque.config_toml import load_recording_config
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, the_other
 from camtorque.fit.ends import END_OF, Curve, load_for
-from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, Load, forecast
+from camtorque.fit.forecast import Forecast, Load, forecast
+from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.load_file import curve_through
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
 from camtorque.ingest import read_recording
@@ -33,7 +35,6 @@ from camtorque.laws.chain import ChainInput
 from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.mounting import assumed_roller
-from camtorque.mechanism.predict import pressure_at
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
@@ -48,20 +49,11 @@ from camtorque.report.forecast_texts import (
 )
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
-from camtorque.units import DEGREE, RPM
+from camtorque.units import RPM
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
 FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
-LOADED = 0.1
-"""Share of the highest line pressure above which the points of a file matter."""
-BETWEEN = 0.5
-"""What is missed between points as a share of what is missed where every second one is left out; 0.3 to 0.9 of it was
-seen on recordings thinned to 1 to 3 degrees."""
-MOST_GUESSED = 0.1
-"""Uncertainty between the points, as a share of the highest pressure, above which a file is refused."""
-WIDEST_STEP = np.radians(6.0)
-"""Distance of points under load above which nothing tells what the points missed."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,38 +172,9 @@ def file_curve(path: Path) -> Curve:
 
     Raises
     ------
-    Refusal : so few points that what lies between them is a guess
+    Refusal : it cannot be read, or see `curve_through`
     """
-    theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
-    file = read_pressure_curve(path)
-    top = float(np.max(file.pressure))
-    loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * top
-    step = float(np.max(np.diff(file.theta)[loaded], initial=0.0))
-    known = between_points(file)
-    worst = float(np.sqrt(np.mean(np.square(known[file.pressure > LOADED * top])))) / top
-    if worst > MOST_GUESSED or step > WIDEST_STEP:
-        raise Refusal(
-            f"{path}: found points {step / DEGREE:.2g} deg apart under load, between which the pressure is known to "
-            f"{100.0 * worst:.0f} % of its highest only, expected {100.0 * MOST_GUESSED:.0f} % or better; give a point "
-            "every half degree, or name the recording itself with --load-of"
-        )
-    std = np.interp(theta, file.theta, known, period=2.0 * np.pi)
-    return Curve(theta, pressure_at(file, theta), float("nan"), step, file.theta, std)
-
-
-def between_points(file: PressureCurve) -> Array:
-    """Return the standard uncertainty of the pressure between the points of a file, at each of them, (k,) [Pa].
-
-    Every second point is left out and looked for between the others; half of what is missed then, among neighbours, is
-    what is missed between points twice as close.
-    """
-    missed = np.zeros(file.theta.size)
-    for first in (0, 1):
-        left = np.arange(file.theta.size) % 2 == first
-        others = PressureCurve(file.theta[~left], file.pressure[~left])
-        missed[left] = file.pressure[left] - pressure_at(others, file.theta[left])
-    near = np.convolve(np.pad(missed**2, 2, mode="wrap"), np.ones(5) / 5.0, mode="valid")
-    return np.asarray(BETWEEN * np.sqrt(near))
+    return curve_through(read_pressure_curve(path), str(path))
 
 
 def leakage_factor(text: str) -> float:

@@ -12,7 +12,6 @@ import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit.arrow import Arrow, arrow_inverse
 from camtorque.fit.drift import shared_drifts
-from camtorque.fit.forecast import KnownFit
 from camtorque.fit.joint import (
     common_error,
     fit_joint,
@@ -26,6 +25,7 @@ from camtorque.fit.joint import (
 from camtorque.fit.joint_fit import values_of_each
 from camtorque.fit.joint_input import HeldOnce, joint_input
 from camtorque.fit.joint_solver import joint_task, solve_many, try_at
+from camtorque.fit.known_fit import KnownFit
 from camtorque.fit.leftout import MODES, ends_of, left_out_values, predicted_end, shares
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import SEPARATOR, build_problem

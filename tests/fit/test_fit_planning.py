@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.commands.plan import plan_table
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.forecast import FittedAt, KnownFit
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import (
     MOST_RUNS,
     SETUP_MINUTES,

@@ -13,7 +13,8 @@ from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so
 from camtorque.fit.ends import UNKNOWN_STD, Curve, load_for
-from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, Load, _draws
+from camtorque.fit.forecast import Forecast, Load, _draws
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.forecast_page import sweep_row

@@ -15,7 +15,8 @@ from camtorque.commands.predict import execute
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, found_end, load_for, matched_end, width_of
-from camtorque.fit.forecast import DRAWS, FittedAt, KnownFit, Load, _draws, law_share, law_std, shape_of
+from camtorque.fit.forecast import DRAWS, Load, _draws, shape_of
+from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document

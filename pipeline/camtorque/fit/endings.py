@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.fit.ends import END_OF
-from camtorque.fit.forecast import FittedAt, Forecast, KnownFit, OtherEnding
+from camtorque.fit.forecast import Forecast, OtherEnding
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Array, Refusal
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from camtorque.fit.forecast import FittedAt, KnownFit, Load
+from camtorque.fit.forecast import Load
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.problem import END_NAMES, SPILL_NAMES
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import ROWS

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.forecast import FittedAt, KnownFit, settled, values_of
+from camtorque.fit.forecast import settled, values_of
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.next_run import TOOTH_ANGLE, TOOTH_STD
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.uncertainty import inverse

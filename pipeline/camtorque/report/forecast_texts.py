@@ -10,7 +10,8 @@ import numpy as np
 
 from camtorque.fit.endings import EITHER
 from camtorque.fit.ends import Curve
-from camtorque.fit.forecast import FittedAt, Forecast, KnownFit
+from camtorque.fit.forecast import Forecast
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Estimate
 from camtorque.units import DEGREE, RPM

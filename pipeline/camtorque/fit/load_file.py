@@ -1,0 +1,64 @@
+"""A line pressure that was typed or exported: what lies between its points, and how well that is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from camtorque.config_pump import PressureCurve
+from camtorque.fit.ends import Curve
+from camtorque.fit.prepare import FIT_GRID
+from camtorque.mechanism.predict import pressure_at
+from camtorque.records import Array, Refusal
+from camtorque.units import DEGREE
+
+LOADED = 0.1
+"""Share of the highest line pressure above which the points of a file matter."""
+BETWEEN = 0.5
+"""What is missed between points as a share of what is missed where every second one is left out; 0.3 to 0.9 of it was
+seen on recordings thinned to 1 to 3 degrees."""
+MOST_GUESSED = 0.1
+"""Uncertainty between the points, as a share of the highest pressure, above which a file is refused."""
+WIDEST_STEP = np.radians(6.0)
+"""Distance of points under load above which nothing tells what the points missed."""
+
+
+def curve_through(file: PressureCurve, name: str) -> Curve:
+    """Return the line pressure of a file's points on the grid of a fit, with how well; its speed is not known (nan).
+
+    Parameters
+    ----------
+    name : of the file
+
+    Raises
+    ------
+    Refusal : so few points that what lies between them is a guess
+    """
+    theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
+    top = float(np.max(file.pressure))
+    loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * top
+    step = float(np.max(np.diff(file.theta)[loaded], initial=0.0))
+    known = between_points(file)
+    worst = float(np.sqrt(np.mean(np.square(known[file.pressure > LOADED * top])))) / top
+    if worst > MOST_GUESSED or step > WIDEST_STEP:
+        raise Refusal(
+            f"{name}: found points {step / DEGREE:.2g} deg apart under load, between which the pressure is known to "
+            f"{100.0 * worst:.0f} % of its highest only, expected {100.0 * MOST_GUESSED:.0f} % or better; give a point "
+            "every half degree, or name the recording itself with --load-of"
+        )
+    std = np.interp(theta, file.theta, known, period=2.0 * np.pi)
+    return Curve(theta, pressure_at(file, theta), float("nan"), step, file.theta, std)
+
+
+def between_points(file: PressureCurve) -> Array:
+    """Return the standard uncertainty of the pressure between the points of a file, at each of them, (k,) [Pa].
+
+    Every second point is left out and looked for between the others; half of what is missed then, among neighbours, is
+    what is missed between points twice as close.
+    """
+    missed = np.zeros(file.theta.size)
+    for first in (0, 1):
+        left = np.arange(file.theta.size) % 2 == first
+        others = PressureCurve(file.theta[~left], file.pressure[~left])
+        missed[left] = file.pressure[left] - pressure_at(others, file.theta[left])
+    near = np.convolve(np.pad(missed**2, 2, mode="wrap"), np.ones(5) / 5.0, mode="valid")
+    return np.asarray(BETWEEN * np.sqrt(near))
