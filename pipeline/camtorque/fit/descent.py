@@ -65,18 +65,18 @@ class Ended(Generic[T, P]):
 
 
 def minimise(
-    descent: Descent[T, P], start: Array, max_iterations: int, relative_gain: float = RELATIVE_GAIN
+    descent: Descent[T, P], start: T, max_iterations: int, relative_gain: float = RELATIVE_GAIN
 ) -> Ended[T, P]:
     """Return where a descent ends.
 
     Parameters
     ----------
-    start : (k,) where to start, moved into the bounds [SI]
+    start : the problem where the descent starts, within the bounds
     max_iterations : of normal equations
     relative_gain : share of chi-square that a step has to promise
     """
     lower, upper = descent.bounds
-    trial = descent.try_at(np.clip(start, lower, upper))
+    trial = start
     evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
     known: P | None = None
     while iterations < max_iterations:

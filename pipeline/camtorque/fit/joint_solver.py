@@ -250,7 +250,7 @@ def solve_many(
         promise=lambda point, z: _promise(task, point, z),
         bounds=problem.bounds,
     )
-    ended = minimise(descent, start, max_iterations)
+    ended = minimise(descent, descent.try_at(np.clip(start, *descent.bounds)), max_iterations)
     return _solution(task, ended.trial, ended.point or linearised(task, ended.trial), ended.cost)
 
 

@@ -152,8 +152,17 @@ def smoother(width: float) -> Callable[[Array], Array]:
     return lambda values: filtered(values, response)
 
 
+def outputs_at(problem: Problem, z: Array) -> tuple[ChainOutput, ...]:
+    """Return the chain of every recording at z, whose linear parameters it does not depend on."""
+    return tuple(evaluate(item.chain, problem.values(z, index)[0]) for index, item in enumerate(problem.data))
+
+
 def try_at(
-    problem: Problem, z: Array, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] | None = None
+    problem: Problem,
+    z: Array,
+    lifts: tuple[LiftModes, ...],
+    smooth: Callable[[Array], Array] | None = None,
+    known: tuple[ChainOutput, ...] | None = None,
 ) -> Trial:
     """Evaluate all recordings at z and solve for the linear parameters.
 
@@ -162,6 +171,7 @@ def try_at(
     z : (k,) free parameters; the linear ones are only where the active set starts
     lifts : lift correction of each recording
     smooth : smoothing of the residual
+    known : `outputs_at` the same z, where another smoothing, weight or lift correction has asked for them
     """
     first = problem.n_nonlinear
     (means, stds), (lower, upper) = problem.priors, problem.bounds
@@ -170,10 +180,10 @@ def try_at(
     matrix, vector = np.diag(inverse + 1e-9), inverse * means[first:] / scale
     fixed = z.copy()
     fixed[first:] = 0.0
-    outputs, targets, columns, places = [], [], [], []
-    for index, item in enumerate(problem.data):
-        values, held = problem.values(fixed, index)
-        output = evaluate(item.chain, values)
+    outputs = outputs_at(problem, fixed) if known is None else known
+    targets, columns, places = [], [], []
+    for index, (item, output) in enumerate(zip(problem.data, outputs, strict=True)):
+        _, held = problem.values(fixed, index)
         own, chain = problem.places[index]
         linear = chain >= N_NONLINEAR
         place = own[linear] - first
@@ -185,7 +195,6 @@ def try_at(
         both = lifts[index].gram(np.column_stack([column * scale[place], target]))
         matrix[place[:, None], place] += both[:-1, :-1]
         vector[place] += both[:-1, -1]
-        outputs.append(output)
         targets.append(target)
         columns.append(column)
         places.append(place)
@@ -194,7 +203,7 @@ def try_at(
     fixed[first:] = c
     residuals = tuple(t - column @ c[p] for t, column, p in zip(targets, columns, places, strict=True))
     chi = sum(float(lift.product(r, r)) for lift, r in zip(lifts, residuals, strict=True))
-    return Trial(fixed, tuple(outputs), residuals, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi)
+    return Trial(fixed, outputs, residuals, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi)
 
 
 def normal_equations(
@@ -251,9 +260,10 @@ def solve(
     FloatingPointError : a tangent has run away
     """
     z = np.clip(problem.start if start is None else start, *problem.bounds)
-    modes = lifts_at(problem, z) if lifts is None else lifts
+    outputs = outputs_at(problem, z)
+    modes = lifts_at(problem, z, known=outputs) if lifts is None else lifts
     descent = _descent(problem, modes, smoothing)
-    ended = minimise(descent, z, max_iterations)
+    ended = minimise(descent, try_at(problem, z, modes, smoother(smoothing), outputs), max_iterations)
     trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
     outer = np.outer(problem.steps, problem.steps)
     return Solution(
@@ -263,10 +273,14 @@ def solve(
 
 
 def approach(
-    problem: Problem, start: Array, max_iterations: int, lifts: tuple[LiftModes, ...], smoothing: float
+    problem: Problem, start: Trial, max_iterations: int, lifts: tuple[LiftModes, ...], smoothing: float
 ) -> Trial:
-    """Return where some iterations towards a minimum lead: what a search needs of it. Parameters as in `solve`."""
-    return minimise(_descent(problem, lifts, smoothing), start, max_iterations, SEARCH_GAIN).trial
+    """Return where some iterations towards a minimum lead: what a search needs of it.
+
+    ``start`` is of the same recordings, which may have had other weights; the other parameters are those of `solve`.
+    """
+    first = try_at(problem, start.z, lifts, smoother(smoothing), start.outputs)
+    return minimise(_descent(problem, lifts, smoothing), first, max_iterations, SEARCH_GAIN).trial
 
 
 def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -> Descent[Trial, Point]:
@@ -290,13 +304,15 @@ def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -
     )
 
 
-def lifts_at(problem: Problem, z: Array, inflate: float = 1.0, cut: float = LIFT_CUT) -> tuple[LiftModes, ...]:
-    """Return the lift correction of every recording for the contact force at z."""
-    result = []
-    for index, item in enumerate(problem.data):
-        values, _ = problem.values(z, index)
-        result.append(lift_modes(item, evaluate(item.chain, values), values, inflate, cut))
-    return tuple(result)
+def lifts_at(
+    problem: Problem, z: Array, cut: float = LIFT_CUT, known: tuple[ChainOutput, ...] | None = None
+) -> tuple[LiftModes, ...]:
+    """Return the lift correction of every recording for the contact force at z; ``known`` as in `try_at`."""
+    outputs = outputs_at(problem, z) if known is None else known
+    return tuple(
+        lift_modes(item, output, problem.values(z, index)[0], cut=cut)
+        for index, (item, output) in enumerate(zip(problem.data, outputs, strict=True))
+    )
 
 
 def _free(z: Array, vector: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
-from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, smoother, try_at
+from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.records import Array
 from camtorque.units import DEGREE
@@ -78,8 +78,9 @@ def begun(item: FitData, lifts: tuple[LiftModes, ...] | None, held: Mapping[str,
     ``lifts`` is its lift correction, None for that of the start; ``held`` as in `build_problem`.
     """
     problem = build_problem([item], held)
-    modes = lifts_at(problem, problem.start) if lifts is None else lifts
-    return try_at(problem, problem.start, modes).chi_square
+    outputs = outputs_at(problem, problem.start)
+    modes = lifts_at(problem, problem.start, known=outputs) if lifts is None else lifts
+    return try_at(problem, problem.start, modes, known=outputs).chi_square
 
 
 def candidates(data: FitData, structure: str) -> list[FitData]:
@@ -130,14 +131,15 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     held = {parameter.row.name: parameter.row.start for parameter in free if parameter.row.name not in CORE}
     data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
-    lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, cut=SEARCH_LIFT_CUT)
+    first = outputs_at(problem, problem.start)
+    lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, SEARCH_LIFT_CUT, first)
     width = smoothing_deg * DEGREE
     smooth = smoother(width)
     try:
-        trial = try_at(problem, problem.start, lifts, smooth)
+        trial = try_at(problem, problem.start, lifts, smooth, first)
         for _ in range(TEMPERINGS):
-            near = approach(tempered(problem, trial), trial.z, iterations // TEMPERINGS, lifts, width)
-            trial = try_at(problem, near.z, lifts, smooth)
+            near = approach(tempered(problem, trial), trial, iterations // TEMPERINGS, lifts, width)
+            trial = try_at(problem, near.z, lifts, smooth, near.outputs)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None  # a start so far off that its tangents overflow
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, trial.z, strict=True)}

@@ -159,9 +159,14 @@ def highest_order(deviation: Array) -> int:
     return int(np.max(np.flatnonzero(spectrum > SEEN_ORDER * np.max(spectrum)), initial=0))
 
 
-def drive_response(data: ChainInput, values: Mapping[str, float], tangents: bool = True) -> NDArray[np.complex128]:
-    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES` on the harmonics, (k, 13) or (k, 1)."""
-    highest = max(data.twist.omega.size, data.theta.size // 2 + 1)
+def drive_response(
+    data: ChainInput, values: Mapping[str, float], tangents: bool = True, n_points: int = BINS
+) -> NDArray[np.complex128]:
+    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES`, (k, 13) or (k, 1).
+
+    Its harmonics are those of the twist and those of ``n_points`` points.
+    """
+    highest = max(data.twist.omega.size, n_points // 2 + 1)
     vector = np.array([values[name] for name in driveline.COMPLIANCE_NAMES])
     return driveline.compliances(np.arange(float(highest)) * data.speed, vector, tangents)  # type: ignore[no-any-return]
 
@@ -181,10 +186,9 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
     lift = np.asarray(data.law.compiled_derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]
-    shifts = tuple(part.copy() for part in moved)
-    for part, first in zip(shifts, (1.0, 0.0, 0.0), strict=True):
+    for part, first in zip(moved, (1.0, 0.0, 0.0), strict=True):
         part[:, 0] = first
-    return Motion(theta, rate, second, lift, shifts)  # type: ignore[arg-type]
+    return Motion(theta, rate, second, lift, moved)
 
 
 def angle_grid(n: int) -> Array:
@@ -202,7 +206,7 @@ def transfer(
 ) -> tuple[Any, Any, Any]:
     """Return shaft and sensor transfer (k,) and the derivative of their product (k, 15) on the harmonics of a grid."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
-    both = drive_response(data, values, False) if response is None else response
+    both = drive_response(data, values, False, n_points) if response is None else response
     shaft, shaft_d = driveline.shaft_transfer(omega, values, both)
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
     return shaft, measured, np.concatenate([shaft_d * measured[:, None], measured_d * shaft[:, None]], axis=1)
@@ -235,8 +239,7 @@ def chamber_of(
         vector, geometry, motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5,
         data.substeps, motion.shifts[0], known, tangents,
     )  # fmt: skip
-    if tangents:
-        by = by * TANGENT_UNITS
+    by *= TANGENT_UNITS[: by.shape[1]]
     return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
 
 

@@ -193,17 +193,18 @@ def angle_shifts(basis: TwistBasis, both: Any) -> tuple[Array, Array, Array]:
     -------
     shift, rate, second : (n, m) each; column 0 the shift itself, then its derivatives by the parameters
     """
-    spectra, at_edge = shift_spectra(basis.spectrum, basis.phase, both)
-    parts = np.fft.irfft(spectra, basis.n_theta, axis=-1)
-    shift, rate, second = (np.ascontiguousarray(part.T) for part in parts)
-    return shift - at_edge / basis.n_theta, rate, second
+    n = basis.n_theta
+    spectra, at_edge = shift_spectra(basis.spectrum, basis.phase, both, n // 2 + 1)
+    shift, rate, second = (np.ascontiguousarray(part.T) for part in np.fft.irfft(spectra, n, axis=-1))
+    shift -= at_edge / n
+    return shift, rate, second
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def shift_spectra(spectrum, phase, both):  # type: ignore[no-untyped-def]
-    """Return the harmonics of the twist and of its two angle derivatives, (3, m, k), and its sums at the edge, (m,)."""
+def shift_spectra(spectrum, phase, both, size):  # type: ignore[no-untyped-def]
+    """Return the harmonics of the twist and of its two angle derivatives, (3, m, size), its sums at the edge, (m,)."""
     m = both.shape[1]
-    out = np.empty((3, m, spectrum.size), dtype=np.complex128)
+    out = np.zeros((3, m, size), dtype=np.complex128)
     at_edge = np.zeros(m)
     for j in range(m):
         for k in range(spectrum.size):
