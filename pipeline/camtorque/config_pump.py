@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.config import PumpData
-from camtorque.records import Array, CamTable, Refusal, freeze_arrays
+from camtorque.records import Array, CamTable, ReadOnly, Refusal
 from camtorque.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 
@@ -61,14 +61,11 @@ class PumpConfig:
 
 
 @dataclass(frozen=True)
-class PressureCurve:
+class PressureCurve(ReadOnly):
     """Pressure on the plunger over one revolution: theta (n,) increasing [rad], pressure (n,) gauge [Pa]."""
 
     theta: Array
     pressure: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def load_pump_config(path: Path | str) -> PumpConfig:

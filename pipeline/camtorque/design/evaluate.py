@@ -22,14 +22,14 @@ from camtorque.mechanism.kinematics import path_rows
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.predict import mounting_of
 from camtorque.mechanism.torque import OUTPUTS, Constants, constants_of, solve_lift
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
 PER_FLANK = SAMPLES + 1
 
 
 @dataclass(frozen=True)
-class Solved:
+class Solved(ReadOnly):
     """One load on the nodes: pressure (n,) [Pa], outputs name -> (n,) of the first pump, hertz (n,) [Pa]."""
 
     load: Load
@@ -37,21 +37,15 @@ class Solved:
     outputs: Mapping[str, Array]
     hertz: Array
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
 
 @dataclass(frozen=True)
-class Design:
+class Design(ReadOnly):
     """One design: the value of every quantity in the unit of its name, and the coefficients of its flanks."""
 
     family: Family
     values: Mapping[str, float]
     rise: Array
     fall: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     def si(self, name: str) -> float:
         """Return a quantity in SI."""

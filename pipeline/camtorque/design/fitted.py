@@ -9,7 +9,7 @@ from pathlib import Path
 
 from camtorque.config_pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import CamLaw
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.results import read_result
 
 FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
@@ -17,7 +17,7 @@ NAMES = ("guide_friction", "bearing_arm", "pin_arm")
 
 
 @dataclass(frozen=True)
-class FittedStroke:
+class FittedStroke(ReadOnly):
     """The fitted chamber under the load of a recording.
 
     Attributes
@@ -30,9 +30,6 @@ class FittedStroke:
     recording: str
     pressure: PressureCurve
     delivering: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
 from camtorque.design.responses import RESPONSES
 from camtorque.design.solver import Solution, solve
 from camtorque.design.task import KNEE, Task
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, ReadOnly, Refusal
 
 Tell = Callable[[str], None]
 SAME = 1.0e-4
@@ -29,16 +29,13 @@ NARROW = 1.0e-6
 
 
 @dataclass(frozen=True)
-class FrontPoint:
+class FrontPoint(ReadOnly):
     """One design of the front: the variables of its problem, its aims 0 to 1, and every response in its unit."""
 
     problem: Problem
     variables: Array
     reference: Array | None
     aims: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def design(self) -> Design:

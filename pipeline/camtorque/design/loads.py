@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 
 @dataclass(frozen=True)
-class Load:
+class Load(ReadOnly):
     """One speed with the pressure on the plunger over lift, on the rise and on the return.
 
     The pressure belongs to the stroke, not to the cam angle: whatever the cam, the same volume is delivered at the same
@@ -37,9 +37,6 @@ class Load:
     events: Array
     source: str = ""
     delivering: Array = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     def on_rise(self, lift: Array) -> Array:
         """Return the pressure at some lifts of the rise [Pa]."""

@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline, PPoly
 
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.sections import FLANKS, unit_flank
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 SAMPLES = 240
 """Cells of a flank: a smooth peak between two points is missed by (1 / 240)^2 of it, about."""
@@ -128,7 +128,7 @@ def _cross(table, step, lifts, top, out):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True)
-class Lobe:
+class Lobe(ReadOnly):
     """One lobe in the direction of running: rise, dwell, return, rest on the base circle.
 
     Attributes
@@ -143,9 +143,6 @@ class Lobe:
     angles: tuple[float, float, float]
     rise: Array
     fall: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @cached_property
     def flanks(self) -> tuple[Array, Array]:

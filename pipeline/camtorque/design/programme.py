@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.design.problem import Problem
 from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 AUGMENT = 1.0e-4
 """Weight of the sum of all aims: what costs no other aim is taken along."""
@@ -36,14 +36,11 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Scale:
+class Scale(ReadOnly):
     """Offset and width by which each aim is made 0 to 1; one value per aim, in its unit and with its sign."""
 
     offset: Array
     width: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def signs_of(problem: Problem) -> Array:

@@ -20,7 +20,7 @@ from scipy.optimize import minimize, nnls
 from camtorque.design.problem import Problem
 from camtorque.design.programme import Programme, Scale, scaled_aims, violation
 from camtorque.design.responses import EQUAL
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 FEASIBLE = 1.0e-5
 """Scaled violation below which a limit is kept."""
@@ -32,15 +32,12 @@ ACTIVE = 1.0e-4
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(ReadOnly):
     """One solved programme: variables, scaled aims and scaled violation."""
 
     variables: Array
     aims: Array
     violation: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def feasible(self) -> bool:

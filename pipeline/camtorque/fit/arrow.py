@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 Mask = NDArray[np.bool_]
 Places = NDArray[np.int64]
@@ -23,7 +23,7 @@ REGULARISED = 1.0e-12
 
 
 @dataclass(frozen=True)
-class Arrow:
+class Arrow(ReadOnly):
     """A symmetric matrix that is the sum of one small block a recording and a diagonal.
 
     places : per recording the indices of its parameters; blocks : (p, p) each; diagonal : (k,)
@@ -34,9 +34,6 @@ class Arrow:
     blocks: tuple[Array, ...]
     diagonal: Array
     recording: Places
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     def main_diagonal(self) -> Array:
         """Return the diagonal of the sum, (k,)."""
@@ -104,7 +101,7 @@ def _least(matrix: Array, right: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class ArrowCovariance:
+class ArrowCovariance(ReadOnly):
     """A covariance as an arrow has it: own parameters are a linear function of the shared ones, and a rest.
 
     The rest of one recording has nothing to do with that of another.
@@ -121,9 +118,6 @@ class ArrowCovariance:
     own: tuple[Places, ...] = ()
     through: tuple[Array, ...] = ()
     rest: tuple[Array, ...] = ()
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @classmethod
     def whole(cls, matrix: Array) -> ArrowCovariance:

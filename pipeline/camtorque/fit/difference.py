@@ -18,11 +18,11 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from camtorque.fit.pair import Pair, with_difference
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainOutput, evaluate
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 
 @dataclass(frozen=True)
-class Basis:
+class Basis(ReadOnly):
     """Directions in which two recordings may differ.
 
     Attributes
@@ -33,9 +33,6 @@ class Basis:
 
     labels: tuple[tuple[str, str], ...]
     columns: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)

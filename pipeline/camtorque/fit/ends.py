@@ -22,7 +22,7 @@ from camtorque.fit.problem import END_NAMES, SPILL_NAMES
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
-from camtorque.records import Array, Estimate, Refusal, freeze_arrays
+from camtorque.records import Array, Estimate, ReadOnly, Refusal
 from camtorque.units import DEGREE, RPM
 
 MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
@@ -52,7 +52,7 @@ PLACES = 2000
 
 
 @dataclass(frozen=True)
-class Curve:
+class Curve(ReadOnly):
     """Line pressure over cam angle, (n,) [rad], [Pa], and the speed that it was taken at [rad/s].
 
     Attributes
@@ -68,9 +68,6 @@ class Curve:
     step: float = 0.0
     points: Array = field(default_factory=lambda: np.zeros(0))
     std: Array = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def fine_step(self) -> float:

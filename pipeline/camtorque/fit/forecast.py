@@ -20,7 +20,7 @@ from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
 from camtorque.laws.fluid import specific_volume
-from camtorque.records import Array, Estimate, Refusal, freeze_arrays
+from camtorque.records import Array, Estimate, ReadOnly, Refusal
 from camtorque.units import BAR
 
 DRAWS = 60
@@ -34,7 +34,7 @@ SEAT = 2
 
 
 @dataclass(frozen=True)
-class Load:
+class Load(ReadOnly):
     """What is known of the load of a run that was not made, beside its line pressure.
 
     Attributes
@@ -49,9 +49,6 @@ class Load:
     pressure_std: Array = field(default_factory=lambda: np.zeros(0))
     means: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
 
 @dataclass(frozen=True)
 class OtherEnding:
@@ -63,7 +60,7 @@ class OtherEnding:
 
 
 @dataclass(frozen=True)
-class Forecast:
+class Forecast(ReadOnly):
     """A predicted run at one speed.
 
     Attributes
@@ -110,9 +107,6 @@ class Forecast:
     both: tuple[Forecast, ...] = ()
     other: OtherEnding | None = None
     assumed: tuple[str, ...] = field(default=())
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def forecast(

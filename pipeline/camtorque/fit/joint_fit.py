@@ -18,11 +18,11 @@ from camtorque.fit.result import modelled, parameter_estimates
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
-from camtorque.records import Array, Metrics, ParameterEstimate, freeze_arrays
+from camtorque.records import Array, Metrics, ParameterEstimate, ReadOnly
 
 
 @dataclass(frozen=True)
-class JointCovariance:
+class JointCovariance(ReadOnly):
     """Covariance of all parameters of a joint fit; its fields are those of `uncertainty.Covariance`."""
 
     arrow: ArrowCovariance
@@ -31,21 +31,15 @@ class JointCovariance:
     inflation: float
     freedom: float
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
 
 @dataclass(frozen=True)
-class JointFit:
+class JointFit(ReadOnly):
     """A joint minimum and how sure it is; ``shifts`` as in `single.Fit`, (k,) each [SI]."""
 
     problem: Problem
     solution: JointSolution
     covariance: JointCovariance
     shifts: Mapping[str, Array]
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def std(self) -> Array:

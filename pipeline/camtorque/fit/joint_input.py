@@ -14,7 +14,7 @@ from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData
 from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 TEXTS = ("name", "symbol", "unit", "meaning", "source", "role")
 """Of a parameter row, the same in most recordings."""
@@ -56,7 +56,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class JointInput(Known):
+class JointInput(Known, ReadOnly):
     """One recording as a joint fit takes it: what is held of it, and what is read again when all are fitted.
 
     Attributes
@@ -71,9 +71,6 @@ class JointInput(Known):
     lift: Array
     lift_velocity: Array
     measured: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def joint_input(prepared: Prepared) -> JointInput:

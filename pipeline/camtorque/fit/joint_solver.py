@@ -24,7 +24,7 @@ from camtorque.fit.solver import (
     smoother,
 )
 from camtorque.laws.chain import BINS, evaluate
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 from camtorque.shelf import Shelf
 from camtorque.threads import Each, in_turn
 
@@ -35,7 +35,7 @@ HELD_PATHS = 1 << 24
 
 
 @dataclass(frozen=True)
-class JointSolution:
+class JointSolution(ReadOnly):
     """A minimum of many recordings.
 
     Attributes
@@ -62,9 +62,6 @@ class JointSolution:
     iterations: int
     evaluations: int
     converged: bool
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)

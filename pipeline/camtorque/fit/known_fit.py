@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.problem import SEPARATOR
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 GROWTH = 0.02
 """Error as a share of the peak per unit of ln speed away from the fitted speeds, where no left-out run teaches it."""
@@ -33,16 +33,13 @@ class FittedAt:
 
 
 @dataclass(frozen=True)
-class KnownFit:
+class KnownFit(ReadOnly):
     """Values and covariance of a fit [SI], and the recordings behind it."""
 
     names: tuple[str, ...]
     values: Array
     covariance: ArrowCovariance
     recordings: tuple[FittedAt, ...]
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def matrix(self) -> Array:

@@ -18,7 +18,7 @@ from camtorque.fit.problem import FitData, build_problem
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at
 from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, evaluate
-from camtorque.records import Array, CamCycles, Refusal, freeze_arrays
+from camtorque.records import Array, CamCycles, ReadOnly, Refusal
 
 SAME_SPEED = 0.02
 """Relative difference of speed up to which the laws' error counts as common."""
@@ -49,7 +49,7 @@ to 10 us."""
 
 
 @dataclass(frozen=True)
-class Pair:
+class Pair(ReadOnly):
     """Two recordings in one structure.
 
     Attributes
@@ -69,9 +69,6 @@ class Pair:
     mean_root: Array
     difference_root: Array
     expected: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def own(self) -> dict[str, float]:

@@ -20,7 +20,7 @@ from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
 """What it costs to set a point and to fit a second tooth."""
@@ -40,7 +40,7 @@ class Offer:
 
 
 @dataclass(frozen=True)
-class Point:
+class Point(ReadOnly):
     """One speed and load evaluated: columns by the fit's shared parameters, by the run's own ones, twist at a tooth."""
 
     speed: float
@@ -50,9 +50,6 @@ class Point:
     own: Array
     tooth: Array
     scatter: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)

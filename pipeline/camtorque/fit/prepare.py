@@ -16,7 +16,7 @@ from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
-from camtorque.records import Array, CamCycles, CamTable, Recording, Refusal, SensorCalibration, freeze_arrays
+from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal, SensorCalibration
 from camtorque.stacks import mean_of
 
 LEAST_GRID = BINS
@@ -46,7 +46,7 @@ INDEPENDENT = 360.0 / CORRELATION
 
 
 @dataclass(frozen=True)
-class MeanCycles:
+class MeanCycles(ReadOnly):
     """Mean cycles of the fitted and of the held-out half, on the fine grid.
 
     torque, pressure : (n_theta,) of the fitted cycles [N m, Pa]; held_torque, held_pressure : of the held-out ones;
@@ -60,9 +60,6 @@ class MeanCycles:
     torque_all: Array
     pressure_all: Array
     scatter_of_mean: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def mean_cycles(cycles: CamCycles) -> MeanCycles:

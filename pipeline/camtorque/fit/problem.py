@@ -15,7 +15,7 @@ from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.chamber import NEVER
 from camtorque.laws.lift import LiftCorrection
 from camtorque.laws.rows import ParameterRow
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 ALL_NAMES = (*NONLINEAR_NAMES, *COLUMN_NAMES)
 ORDER = {name: k for k, name in enumerate(ALL_NAMES)}
@@ -38,7 +38,7 @@ NEUTRAL: dict[str, float] = {
 
 
 @dataclass(frozen=True)
-class FitData:
+class FitData(ReadOnly):
     """One recording as the fit sees it.
 
     Attributes
@@ -65,7 +65,7 @@ class FitData:
             raise ValueError(f"{self.name}: torque {self.torque.shape} and weight {self.weight.shape} differ")
         if self.structure not in STRUCTURES:
             raise ValueError(f"{self.name}: structure {self.structure!r}, expected one of {tuple(STRUCTURES)}")
-        freeze_arrays(self)
+        super().__post_init__()
 
     def applies(self, name: str) -> bool:
         """Return whether a parameter acts in this recording's structure."""

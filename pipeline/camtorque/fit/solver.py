@@ -19,7 +19,7 @@ from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NO_PATH, NONLINEAR_NAMES, ChainOutput, binned, evaluate, filtered, transfer
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 N_NONLINEAR = len(NONLINEAR_NAMES)
 LARGEST_INFORMATION = 1.0e30
@@ -111,7 +111,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(ReadOnly):
     """A minimum.
 
     Attributes
@@ -139,9 +139,6 @@ class Solution:
     iterations: int
     evaluations: int
     converged: bool
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def smoother(width: float) -> Callable[[Array], Array]:

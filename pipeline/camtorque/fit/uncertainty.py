@@ -11,7 +11,7 @@ from camtorque.fit.problem import Problem
 from camtorque.fit.solver import Solution
 from camtorque.laws.chain import SHIFT_NAMES
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 LEAST_FREEDOM = INDEPENDENT / 3.0
 """Degrees of freedom that are counted at least, where parameters and lift correction nearly fill the revolution."""
@@ -23,7 +23,7 @@ CONFOUNDED = 0.9
 
 
 @dataclass(frozen=True)
-class Covariance:
+class Covariance(ReadOnly):
     """Covariance of the free parameters [SI].
 
     Attributes
@@ -40,9 +40,6 @@ class Covariance:
     inflation: float
     freedom: float
     from_data: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def std(self) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.uncertainty import covariance
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
 ANGLE = "trigger_offset"
@@ -34,15 +34,12 @@ DEEPER, GAINED = 1.0, 0.5
 
 
 @dataclass(frozen=True)
-class Valley:
+class Valley(ReadOnly):
     """Trigger angles that were held (m,) [rad], chi-square there (m,), and the angle of the best minimum [rad]."""
 
     angles: Array
     chi_square: Array
     at: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     def std(self, inflation: float) -> float:
         """Return the root mean square distance from the minimum under the posterior along the valley [rad].

@@ -20,7 +20,7 @@ from camtorque.laws.torque import binned_columns, cam_torque, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import Constants, constants_of
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 BINS = 600
 """Bins of a revolution in which measured and modelled torque are compared."""
@@ -53,7 +53,7 @@ SEEN_ORDER = 1.0e-9
 
 
 @dataclass(frozen=True)
-class ChainInput:
+class ChainInput(ReadOnly):
     """What one recording brings to the chain, on a uniform grid that a bin divides.
 
     Attributes
@@ -102,7 +102,7 @@ class ChainInput:
         own = {"base": float(np.sqrt(distance**2 - self.offset**2)), "offset": self.offset, "cam_inertia": 0.0}
         constants = constants_of(self.pump, Mounting(), NO_FRICTION)
         object.__setattr__(self, "constants", constants._replace(**own, roller_inertia=self.roller_inertia))
-        freeze_arrays(self)
+        super().__post_init__()
 
 
 @dataclass(frozen=True)

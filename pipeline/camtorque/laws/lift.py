@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
 KNOT_STEP = 1.5 * DEGREE
@@ -25,7 +25,7 @@ UNIFORM = np.array([[-1.0, 3.0, -3.0, 1.0], [3.0, -6.0, 0.0, 4.0], [-3.0, 3.0, 3
 
 
 @dataclass(frozen=True)
-class LiftCorrection:
+class LiftCorrection(ReadOnly):
     """Basis of the correction.
 
     Attributes
@@ -38,9 +38,6 @@ class LiftCorrection:
     knots: Array
     prior_std: float
     bound: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def n_basis(self) -> int:

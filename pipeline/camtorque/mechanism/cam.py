@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.compiled import njit
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 TURN = 2.0 * np.pi
 
@@ -51,7 +51,7 @@ def _evaluate(knots, coefficients, theta, out):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True)
-class CamLaw:
+class CamLaw(ReadOnly):
     """Lift over cam angle as a periodic piecewise polynomial, in the direction of running.
 
     Attributes
@@ -70,7 +70,7 @@ class CamLaw:
             raise ValueError(f"cam law: knots {self.knots.shape}, coefficients {self.coefficients.shape} do not belong")
         if not np.all(np.diff(self.knots) > 0.0) or abs(self.knots[-1] - self.knots[0] - TURN) > 1e-9:
             raise ValueError("cam law: knots have to increase over exactly one revolution")
-        freeze_arrays(self)
+        super().__post_init__()
 
     def evaluate(self, theta: Array, derivative: int = 0) -> Array:
         """Return a derivative of the lift with respect to cam angle.

@@ -29,7 +29,7 @@ from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.periodic import Shaft, lobe_rows, solve_periodic
 from camtorque.mechanism.torque import closed_form_tables
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, ReadOnly, Refusal
 
 Complex = NDArray[np.complex128]
 ITERATIONS = 300
@@ -43,7 +43,7 @@ GROWTH = 2.0
 
 
 @dataclass(frozen=True)
-class ElasticShaft:
+class ElasticShaft(ReadOnly):
     """Periodic solution on the uniform grid of drive angle, n_theta points over one revolution.
 
     Attributes
@@ -59,9 +59,6 @@ class ElasticShaft:
     twist: Array
     speed: Array
     acceleration: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def solve_elastic(

@@ -18,7 +18,7 @@ from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, ReadOnly, Refusal
 
 SUBSTEPS = 8
 """Steps between two points of the grid: on 3600 points a flight of 20 degrees is followed in 1600 steps."""
@@ -39,14 +39,11 @@ class Flight:
 
 
 @dataclass(frozen=True)
-class Airborne:
+class Airborne(ReadOnly):
     """All flights of a revolution, and where over the grid the follower is in the air."""
 
     flights: tuple[Flight, ...]
     mask: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def is_revolution(theta: Array) -> bool:

@@ -19,7 +19,7 @@ from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain
 from camtorque.mechanism.kinematics import path_at
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import ClosedForm, Constants, constants_of, joint_forces, solve_angle
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 CYCLE_OUTPUTS = (
     "torque",
@@ -35,7 +35,7 @@ CYCLE_OUTPUTS = (
 
 
 @dataclass(frozen=True)
-class CycleTables:
+class CycleTables(ReadOnly):
     """What the compiled pass reads.
 
     Attributes
@@ -48,9 +48,6 @@ class CycleTables:
     rows: Array
     gain: Array | None
     constants: Constants
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def cycle_tables(tables: ClosedForm) -> CycleTables:

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from camtorque.compiled import elementwise
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, ReadOnly, Refusal
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class Kinematics(ReadOnly):
     """Positions and their derivatives with respect to cam angle, each (n_theta,), in the frame that runs with the cam.
 
     Attributes
@@ -55,9 +55,6 @@ class Kinematics:
     relative_radius: Array
     offset: float
     roller_radius: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def pressure_angle(self) -> Array:

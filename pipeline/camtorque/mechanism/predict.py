@@ -23,7 +23,7 @@ from camtorque.mechanism.sections import Section, dwell, flank, section_law, tan
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.torque import closed_form_tables
-from camtorque.records import Array, Finding, Refusal, RigidTorque, freeze_arrays
+from camtorque.records import Array, Finding, ReadOnly, Refusal, RigidTorque
 from camtorque.units import BAR, DEGREE, RPM
 
 SAMPLES = 3600
@@ -32,7 +32,7 @@ KEPT = 720
 
 
 @dataclass(frozen=True, repr=False)
-class Prediction:
+class Prediction(ReadOnly):
     """What a pump will do at several speeds.
 
     Attributes
@@ -65,9 +65,6 @@ class Prediction:
     def __repr__(self) -> str:
         speeds = ", ".join(f"{speed * 30.0 / np.pi:.4g}" for speed in self.speeds)
         return f"<Prediction {speeds} rpm, {self.theta.size} angles>"
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 def cam_of(config: PumpConfig) -> CamLaw:

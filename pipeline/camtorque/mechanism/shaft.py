@@ -12,7 +12,7 @@ from camtorque.mechanism.friction import refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, kinematics
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.torque import OUTPUTS, constants_of, solve_lift
-from camtorque.records import Array, Refusal, freeze_arrays
+from camtorque.records import Array, ReadOnly, Refusal
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class ShaftMotion:
 
 
 @dataclass(frozen=True)
-class ShaftForces:
+class ShaftForces(ReadOnly):
     """The solution of a shaft.
 
     Attributes
@@ -39,9 +39,6 @@ class ShaftForces:
     torque: Array
     section_torque: Array
     outputs: tuple[Mapping[str, Array], ...]
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 Units = Sequence[PumpUnit]

@@ -29,7 +29,7 @@ from camtorque.mechanism.contact import ContactLoss, hertz_factor, hertz_pressur
 from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain, guide_share, refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, base_height, kinematics, path_at
 from camtorque.mechanism.mounting import Mounting, assumed_roller, moving_mass
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 OUTPUTS = (
     "torque",
@@ -183,7 +183,7 @@ def _tables(c: Constants, lift: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class ClosedForm:
+class ClosedForm(ReadOnly):
     """The closed form of one pump tabulated on one set of cam angles.
 
     Attributes
@@ -204,9 +204,6 @@ class ClosedForm:
     mounting: Mounting
     friction: Friction
     constants: Constants
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def theta(self) -> Array:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,14 +54,14 @@ class Finding:
             object.__setattr__(self, name, printable(getattr(self, name)))
 
 
-def freeze_arrays(record: Any) -> None:
-    """Make every array attribute of a record read-only (dict values too)."""
-    for item in fields(record):
-        value = getattr(record, item.name)
-        values = value.values() if isinstance(value, Mapping) else (value,)
-        for array in values:
-            if isinstance(array, np.ndarray):
-                array.setflags(write=False)
+class ReadOnly:
+    """A frozen dataclass whose arrays, and those in its dictionaries, cannot be written once it is made."""
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            for array in value.values() if isinstance(value, Mapping) else (value,):
+                if isinstance(array, np.ndarray):
+                    array.setflags(write=False)
 
 
 @dataclass(frozen=True)

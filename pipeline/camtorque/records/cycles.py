@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records.base import Array, Estimate, Finding, freeze_arrays
+from camtorque.records.base import Array, Estimate, Finding, ReadOnly
 from camtorque.stacks import mean_of, std_of
 
 
@@ -46,7 +46,7 @@ class AngleError:
 
 
 @dataclass(frozen=True, repr=False)
-class CamCycles:
+class CamCycles(ReadOnly):
     """Cycles on one cam-angle grid with nominal alignment (declared delays off, nominal trigger angle).
 
     Attributes
@@ -89,7 +89,7 @@ class CamCycles:
             raise ValueError(f"cycles: expected arrays of shape {shape}, found pressure {self.pressure.shape}")
         if self.index.shape != (n_cycles,) or self.held_out.shape != (n_cycles,):
             raise ValueError("cycles: index and held_out need one entry per cycle")
-        freeze_arrays(self)
+        super().__post_init__()
 
     def __repr__(self) -> str:
         used = f"{self.index.size} of {self.cycles_found} cycles"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from camtorque.records.base import Array, Estimate, Finding, freeze_arrays
+from camtorque.records.base import Array, Estimate, Finding, ReadOnly
 from camtorque.records.cycles import AngleError
 from camtorque.records.rigid import Forces
 
@@ -119,7 +119,7 @@ class Alternative:
 
 
 @dataclass(frozen=True)
-class FittedTorque:
+class FittedTorque(ReadOnly):
     """The fitted model of one recording on its angle grid.
 
     Attributes
@@ -170,9 +170,6 @@ class FittedTorque:
     alternatives: tuple[Alternative, ...] = ()
     bumps: tuple[ResidualBump, ...] = ()
     explained: bool = True
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return the parameter of that name."""

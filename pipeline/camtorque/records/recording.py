@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from camtorque.records.base import Array, Finding, Refusal, freeze_arrays
+from camtorque.records.base import Array, Finding, ReadOnly, Refusal
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class CamTable:
+class CamTable(ReadOnly):
     """A lift table along the direction of running.
 
     Attributes
@@ -162,7 +162,7 @@ class CamTable:
             raise ValueError(f"lift table: theta {self.theta.shape} and lift {self.lift.shape} differ")
         if not np.all(np.diff(self.theta) > 0.0) or self.theta[-1] - self.theta[0] >= 2.0 * np.pi:
             raise ValueError("lift table: angles have to increase strictly within one revolution")
-        freeze_arrays(self)
+        super().__post_init__()
 
 
 @dataclass(frozen=True)

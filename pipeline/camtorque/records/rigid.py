@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from camtorque.records.base import Array, freeze_arrays
+from camtorque.records.base import Array, ReadOnly
 
 
 @dataclass(frozen=True)
-class Forces:
+class Forces(ReadOnly):
     """Forces over the angle grid, each (n_theta,).
 
     contact_normal, contact_tangential, bearing_x, bearing_y, guide [N]; guide_moment [N m] about the roller centre;
@@ -26,12 +26,9 @@ class Forces:
     hertz_shear_max: Array
     hertz_shear_depth: Array
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
 
 @dataclass(frozen=True)
-class RigidTorque:
+class RigidTorque(ReadOnly):
     """The rigid DeNOC solution on the angle grid.
 
     Attributes
@@ -51,6 +48,3 @@ class RigidTorque:
     lift_velocity: Array
     lift_acceleration: Array
     contact_lost: bool
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)

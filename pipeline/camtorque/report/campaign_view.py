@@ -13,7 +13,7 @@ from urllib.parse import quote
 import h5py
 import numpy as np
 
-from camtorque.records import KNOWLEDGE, Array, freeze_arrays
+from camtorque.records import KNOWLEDGE, Array, ReadOnly
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.numbers import unit_text, words
 from camtorque.report.sources import shares
@@ -26,16 +26,13 @@ FEWEST = 2
 
 
 @dataclass(frozen=True)
-class Column:
+class Column(ReadOnly):
     """One number of every recording: ``values`` and ``stderr`` (n,), NaN where a recording does not tell."""
 
     label: str
     unit: str
     values: Array
     stderr: Array
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
     @property
     def title(self) -> str:
@@ -44,7 +41,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class CampaignView:
+class CampaignView(ReadOnly):
     """The used recordings side by side.
 
     Attributes
@@ -65,9 +62,6 @@ class CampaignView:
     torque: Array
     residual: Array
     budget: Mapping[str, Mapping[str, float]]
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 CONDITIONS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 
 CAM_ANGLE = "cam angle [deg]"
 """Name of the axis of most drawings."""
@@ -13,7 +13,7 @@ WIDE, HALF = 960.0, 640.0
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(ReadOnly):
     """One curve; NaN is a gap.
 
     values : (n,) in the unit of the panel; tone : key of `tones.TONES`; points : markers in place of a line;
@@ -28,21 +28,15 @@ class Line:
     points: bool = False
     error: Array | None = None
 
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
-
 
 @dataclass(frozen=True)
-class Band:
+class Band(ReadOnly):
     """The stretch between two curves, each (n,)."""
 
     label: str
     low: Array
     high: Array
     tone: str = "band"
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)
@@ -73,7 +67,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Curves:
+class Curves(ReadOnly):
     """Panels above each other over one abscissa.
 
     Attributes
@@ -96,9 +90,6 @@ class Curves:
     width: float = WIDE
     live: bool = True
     links: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.plain import plain
-from camtorque.records import Array, freeze_arrays
+from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import drawn, write_figures
 from camtorque.report.files import write_json, write_page
@@ -43,7 +43,7 @@ TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
 
 
 @dataclass(frozen=True)
-class ComparedCurves:
+class ComparedCurves(ReadOnly):
     """The mean cycles of two recordings on one angle grid.
 
     Attributes
@@ -66,9 +66,6 @@ class ComparedCurves:
     pressure_after: Array
     chamber_before: Array | None = None
     chamber_after: Array | None = None
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self)
 
 
 @dataclass(frozen=True)
