@@ -19,7 +19,9 @@ from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.laws import ROWS
-from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from camtorque.mechanism.lift_laws import lift_law
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.solve import solve_rigid
 from rig_bridge import cycles_of, recording_of
 from rigs.families import FAMILIES
 from rigs.rig import RigRun, simulate

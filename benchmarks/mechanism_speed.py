@@ -24,9 +24,11 @@ import numpy as np
 from numba import njit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "mechanism"))
-from camtorque.mechanism import METHODS, Mounting, PumpUnit, closed_form_tables, solve_shaft
 from camtorque.mechanism.elastic import solve_elastic
 from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles, solve_cycles
+from camtorque.mechanism.mounting import Mounting, PumpUnit
+from camtorque.mechanism.shaft import METHODS, solve_shaft
+from camtorque.mechanism.torque import closed_form_tables
 from engine_cases import ENGINES, Sample
 from mechanism_cases import analytic_law, paper_pump
 

@@ -14,7 +14,7 @@ from camtorque import laws
 from camtorque.cli import build_parser
 from camtorque.commands import COMMANDS
 from camtorque.ingest.formats import FORMATS
-from camtorque.report import FIGURES
+from camtorque.report.figures import FIGURES
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(inspect.getfile(camtorque)).parent

@@ -8,7 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.mechanism import Mounting, quintic_law, solve_rigid
+from camtorque.mechanism.interpolants import quintic_law
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.solve import solve_rigid
 from camtorque.records import CamTable
 from rig_bridge import cycles_of, pump_data, recording_of
 from rigs.families import bare, closed_volume

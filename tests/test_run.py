@@ -13,7 +13,7 @@ from camtorque import cli
 from camtorque.campaign.find import search
 from camtorque.fit.metrics import metrics
 from camtorque.records import Refusal
-from camtorque.report import FIGURES
+from camtorque.report.figures import FIGURES
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 

@@ -13,7 +13,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "mechanism"))
 import exudyn_case
-from camtorque.mechanism import METHODS, Mounting, PumpUnit, ShaftForces, solve_shaft
+from camtorque.mechanism.mounting import Mounting, PumpUnit
+from camtorque.mechanism.shaft import METHODS, ShaftForces, solve_shaft
 from engine_cases import COMPARED, ENGINES, agreement
 from mechanism_cases import Motion, analytic_law, motion, newton_euler, paper_pump
 

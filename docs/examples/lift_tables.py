@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.config_pump import load_pump_config
-from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, lift_law
-from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.sections import dwell, flank, section_law
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable
 from camtorque.units import BAR, DEGREE, RPM
 

@@ -28,9 +28,11 @@ from camtorque.limits import Limit
 from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
 from camtorque.records import CamCycles, Refusal
-from camtorque.report import RunResult, check_output, output_folder, write_run
+from camtorque.report.bundle import RunResult
 from camtorque.report.document import result_document
+from camtorque.report.folder import check_output, output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
+from camtorque.report.write import write_run
 from camtorque.run import Progress, RunOptions, analyse_recording, silent
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM

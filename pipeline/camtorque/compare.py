@@ -21,8 +21,9 @@ from camtorque.fit.verdicts import Difference, loss_differences, parameter_diffe
 from camtorque.ingest import read_recording
 from camtorque.records import Array, Refusal
 from camtorque.rehearsal import rigid_torque
-from camtorque.report import ComparedCurves, ComparePage, output_folder, write_compare
+from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
 from camtorque.report.document import inputs_document
+from camtorque.report.folder import output_folder
 from camtorque.results import NAME, read_result
 from camtorque.run import Progress, now, silent
 from camtorque.threads import on_one_thread

@@ -23,8 +23,8 @@ from camtorque.fit.ends import Curve
 from camtorque.fit.forecast import Load
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table
-from camtorque.mechanism import lift_law
 from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.lift_laws import lift_law
 from camtorque.predict_from import FRICTION_NAMES, Rig, chain_of, curve_of, read_fit, rig_of, with_forces
 from camtorque.records import Array, Estimate, Refusal
 from camtorque.report.forecast_page import sweep_row

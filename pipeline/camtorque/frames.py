@@ -10,7 +10,7 @@ import pandas as pd
 
 from camtorque.mechanism.predict import Prediction, sweep_rows
 from camtorque.records import CamCycles
-from camtorque.report import RunResult
+from camtorque.report.bundle import RunResult
 from camtorque.report.cycles_file import aligned_variables, result_variables
 
 VALUES = ("value", "stderr", "stderr_statistical", "low95", "high95")

@@ -32,10 +32,12 @@ from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
-from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.friction import Friction
-from camtorque.mechanism.mounting import assumed_roller
+from camtorque.mechanism.lift_laws import lift_law
+from camtorque.mechanism.mounting import Mounting, assumed_roller
+from camtorque.mechanism.solve import forces_of
 from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
 from camtorque.report.forecast_page import forecast_document

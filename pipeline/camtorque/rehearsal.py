@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from camtorque.fit.prepare import fit_data, mean_cycles
-from camtorque.mechanism import Mounting, lift_law, solve_rigid, spectral_law
+from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.load_check import load_findings
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.solve import solve_rigid
+from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
 
 

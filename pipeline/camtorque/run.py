@@ -18,7 +18,9 @@ from camtorque.mechanism.load_check import load_findings
 from camtorque.plain import now
 from camtorque.records import Recording
 from camtorque.rehearsal import rigid_torque
-from camtorque.report import RunResult, output_folder, write_run
+from camtorque.report.bundle import RunResult
+from camtorque.report.folder import output_folder
+from camtorque.report.write import write_run
 from camtorque.threads import on_one_thread
 
 try:

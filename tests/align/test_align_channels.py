@@ -12,7 +12,7 @@ from align_truth import Rig, Samples, angle_error_deg, make, pressure_of, sample
 from camtorque.align import align
 from camtorque.config import LoggerSpec
 from camtorque.records import Channel
-from camtorque.report import write_alignment
+from camtorque.report.alignment import write_alignment
 from wheel_truth import Wheel, wheel_recording
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1e5)

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from camtorque import cli, export
 from camtorque.records import Refusal
-from camtorque.report import write_run
+from camtorque.report.write import write_run
 from report.report_cases import run_result
 from scipy.io import loadmat
 

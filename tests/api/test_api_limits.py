@@ -10,7 +10,7 @@ import pytest
 from camtorque import cli
 from camtorque.limits import Limit, judge, overall, read_limits
 from camtorque.records import Refusal
-from camtorque.report import write_run
+from camtorque.report.write import write_run
 from camtorque.results import find_results
 from report.report_cases import run_result
 

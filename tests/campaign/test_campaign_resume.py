@@ -18,7 +18,7 @@ from camtorque import cli
 from camtorque.align import AlignOptions
 from camtorque.campaign import CampaignOptions, flow, key, list_recordings, prune, run_campaign, run_only, store, task
 from camtorque.records import Finding, Refusal
-from camtorque.report import CampaignEntry
+from camtorque.report.bundle import CampaignEntry
 from camtorque.report.checksums import verify
 from camtorque.run import RunOptions
 from camtorque.workers import Lost

@@ -16,8 +16,11 @@ from camtorque.design.quantities import QUANTITIES
 from camtorque.design.responses import RESPONSES
 from camtorque.design.tolerances import shifted_follower, spreads
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
-from camtorque.mechanism import PumpUnit, closed_form_tables, solve_rigid, solve_shaft
+from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.predict import cam_of, pressure_at
+from camtorque.mechanism.shaft import solve_shaft
+from camtorque.mechanism.solve import solve_rigid
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Refusal
 from camtorque.units import RPM
 from design_cases import PAPER, design_file, shaft, task_of

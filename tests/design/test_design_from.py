@@ -15,7 +15,7 @@ from camtorque.design_from import as_fitted, carried_angles, carried_pressure, f
 from camtorque.fit import forecast
 from camtorque.fit.ends import Curve
 from camtorque.ingest.pump_file import read_pump
-from camtorque.mechanism import lift_law
+from camtorque.mechanism.lift_laws import lift_law
 from camtorque.records import Refusal
 from camtorque.units import BAR, DEGREE, RPM
 from design_cases import PAPER, design_file

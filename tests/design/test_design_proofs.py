@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from camtorque.design.front import find_front
 from camtorque.design.responses import RESPONSES
-from camtorque.mechanism import kinematics
 from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.kinematics import kinematics
 from design_cases import shaft, task_of
 from scipy.optimize import minimize_scalar
 

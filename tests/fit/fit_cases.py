@@ -13,7 +13,9 @@ from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at, solve
 from camtorque.fit.starts import Start
 from camtorque.fit.valley import NO_VALLEY
-from camtorque.mechanism import Mounting, lift_law, solve_rigid
+from camtorque.mechanism.lift_laws import lift_law
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Recording, RigidTorque
 from rig_bridge import cycles_of, recording_of

@@ -12,8 +12,8 @@ from camtorque.laws.chain import angle_grid
 from camtorque.laws.chamber import FLOW, KERNEL_UNITS, NAMES, NEVER, integrate
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.torque import cam_torque
-from camtorque.mechanism import quintic_law
 from camtorque.mechanism.friction import NO_FRICTION
+from camtorque.mechanism.interpolants import quintic_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
 from camtorque.records import CamTable

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.config import PumpData
-from camtorque.mechanism import Friction, Mounting
+from camtorque.mechanism.friction import Friction
+from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.sections import dwell, flank, section_law
 
 DEGREE = np.pi / 180.0

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.mechanism import LIFT_METHODS, closed_form_tables, lift_law, smoothing_law
 from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.interpolants import smoothing_law
+from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.smoothing import _unrolled, table_error
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable, Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st

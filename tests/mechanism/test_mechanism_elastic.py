@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.mechanism import PumpUnit, closed_form_tables, solve_shaft
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
+from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.shaft import solve_shaft
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Refusal
 from mechanism_cases import analytic_law, paper_pump
 from scipy.integrate import solve_ivp

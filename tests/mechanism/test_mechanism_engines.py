@@ -9,7 +9,8 @@ import importlib.util
 
 import numpy as np
 import pytest
-from camtorque.mechanism import Mounting, PumpUnit, solve_shaft
+from camtorque.mechanism.mounting import Mounting, PumpUnit
+from camtorque.mechanism.shaft import solve_shaft
 from engine_cases import ENGINES, agreement
 from exudyn_case import integrate, pressure_over
 from mechanism_cases import Motion, analytic_law, motion, paper_pump

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.config_pump import load_pump_config
-from camtorque.mechanism import Mounting, closed_form_tables, solve_rigid
 from camtorque.mechanism.flight import fly, is_revolution
+from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.predict import predict
+from camtorque.mechanism.solve import solve_rigid
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Refusal
 from camtorque.units import RPM
 from mechanism_cases import analytic_law, paper_pump

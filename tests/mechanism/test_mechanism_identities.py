@@ -9,23 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.mechanism import (
-    CAUSES,
-    METHODS,
-    OUTPUTS,
-    Friction,
-    Mounting,
-    PumpUnit,
-    assumed_roller,
-    closed_form_tables,
-    denoc,
-    forces_of,
-    jamming_friction,
-    kinematics,
-    solve_rigid,
-    solve_shaft,
-)
-from camtorque.mechanism.kinematics import flat_pressure_angle
+from camtorque.mechanism import denoc
+from camtorque.mechanism.friction import Friction, jamming_friction
+from camtorque.mechanism.kinematics import flat_pressure_angle, kinematics
+from camtorque.mechanism.mounting import Mounting, PumpUnit, assumed_roller
+from camtorque.mechanism.shaft import METHODS, solve_shaft
+from camtorque.mechanism.solve import forces_of, solve_rigid
+from camtorque.mechanism.torque import CAUSES, OUTPUTS, closed_form_tables
 from camtorque.records import Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st

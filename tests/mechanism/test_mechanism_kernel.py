@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.mechanism import Friction, closed_form_tables
+from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles, solve_cycles
+from camtorque.mechanism.torque import closed_form_tables
 from mechanism_cases import CASES, analytic_law, case
 
 LAW = analytic_law()

@@ -11,8 +11,9 @@ import pytest
 from camtorque.commands import arguments
 from camtorque.config_pump import PressureCurve, load_pump_config
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
-from camtorque.mechanism import METHODS, solve_rigid
 from camtorque.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
+from camtorque.mechanism.shaft import METHODS
+from camtorque.mechanism.solve import solve_rigid
 from camtorque.records import Refusal
 from camtorque.units import RPM
 

@@ -25,7 +25,7 @@ from camtorque.records import (
     ResidualBump,
     RigidTorque,
 )
-from camtorque.report import RunResult
+from camtorque.report.bundle import RunResult
 
 NASTY = '<script>alert("x")</script> & <b>'
 N_THETA, N_CYCLES = 720, 9

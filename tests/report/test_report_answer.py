@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from camtorque.limits import Limit
 from camtorque.records import Refusal
-from camtorque.report import write_pdf, write_run
 from camtorque.report.answer import (
     CHECKS,
     alternatives_text,
@@ -24,7 +23,9 @@ from camtorque.report.answer import (
     verdict,
 )
 from camtorque.report.document import result_document
+from camtorque.report.pdf import write_pdf
 from camtorque.report.texts import budget_rows, by_size, parameter_groups
+from camtorque.report.write import write_run
 from report_cases import NASTY, parameter, run_result
 
 

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from camtorque.report import ComparePage, write_alignment, write_compare, write_run
+from camtorque.report.alignment import write_alignment
+from camtorque.report.compare_page import ComparePage, write_compare
 from camtorque.report.plan_page import plan_page
 from camtorque.report.predict_page import prediction_page
+from camtorque.report.write import write_run
 from report_cases import run_result
 from test_report_campaign import page_of_many
 from test_report_compare import document, pair

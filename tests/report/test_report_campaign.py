@@ -15,15 +15,16 @@ from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint import CampaignFit, JointRecording
 from camtorque.fit.leftout import HeldOut
-from camtorque.report import CampaignEntry, CampaignResult, write_campaign, write_run
+from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page, verdict_text
 from camtorque.report.campaign_view import CampaignView, Column, campaign_view
-from camtorque.report.campaign_write import campaign_document
+from camtorque.report.campaign_write import campaign_document, write_campaign
 from camtorque.report.document import result_document
 from camtorque.report.files import write_rows
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, shares, source_chart
+from camtorque.report.write import write_run
 from report_cases import NASTY, run_result
 
 SPEEDS = (500.0, 250.0, 1000.0)

@@ -8,8 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.report import ComparedCurves, ComparePage, write_compare
-from camtorque.report.compare_page import compare_answer, compare_drawings, compare_rows
+from camtorque.report.compare_page import (
+    ComparedCurves,
+    ComparePage,
+    compare_answer,
+    compare_drawings,
+    compare_rows,
+    write_compare,
+)
 from report_cases import NASTY
 
 

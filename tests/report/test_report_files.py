@@ -13,17 +13,14 @@ import numpy as np
 import pytest
 from camtorque.fit.metrics import metrics
 from camtorque.records import Refusal
-from camtorque.report import (
-    FIGURES,
-    CampaignEntry,
-    CampaignResult,
-    output_folder,
-    page,
-    write_alignment,
-    write_campaign,
-    write_run,
-)
+from camtorque.report import page
+from camtorque.report.alignment import write_alignment
+from camtorque.report.bundle import CampaignEntry, CampaignResult
+from camtorque.report.campaign_write import write_campaign
+from camtorque.report.figures import FIGURES
+from camtorque.report.folder import output_folder
 from camtorque.report.gaps import gap_curves, loaded_part
+from camtorque.report.write import write_run
 from report_cases import NASTY, run_result
 
 METRIC_KEYS = {

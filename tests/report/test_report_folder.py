@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from camtorque.records import Refusal
 from camtorque.report import folder as folder_module
-from camtorque.report import output_files, output_folder
+from camtorque.report.folder import output_files, output_folder
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
 OLD = '{"schema": "camtorque.result/1"}'

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
-from camtorque.report import RunResult, write_run
+from camtorque.report.bundle import RunResult
 from camtorque.report.measured import measured_document, measured_mean
+from camtorque.report.write import write_run
 from report_cases import run_result
 
 BAR = 1e5

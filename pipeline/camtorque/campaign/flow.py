@@ -30,7 +30,8 @@ from camtorque.fit.joint import CampaignFit
 from camtorque.plain import now
 from camtorque.progress import spoken
 from camtorque.records import Finding, Refusal
-from camtorque.report import CampaignEntry, CampaignResult, write_campaign
+from camtorque.report.bundle import CampaignEntry, CampaignResult
+from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
 from camtorque.run import Progress, RunOptions, silent

@@ -17,9 +17,9 @@ from typing import Any
 
 from camtorque.fit.joint_input import JointInput
 from camtorque.records import Refusal
-from camtorque.report import CampaignEntry, check_writable
+from camtorque.report.bundle import CampaignEntry
 from camtorque.report.files import write_json
-from camtorque.report.folder import LOCK, locked
+from camtorque.report.folder import LOCK, check_writable, locked
 from camtorque.stopping import before_leaving
 
 ENTRY, JOINT, THUMBNAIL = "entry.json", "joint.bin", "thumbnail.svg"

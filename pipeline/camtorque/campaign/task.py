@@ -9,8 +9,10 @@ from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import read_entry, write_entry, write_joint_input
 from camtorque.fit.joint_input import joint_input
 from camtorque.records import Refusal
-from camtorque.report import CampaignEntry, output_folder, thumbnail, write_run
-from camtorque.report.folder import Busy, CannotWrite, emptied, is_about
+from camtorque.report.bundle import CampaignEntry
+from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
+from camtorque.report.overview_figures import thumbnail
+from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
 from camtorque.stopping import was_stopped
 

@@ -14,8 +14,8 @@ from camtorque.design.page import fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design_from import Known, as_fitted, fitted_pump, read_known
 from camtorque.plain import plain
-from camtorque.report import check_output, output_folder
 from camtorque.report.files import write_json, write_page
+from camtorque.report.folder import check_output, output_folder
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:

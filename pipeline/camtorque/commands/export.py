@@ -12,7 +12,7 @@ from typing import Any
 from camtorque.commands.options import require
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.export import report_tables, write_tables
-from camtorque.report import check_writable
+from camtorque.report.folder import check_writable
 from camtorque.report.trend_figure import trend_figure
 from camtorque.results import read_results
 from camtorque.trend import AXES, told_parameters, trend_table

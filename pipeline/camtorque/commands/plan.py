@@ -10,7 +10,7 @@ from camtorque.commands.outcome import Outcome, Tell
 from camtorque.fit.planning import MOST_RUNS
 from camtorque.plain import plain
 from camtorque.plan import plan_runs
-from camtorque.report import check_output, output_folder
+from camtorque.report.folder import check_output, output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
 from camtorque.report.plan_page import run_text, write_plan
 

@@ -13,8 +13,9 @@ from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction
 from camtorque.plain import plain
 from camtorque.predict_from import predict_from
 from camtorque.records import Refusal
-from camtorque.report import check_output, output_folder, write_prediction
+from camtorque.report.folder import check_output, output_folder
 from camtorque.report.forecast_page import with_band, write_forecast
+from camtorque.report.predict_page import write_prediction
 from camtorque.units import RPM
 
 WIDTHS = (20, 18, 20, 20, 18)

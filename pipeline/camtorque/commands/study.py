@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from camtorque.commands.outcome import Outcome, Tell
-from camtorque.report import check_writable
+from camtorque.report.folder import check_writable
 from camtorque.studies.study import run_study
 
 

@@ -26,8 +26,11 @@ from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
 from camtorque.laws.driveline import COMPLIANCE_NAMES
-from camtorque.mechanism import Mounting, closed_form_tables, forces_of, lift_law
 from camtorque.mechanism.friction import Friction
+from camtorque.mechanism.lift_laws import lift_law
+from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.solve import forces_of
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import (
     Alternative,
     AngleError,

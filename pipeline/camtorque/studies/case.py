@@ -9,7 +9,8 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.laws.chain import angle_grid
-from camtorque.mechanism import CamLaw, cubic_law
+from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.interpolants import cubic_law
 from camtorque.mechanism.sections import dwell, flank, section_law
 from camtorque.records import Array, CamTable
 from camtorque.units import BAR, DEGREE

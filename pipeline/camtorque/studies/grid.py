@@ -9,7 +9,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
 from camtorque.laws.chain import angle_grid
-from camtorque.mechanism import LIFT_METHODS, CamLaw, closed_form_tables, kinematics
+from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.kinematics import kinematics
+from camtorque.mechanism.lift_laws import LIFT_METHODS
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.table import Chart, Choice, Point, measured

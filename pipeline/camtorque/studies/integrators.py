@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from camtorque.mechanism import closed_form_tables
 from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, knotted_law, study_pressure, study_pump
 

@@ -14,8 +14,9 @@ from camtorque.align import align
 from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.ingest.raw import ArraySource
 from camtorque.laws.chain import angle_grid
-from camtorque.mechanism import closed_form_tables, cubic_law
 from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.interpolants import cubic_law
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, CamTable, Channel, Recording, SensorCalibration
 from camtorque.studies.case import SPEED, rms_error, study_law, study_pressure, study_pump
 from camtorque.studies.grid import torque_on

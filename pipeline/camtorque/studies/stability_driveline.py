@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from camtorque.laws.chain import angle_grid
-from camtorque.mechanism import closed_form_tables, kinematics
 from camtorque.mechanism.cam import TURN
+from camtorque.mechanism.kinematics import kinematics
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pump
 from camtorque.studies.driveline import adaptive, at_angles, elastic, harmonic

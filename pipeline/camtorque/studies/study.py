@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from camtorque.progress import told
-from camtorque.report import output_files
+from camtorque.report.folder import output_files
 from camtorque.report.study_figures import save_study_figure
 from camtorque.run import Progress, silent
 from camtorque.studies.driveline import driveline_chart
