@@ -14,29 +14,13 @@ from camtorque.units import BAR, DEGREE, RPM
 ZERO_CELSIUS = 273.15
 """Kelvin at 0 degrees Celsius."""
 
+SI_UNITS = ("Hz", "N", "N_per_m", "N_m_per_rad", "N_m_s_per_rad", "Nm_per_rad", "Pa", "V", "hz", "kg", "kg_m2", "m",
+            "m_per_s2", "mV_per_V", "s")  # fmt: skip
 KEY_UNITS: dict[str, tuple[float, float]] = {
-    "C": (1.0, ZERO_CELSIUS),
-    "Hz": (1.0, 0.0),
-    "N": (1.0, 0.0),
-    "N_per_m": (1.0, 0.0),
-    "N_m_per_rad": (1.0, 0.0),
-    "N_m_s_per_rad": (1.0, 0.0),
-    "Nm_per_rad": (1.0, 0.0),
-    "Pa": (1.0, 0.0),
-    "V": (1.0, 0.0),
-    "bar": (BAR, 0.0),
-    "deg": (DEGREE, 0.0),
-    "hz": (1.0, 0.0),
-    "kg": (1.0, 0.0),
-    "kg_m2": (1.0, 0.0),
-    "m": (1.0, 0.0),
-    "m_per_s2": (1.0, 0.0),
-    "mV_per_V": (1.0, 0.0),
-    "mm": (1.0e-3, 0.0),
-    "rpm": (RPM, 0.0),
-    "s": (1.0, 0.0),
+    **dict.fromkeys(SI_UNITS, (1.0, 0.0)),
+    "C": (1.0, ZERO_CELSIUS), "bar": (BAR, 0.0), "deg": (DEGREE, 0.0), "mm": (1.0e-3, 0.0), "rpm": (RPM, 0.0),
     "um": (1.0e-6, 0.0),
-}
+}  # fmt: skip
 """Unit at the end of a key -> factor and offset to SI: SI = factor * value + offset."""
 
 SLIPS: dict[str, dict[str, float]] = {
