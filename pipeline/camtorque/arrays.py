@@ -123,10 +123,9 @@ def _calibration(quantity: str, values: Array, sensor: Sensor) -> SensorCalibrat
     largest = float(np.nanmax(np.abs(values)))
     zero_std = WIDE_ZERO_SHARE * largest if sensor.zero_std is None else sensor.zero_std
     return SensorCalibration(
-        serial="", quantity=quantity, gain=1.0, gain_relative_std=sensor.gain_std, zero_volts=0.0, zero_std=zero_std,
-        zero_source="certificate", nonlinearity_std=0.0, delay=sensor.delay, delay_std=sensor.delay_std,
-        cutoff_hz=sensor.cutoff_hz, filter_order=sensor.filter_order, range_min=-largest, range_max=largest,
-        output_min_volts=-np.inf, output_max_volts=np.inf,
+        quantity, gain_relative_std=sensor.gain_std, zero_std=zero_std, nonlinearity_std=0.0, delay=sensor.delay,
+        delay_std=sensor.delay_std, cutoff_hz=sensor.cutoff_hz, filter_order=sensor.filter_order, range_min=-largest,
+        range_max=largest,
     )  # fmt: skip
 
 

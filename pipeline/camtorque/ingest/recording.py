@@ -276,25 +276,7 @@ def _shifted_zero(spec: ChannelSpec) -> SensorCalibration | None:
     unit = tidy_unit(spec.unit)
     if unit not in UNIT_OFFSETS:
         return None
-    unknown = math.nan
-    return SensorCalibration(
-        serial=spec.sensor,
-        quantity=spec.quantity,
-        gain=1.0,
-        gain_relative_std=unknown,
-        zero_volts=-UNIT_OFFSETS[unit],
-        zero_std=unknown,
-        zero_source="unit",
-        nonlinearity_std=unknown,
-        delay=0.0,
-        delay_std=unknown,
-        cutoff_hz=unknown,
-        filter_order=0,
-        range_min=unknown,
-        range_max=unknown,
-        output_min_volts=-math.inf,
-        output_max_volts=math.inf,
-    )
+    return SensorCalibration(spec.quantity, spec.sensor, zero_volts=-UNIT_OFFSETS[unit], zero_source="unit")
 
 
 def _idle_zero(

@@ -99,27 +99,12 @@ def _sensed(
     out_low, out_high = range_of(sheet, "output_range", anything) if readings.unit == "V" else anything
     reach = abs(line.gain) * span / factor
     low, high = range_of(sheet, "nominal_range", (-reach, reach))
-    delay, delay_std, findings = _delay(sheet, quantity)
+    calibration, findings = _delayed(sheet, quantity)
     gain_std, more = _gain_std(sheet, line)
-    calibration = SensorCalibration(
-        serial=sheet.serial,
-        quantity=quantity,
-        gain=line.gain,
-        gain_relative_std=gain_std,
-        zero_volts=math.nan,
-        zero_std=math.nan,
-        zero_source="certificate",
-        nonlinearity_std=line.residual_rms,
-        delay=delay,
-        delay_std=delay_std,
-        cutoff_hz=sheet["cutoff_hz"] or math.nan,
-        filter_order=sheet.filter_order,
-        filter_damping=sheet.filter_damping,
-        range_min=low * factor,
-        range_max=high * factor,
-        output_min_volts=out_low,
-        output_max_volts=out_high,
-    )
+    calibration = replace(
+        calibration, gain=line.gain, gain_relative_std=gain_std, nonlinearity_std=line.residual_rms,
+        range_min=low * factor, range_max=high * factor, output_min_volts=out_low, output_max_volts=out_high,
+    )  # fmt: skip
     calibration = _with_zero(calibration, sheet, line, readings)
     findings += [*more, *sensitivity_findings(sheet, line, factor), *_zero_findings(calibration, sheet, line, readings)]
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain)) / abs(line.gain)
@@ -133,7 +118,7 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
     """Return the calibration of values that the logger has scaled: gain 1, zero and accuracy as stated."""
     quantity = reference.quantity
     factor = unit_factor(unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit of the channel")
-    delay, delay_std, findings = _delay(sheet, quantity)
+    calibration, findings = _delayed(sheet, quantity)
     low, high = -span, span
     if sheet["nominal_range"] is not None:
         per_unit = unit_factor(sheet["unit"] or unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit")
@@ -145,25 +130,12 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
     width = accuracy * max(abs(low), abs(high))
     readings = [factor * v for v in (reference.zero_before, reference.zero_after) if v is not None]
     zero, zero_std = zero_of_readings(readings, READING_SHARE * max(abs(low), abs(high)), width)
-    calibration = SensorCalibration(
-        serial=sheet.serial,
-        quantity=quantity,
-        gain=1.0,
-        gain_relative_std=accuracy / math.sqrt(3.0),
-        zero_volts=zero,
-        zero_std=zero_std,
-        zero_source="standstill" if readings else "certificate",
-        nonlinearity_std=0.0,
-        delay=delay,
-        delay_std=delay_std,
-        cutoff_hz=sheet["cutoff_hz"] or math.nan,
-        filter_order=sheet.filter_order,
-        filter_damping=sheet.filter_damping,
-        range_min=low,
-        range_max=high,
-        output_min_volts=low if sheet["nominal_range"] is not None else -math.inf,
-        output_max_volts=high if sheet["nominal_range"] is not None else math.inf,
-    )
+    calibration = replace(
+        calibration, gain_relative_std=accuracy / math.sqrt(3.0), zero_volts=zero, zero_std=zero_std,
+        zero_source="standstill" if readings else "certificate", nonlinearity_std=0.0, range_min=low, range_max=high,
+    )  # fmt: skip
+    if sheet["nominal_range"] is not None:
+        calibration = replace(calibration, output_min_volts=low, output_max_volts=high)
     if sheet["reference"] == "absolute" and not readings:
         calibration = replace(calibration, zero_volts=ATMOSPHERE)
     findings += _apart((reference.zero_before, reference.zero_after), width / factor, unit, sheet)
@@ -331,6 +303,15 @@ def _gain_std(sheet: Sheet, line: CertificateLine) -> tuple[float, list[Finding]
         stated = accuracy / math.sqrt(3.0)
     drift = sheet["span_drift_percent"] / 100.0 / math.sqrt(3.0)
     return math.sqrt(stated**2 + line.gain_relative_std**2 + drift**2), findings
+
+
+def _delayed(sheet: Sheet, quantity: str) -> tuple[SensorCalibration, list[Finding]]:
+    """Return delay and low-pass of a sensor; what its output means is not known yet."""
+    delay, delay_std, findings = _delay(sheet, quantity)
+    return SensorCalibration(
+        quantity, sheet.serial, delay=delay, delay_std=delay_std, cutoff_hz=sheet["cutoff_hz"] or math.nan,
+        filter_order=sheet.filter_order, filter_damping=sheet.filter_damping,
+    ), findings  # fmt: skip
 
 
 def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:

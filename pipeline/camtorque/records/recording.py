@@ -33,11 +33,11 @@ class InputFile:
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """What turns the volts of one sensor into SI: physical = gain * (volts - zero_volts).
+    """What turns the volts of one sensor into SI: physical = gain * (volts - zero_volts); nan for what is not known.
 
     Attributes
     ----------
-    serial, quantity : identity
+    quantity, serial : identity
     gain : SI per volt, by least squares through the certificate
     gain_relative_std : relative standard uncertainty of the gain (certificate k=2 halved, fit, span drift)
     zero_volts : volts at zero load: mean of the standstill readings, else of the certificate
@@ -51,22 +51,22 @@ class SensorCalibration:
     output_min_volts, output_max_volts : output range
     """
 
-    serial: str
     quantity: str
-    gain: float
-    gain_relative_std: float
-    zero_volts: float
-    zero_std: float
-    zero_source: str
-    nonlinearity_std: float
-    delay: float
-    delay_std: float
-    cutoff_hz: float
-    filter_order: int
-    range_min: float
-    range_max: float
-    output_min_volts: float
-    output_max_volts: float
+    serial: str = ""
+    gain: float = 1.0
+    gain_relative_std: float = math.nan
+    zero_volts: float = 0.0
+    zero_std: float = math.nan
+    zero_source: str = "certificate"
+    nonlinearity_std: float = math.nan
+    delay: float = 0.0
+    delay_std: float = math.nan
+    cutoff_hz: float = math.nan
+    filter_order: int = 0
+    range_min: float = math.nan
+    range_max: float = math.nan
+    output_min_volts: float = -math.inf
+    output_max_volts: float = math.inf
     filter_damping: float = math.nan
 
 
