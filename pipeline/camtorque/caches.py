@@ -11,12 +11,7 @@ PLACES = {"NUMBA_CACHE_DIR": "numba", "MPLCONFIGDIR": "matplotlib"}
 
 
 def find_caches(package: Path) -> None:
-    """Point the caches to a private temporary folder where neither the package nor the home folder can be written.
-
-    Parameters
-    ----------
-    package : folder of this package; numba keeps compiled functions beside the source where it can
-    """
+    """Point the caches to a private temporary folder where neither ``package`` nor the home folder can be written."""
     if _home_is_writable():
         return
     private = _private_folder()

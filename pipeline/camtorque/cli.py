@@ -84,12 +84,7 @@ def _json(document: Mapping[str, Any]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit status.
-
-    Parameters
-    ----------
-    arguments : without the program's name; None for those of the process
-    """
+    """Run the command line, by default that of the process, and return the exit status."""
     usable_streams()
     if sys.platform == "win32":
         print(ON_WINDOWS, file=sys.stderr)

@@ -168,13 +168,7 @@ def aligned(path: Path, progress: Progress) -> Prepared:
 
 
 def compare_document(compared: Sequence[Compared], names: tuple[str, str]) -> dict[str, Any]:
-    """Return the content of compare.json.
-
-    Parameters
-    ----------
-    compared : pairs whose attributions belong together
-    names : what both sides are called where there are several pairs
-    """
+    """Return compare.json of pairs that belong together; ``names`` are those of both sides where there are several."""
     parameters = _over_pairs([item.parameters for item in compared])
     losses = _over_pairs([item.losses for item in compared])
     rows = (*parameters, *losses)
@@ -251,7 +245,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
     ----------
     before, after : recordings, reports of recordings, campaigns, or folders of recordings (paired by speed)
     out : folder to be written; nothing is left of it when a recording is refused
-    progress : see `camtorque.run.analyse`
+    progress : is told what is being done
 
     Raises
     ------

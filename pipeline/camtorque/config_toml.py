@@ -37,11 +37,7 @@ PER_LOGGER = ("trigger", "index", "encoder_a", "encoder_b", "angle")
 
 
 def load_recording_config(path: Path) -> RecordingConfig:
-    """Read and check ``recording.toml``.
-
-    Parameters
-    ----------
-    path : the recording's folder, or the TOML file itself
+    """Read and check ``recording.toml``; ``path`` is that file or its folder.
 
     Raises
     ------

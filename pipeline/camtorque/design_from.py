@@ -99,11 +99,7 @@ def _run(
 
 
 def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]:
-    """Return the fitted pump and the chosen design under each load that is of a recording, by the fitted model.
-
-    Parameters
-    ----------
-    table : lift table of the chosen design
+    """Return fitted pump and chosen design (its lift table) by the fitted model under each load of a recording.
 
     Raises
     ------

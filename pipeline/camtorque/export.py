@@ -43,12 +43,7 @@ Tables = Mapping[str, pd.DataFrame]
 
 
 def report_tables(folder: Path, document: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
-    """Return the tables of a report.
-
-    Parameters
-    ----------
-    folder : holds cycles.h5
-    document : content of result.json
+    """Return the tables of a report: cycles.h5 in ``folder``, and the content of its result.json.
 
     Returns
     -------
@@ -189,13 +184,7 @@ FORMATS: dict[str, Callable[[Tables, Path], list[Path]]] = {
 
 
 def write_tables(tables: Tables, stem: Path, file_format: str) -> list[Path]:
-    """Write tables and return the paths.
-
-    Parameters
-    ----------
-    tables : from `report_tables` or `camtorque.trend`
-    stem : folder and begin of the name, such as ``reports/run_7/run_7``
-    file_format : one of `FORMATS`
+    """Write tables in one of `FORMATS` to files that begin with ``stem`` (``reports/run_7/run_7``); return the paths.
 
     Raises
     ------

@@ -97,12 +97,7 @@ def _limit(table: Table, problems: Problems) -> Limit:
 
 
 def judge(document: Mapping[str, Any], limits: Sequence[Limit]) -> tuple[Verdict, ...]:
-    """Return what each limit says of one result.
-
-    Parameters
-    ----------
-    document : content of result.json
-    """
+    """Return what each limit says of one result.json."""
     return tuple(_judged(document, limit) for limit in limits)
 
 

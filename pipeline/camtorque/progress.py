@@ -17,13 +17,7 @@ def spoken(seconds: float) -> str:
 
 
 def told(items: Mapping[str, T], progress: Callable[[str], None]) -> Iterator[T]:
-    """Yield the items, telling before each which it is and, after the first, how long the rest will take.
-
-    Parameters
-    ----------
-    items : name -> item; they are taken to last equally long
-    progress : takes one line
-    """
+    """Yield items by name, telling before each which it is and, after the first, how long the rest will take."""
     start = time.perf_counter()
     for number, (name, item) in enumerate(items.items()):
         left = (time.perf_counter() - start) / number * (len(items) - number) if number else None

@@ -70,12 +70,6 @@ def peak_memory_mb() -> float:
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
     """Return everything about one recording, and what a joint fit needs of it.
 
-    Parameters
-    ----------
-    path : folder with recording.toml, or that file
-    options : choices of the user
-    progress : is told what is being done
-
     Raises
     ------
     Refusal : the recording cannot be used
@@ -90,13 +84,7 @@ def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tup
 def analyse_recording(
     recording: Recording, options: RunOptions, progress: Progress = silent, seconds: Mapping[str, float] | None = None
 ) -> tuple[RunResult, Prepared]:
-    """Return everything about one recording that is read already.
-
-    Parameters
-    ----------
-    recording : calibrated channels
-    options, progress : see `analyse`
-    seconds : time spent so far by stage
+    """Return everything about one recording that is read already; ``seconds``: time spent so far by stage.
 
     Raises
     ------
@@ -122,13 +110,7 @@ def analyse_recording(
 def run_recording(
     path: Path, out: Path, options: RunOptions | None = None, progress: Progress = silent
 ) -> dict[str, Any]:
-    """Write the report of one recording and return the content of its result.json.
-
-    Parameters
-    ----------
-    path : folder with recording.toml, or that file
-    out : folder to be written; nothing is left of it when the recording is refused
-    options, progress : see `analyse`
+    """Write the report of one recording, or nothing where it is refused, and return the content of its result.json.
 
     Raises
     ------

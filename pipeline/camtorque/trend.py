@@ -19,12 +19,7 @@ AXES = {
 
 
 def trend_table(documents: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
-    """Return one row per report: conditions, metrics, chamber, losses, parameters with their uncertainty.
-
-    Parameters
-    ----------
-    documents : folder -> content of result.json
-    """
+    """Return one row per report (folder -> result.json): conditions, metrics, chamber, losses, parameters."""
     rows = [{"report": safe_text(name), **_row(document)} for name, document in documents.items()]
     table = pd.DataFrame(rows)
     return table.sort_values(["date", "speed_rpm"], kind="stable", na_position="last", ignore_index=True)

@@ -156,17 +156,7 @@ def base_level(recording: Recording, cycles: CamCycles, rows: slice) -> Level | 
 def look(
     name: str, recording: Recording, cycles: CamCycles, rows: slice, lost: int, memory: Memory, enough_percent: float
 ) -> Block:
-    """Return what the cycles ``rows`` of a recording look like, and remember them.
-
-    Parameters
-    ----------
-    name : of the block
-    recording, cycles : all that is there so far
-    rows : the cycles of this block
-    lost : cycles of this block that were rejected
-    memory : of the watch; is changed
-    enough_percent : see `WatchOptions`
-    """
+    """Return what the cycles ``rows`` of a recording look like, ``lost`` rejected beside them, and remember them."""
     level = base_level(recording, cycles, rows)
     memory.first = memory.first or level
     drift, limit = _drift(memory.first, level)

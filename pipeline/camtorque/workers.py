@@ -31,13 +31,7 @@ class _Job(Generic[T]):
 
 
 def on_processes(call: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[tuple[T, R | Lost]]:
-    """Yield each item with its result as it is done.
-
-    Parameters
-    ----------
-    call : function of a module, run in fresh processes: threads of numerical libraries do not survive a fork
-    items : taken one by one as workers become free
-    workers : number of processes
+    """Yield each item with its result as it is done by a function of a module, in fresh processes.
 
     Notes
     -----

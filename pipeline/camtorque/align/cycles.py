@@ -34,11 +34,6 @@ from camtorque.stacks import mean_of
 def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
     """Return the cycles of a recording on one cam-angle grid.
 
-    Parameters
-    ----------
-    recording : calibrated channels
-    options : choices of the alignment
-
     Raises
     ------
     Refusal

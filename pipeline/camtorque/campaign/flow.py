@@ -71,11 +71,6 @@ def run_campaign(
     What an earlier campaign into ``out`` finished from the same inputs, with the same options and the same code, is
     not computed again; what this one finishes stays, however it ends.
 
-    Parameters
-    ----------
-    folder, out : where recordings are looked for and what is written
-    options : choices of the user, the same for all
-
     Raises
     ------
     Refusal : there is no recording, or ``out`` holds something else or is full; a refused recording does not stop

@@ -32,13 +32,7 @@ def code_digest() -> str:
 
 
 def recording_key(name: str, path: Path, options: RunOptions) -> str:
-    """Return the key of one recording's result.
-
-    Parameters
-    ----------
-    name : the recording's name in the campaign
-    path : folder with recording.toml, or that file
-    """
+    """Return the key of one recording's result."""
     content = {
         "name": name,
         "code": code_digest(),

@@ -148,13 +148,7 @@ def write_chosen(design: Evaluated, folder: Path) -> list[dict[str, float]]:
 def answer_document(
     answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]] = ()
 ) -> dict[str, Any]:
-    """Return the answer as JSON-ready values (schema ``camtorque.design/1``), units in the names.
-
-    Parameters
-    ----------
-    read_back : what `predict` makes of the files
-    fitted : what the fitted model makes of pump and design under each load
-    """
+    """Return the answer as JSON-ready values (schema ``camtorque.design/1``); ``read_back`` is by `predict`."""
     task = answer.task
     return {
         "schema": "camtorque.design/1",

@@ -87,10 +87,6 @@ class Task:
 def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     """Return a design task from its file, pump file and pressure curves read.
 
-    Parameters
-    ----------
-    fitted : pump as a fit knows it: its friction is taken, and its chamber pressure where a load gives none
-
     Raises
     ------
     Refusal : a missing or unknown key, a free quantity without bounds, a slip of units, an unknown aim or limit

@@ -20,12 +20,7 @@ HEADER, BUFFERS, COMPRESSION, DICTIONARY_DATA = 2, 2, 3, 1
 
 
 def refuse_feather_bomb(path: Path, library: Any) -> None:
-    """Refuse a Feather file whose batches claim to unpack to what no measured signal packs from.
-
-    Parameters
-    ----------
-    library : pyarrow, with its ``ipc``
-    """
+    """Refuse a Feather file whose batches claim to unpack to what no signal packs from; ``library`` is pyarrow."""
     size, total, batches = path.stat().st_size, 0, 0
     with library.memory_map(str(path)) as memory:
         listed = library.ipc.open_file(memory).num_record_batches

@@ -50,12 +50,7 @@ class NewRecording:
 
 
 def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) -> NewRecording:
-    """Return the text of a recording.toml in ``folder`` for the channels that were found.
-
-    Parameters
-    ----------
-    like : recording.toml or pump file of the same bench, whose pump, trigger and sensors are taken over
-    """
+    """Return a recording.toml for ``folder``; pump, trigger and sensors as in ``like``, a recording or pump file."""
     known = _known_of(like, folder)
     supplies = {(item.path, item.channel.group, item.supply) for item in proposals}
     proposals = [item for item in proposals if (item.path, item.channel.group, item.channel.name) not in supplies]

@@ -22,12 +22,7 @@ STRUCT, LISTS, TEXT, DOUBLE, BOOLS, BYTE = 12, (9, 10), 8, 7, (1, 2), 3
 
 
 def refuse_lying_pages(path: Path, metadata: Any) -> None:
-    """Refuse a file whose pages unpack to a bomb, or hold another number of values than its footer states.
-
-    Parameters
-    ----------
-    metadata : footer, as pyarrow reads it
-    """
+    """Refuse a file whose pages unpack to a bomb, or hold another number of values than its footer states."""
     size, total = path.stat().st_size, 0
     with path.open("rb") as file:
         for number in range(metadata.num_row_groups):

@@ -37,10 +37,6 @@ DURATION_TOLERANCE = 1.0e-4
 def read_recording(path: Path) -> Recording:
     """Read one recording.
 
-    Parameters
-    ----------
-    path : folder with recording.toml, or that file
-
     Returns
     -------
     Recording

@@ -71,12 +71,7 @@ def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
 
 
 def predictions(joint: CampaignFit, speeds: dict[str, float]) -> Rows | Curves:
-    """Show the RMS of every recording predicted by the others, beside the joint fit and the rigid model.
-
-    Parameters
-    ----------
-    speeds : recording -> speed [rpm], over which many recordings are drawn
-    """
+    """Show the RMS of every recording predicted by the others, beside joint fit and rigid model; many over speed."""
     columns = [
         (name, tone, [fitted.metrics[key].rms_percent_of_peak for fitted in joint.fitted])
         for key, name, tone in (("rigid", "rigid model", "rigid"),

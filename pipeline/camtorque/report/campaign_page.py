@@ -103,15 +103,7 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
 def campaign_page(
     doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing] = ()
 ) -> str:
-    """Return campaign.html.
-
-    Parameters
-    ----------
-    doc : content of campaign.json
-    view : the used recordings side by side
-    thumbnails : recording -> small drawing of its torque
-    drawings : figures
-    """
+    """Return campaign.html from campaign.json, the used recordings side by side, thumbnails and figures."""
     serious = any(row["severity"] != "info" for row in doc["findings"])
     thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(

@@ -88,13 +88,7 @@ NOT_LOSSES = ("unit", "input", "closure_percent")
 
 
 def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignView:
-    """Return the used recordings of a campaign.
-
-    Parameters
-    ----------
-    entries : recordings, refused ones are left out
-    reports : folder below which each recording's report stands
-    """
+    """Return the used recordings of a campaign, whose reports stand below ``reports``."""
     used = [entry for entry in entries if entry.status == "ok"]
     places = [entry.folder or entry.name for entry in used]
     found = [_document(reports / place / "result.json") for place in places]

@@ -25,13 +25,7 @@ JOINT_METRICS = ("fitted", "fitted_held_out_cycles")
 
 
 def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = None) -> dict[str, Any]:
-    """Write campaign.html, its figures and campaign.json; return the content of the last.
-
-    Parameters
-    ----------
-    folder : an existing folder
-    reports : where the reports of the recordings stand, if not in that folder
-    """
+    """Write campaign.html, figures and campaign.json, return the last; ``reports``: where theirs stand."""
     doc = campaign_document(result)
     view = campaign_view(result.entries, reports or folder)
     drawings = campaign_drawings(result, view)

@@ -31,13 +31,7 @@ TURN_TICKS = tuple(range(0, 361, 45))
 
 
 def curves_svg(chart: Curves, label: str) -> str:
-    """Return the drawing of curves.
-
-    Parameters
-    ----------
-    chart : what is shown
-    label : what a screen reader says of it
-    """
+    """Return the drawing of curves; ``label`` is what a screen reader says of it."""
     low, high = chart.x_range or ((0.0, 360.0) if chart.full_turn else padded([chart.x], 0.03))
     across = Scale(low, high, LEFT, chart.width - RIGHT)
     inside = (chart.x >= low) & (chart.x <= high)

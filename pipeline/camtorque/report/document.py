@@ -33,12 +33,7 @@ SENTENCES = ("text", "meaning", "source", "next_measurement")
 
 
 def result_document(result: RunResult) -> dict[str, Any]:
-    """Return the content of result.json.
-
-    Parameters
-    ----------
-    result : one finished run
-    """
+    """Return the content of result.json."""
     fitted = result.fitted
     doc = plain(
         {

@@ -97,11 +97,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 @contextmanager
 def output_folder(target: Path) -> Iterator[Path]:
-    """Give a temporary folder that takes the place of the target when the block ends without an error.
-
-    Parameters
-    ----------
-    target : the folder to be written; an earlier output of this command is replaced, and kept where the block fails
+    """Give a temporary folder that takes the place of the target, or of its earlier output, when the block ends well.
 
     Raises
     ------
@@ -197,12 +193,7 @@ def reserve(path: Path, size: int) -> None:
 
 
 def cannot_write(what: str, error: Exception) -> str:
-    """Return one line on an error of the system while something was written.
-
-    Parameters
-    ----------
-    what : the option and its path
-    """
+    """Return one line on an error of the system while ``what`` (an option and its path) was written."""
     if isinstance(error, FileNotFoundError):
         return f"{what}: the folder that was being written went away; run again when nothing removes it"
     reason, advice = told(error)

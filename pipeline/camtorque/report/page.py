@@ -142,15 +142,7 @@ def _environment() -> Environment:
 def render(
     template: str, charts: Mapping[str, Curves], phases: tuple[Span, ...] = (), explorer: str = "", **values: Any
 ) -> str:
-    """Return one page; what a template names and is not given is an error, not an empty text.
-
-    Parameters
-    ----------
-    template : file beside this module
-    charts : figure of the page -> curves that the script draws
-    phases : stretches of the revolution that the cursor names
-    explorer : data of the script that draws trends and maps, empty for none
-    """
+    """Return one page; what a template names and is not given is an error. ``explorer``: data of trends and maps."""
     css = tone_css() + "".join(map(_text, STYLES))
     names = (*(SCRIPTS if charts or explorer else ()), *((EXPLORER,) if explorer else ()))
     scripts = [_text(name) for name in names]
@@ -168,16 +160,7 @@ def live_charts(drawings: Sequence[Drawing]) -> dict[str, Curves]:
 def run_page(
     doc: Mapping[str, Any], drawings: Sequence[Drawing], config_text: str, phases: tuple[Span, ...], correlation: Any
 ) -> str:
-    """Return report.html of a run.
-
-    Parameters
-    ----------
-    doc : content of result.json
-    drawings : its figures
-    config_text : recording.toml as read
-    phases : of the revolution, by the lift
-    correlation : names of the fitted parameters and (k, k) matrix
-    """
+    """Return report.html of a run; ``correlation``: names of the fitted parameters and (k, k) matrix."""
     alignment = doc["alignment"]
     budget = budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"])
     large, small = by_size(budget)

@@ -135,13 +135,7 @@ def peak_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def prediction_page(prediction: Prediction, title: str) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    prediction : `camtorque.mechanism.predict.predict`
-    title : heading, such as the name of the pump file
-    """
+    """Return the page as HTML."""
     rows = sweep_rows(prediction)
     drawings = [
         drawn(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide, _) in FIGURES.items()

@@ -22,14 +22,7 @@ Entity = dict[str, Any]
 
 
 def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
-    """Write ro-crate-metadata.json of a finished folder.
-
-    Parameters
-    ----------
-    folder : holds the files that were computed
-    doc : result.json or align.json: ``version``, ``created``, ``inputs`` with their SHA-256, perhaps ``timing_s``
-    title : what the result is called
-    """
+    """Write ro-crate-metadata.json of a finished folder; ``doc``: its result.json or align.json."""
     inputs = [_input(item) for item in doc["inputs"]]
     files = sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
     outputs = [_output(path, folder) for path in files]

@@ -30,13 +30,7 @@ NOTE_ROOM = 0.22
 
 
 def rows_svg(chart: Rows, label: str) -> str:
-    """Return the drawing of rows.
-
-    Parameters
-    ----------
-    chart : what is shown
-    label : what a screen reader says of it
-    """
+    """Return the drawing of rows; ``label`` is what a screen reader says of it."""
     left = 14.0 + max((text_width(name) for name in chart.labels), default=0.0)
     panels = len(chart.panels)
     width = (chart.width - left - RIGHT - GAP * (panels - 1)) / panels

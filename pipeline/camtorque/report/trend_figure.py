@@ -17,14 +17,7 @@ WIDTH, HEIGHT = 3.4, 1.9
 
 
 def trend_figure(table: Any, axes: Mapping[str, str], quantities: Mapping[str, str]) -> Figure:
-    """Return the figure of a trend.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame with the columns named; ``NAME_stderr`` holds the standard uncertainty where there is one
-    axes : column -> label of what is drawn over; those that do not vary are left out
-    quantities : column -> label of what is drawn
-    """
+    """Return the figure of a trend; ``axes``, ``quantities``: column (bars of ``NAME_stderr``) -> label."""
     over = {name: label for name, label in axes.items() if table[name].nunique() > 1} or {"recording": "recording"}
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH * len(over), HEIGHT * len(quantities)), layout="constrained")

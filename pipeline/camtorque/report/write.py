@@ -20,13 +20,7 @@ from camtorque.report.phases import phases
 
 
 def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
-    """Write cycles.h5, figures/, report.html and result.json; return the content of the last.
-
-    Parameters
-    ----------
-    result : one finished run; the time spent here is added to its ``timing``
-    folder : an existing folder
-    """
+    """Write cycles.h5, figures/, report.html and result.json; return the last, with the time spent here."""
     start = time.perf_counter()
     write_cycles(folder / "cycles.h5", result)
     drawings = [

@@ -76,13 +76,7 @@ class _Scan:
 
 
 def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) -> Edges:
-    """Return the declared edge of every pulse of a channel.
-
-    Parameters
-    ----------
-    channel : voltage of the pick-up
-    declared : ``rising`` or ``falling``; the leading edge is taken where a declared ``rising`` one rests high
-    block_samples : samples read at a time
+    """Return the declared edge of every pulse of a channel; the leading one where a ``rising`` one rests high.
 
     Raises
     ------

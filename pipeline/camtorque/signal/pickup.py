@@ -17,14 +17,7 @@ FINDERS: dict[str, Callable[[Channel, str, int], Edges]] = {
 
 
 def find_pulses(channel: Channel, sensor: str, edge: str, block_samples: int = 1 << 18) -> Edges:
-    """Return the declared edge of every pulse of a pick-up.
-
-    Parameters
-    ----------
-    channel : its voltage
-    sensor : key of `FINDERS`
-    edge : ``rising`` or ``falling``
-    block_samples : samples read at a time
+    """Return the declared edge of every pulse of a pick-up; ``sensor`` is a key of `FINDERS`.
 
     Raises
     ------

@@ -41,15 +41,7 @@ STUDIES: dict[str, Parts] = {"speed-accuracy": CHARTS, "stability": MAPS}
 
 
 def run_study(name: str, out: Path, quick: bool = False, progress: Progress = silent) -> list[Path]:
-    """Measure every part, write them as JSON and each as PNG and SVG, and return the paths.
-
-    Parameters
-    ----------
-    name : of `STUDIES`
-    out : folder, made when missing
-    quick : fewer settings and repeats, below a minute
-    progress : is told what is being measured, and how long the rest will take
-    """
+    """Measure every part, write them as JSON, PNG and SVG, and return the paths; ``quick``: below a minute."""
     with output_files(out) as folder:
         parts = [part for build in told(STUDIES[name], progress) for part in build(quick)]
         content = document(name, parts, quick)
