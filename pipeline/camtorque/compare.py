@@ -24,14 +24,14 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
 from camtorque.report.document import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import NAME, read_result
+from camtorque.results import NAME, RECORDING, recording_of
 from camtorque.run import Progress, now, silent
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.compare/1"
-RECORDING, CAMPAIGN = "recording.toml", "campaign.json"
+CAMPAIGN = "campaign.json"
 
 
 @dataclass(frozen=True)
@@ -118,14 +118,7 @@ def recording_path(path: Path) -> Path:
             f"{path}: found neither {RECORDING} nor {NAME}, expected a recording or the report of one; name the folder "
             "that `camtorque run` was given, or its --out"
         )
-    inputs = [Path(item["path"]) for item in read_result(result)["inputs"]]
-    found = [item for item in inputs if item.name == RECORDING]
-    if not found or not found[0].is_file():
-        raise Refusal(
-            f"{result}: its recording {found[0] if found else ''} is not there any more, expected the logs that it was "
-            "made from: a comparison needs the cycles; name the recording's folder instead"
-        )
-    return found[0]
+    return recording_of(result.parent)
 
 
 @on_one_thread

@@ -49,7 +49,7 @@ from camtorque.report.forecast_texts import (
     ending_text,
     load_text,
 )
-from camtorque.results import read_result
+from camtorque.results import read_result, recording_of
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__
@@ -124,16 +124,9 @@ def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
 
     Raises
     ------
-    Refusal : the recording's sheets are gone and no pump file stands in
+    Refusal : the recording's sheets are gone
     """
-    inputs = [Path(item["path"]) for item in read_result(report / "result.json")["inputs"]]
-    sheet = next((item for item in inputs if item.name == "recording.toml"), None)
-    if sheet is None or not sheet.is_file():
-        raise Refusal(
-            f"{report}: its recording {sheet or ''} is not there any more, expected the sheets of pump and trigger; "
-            "put the recording back where it was"
-        )
-    config = load_recording_config(sheet)
+    config = load_recording_config(recording_of(report))
     data, rotation, table = config.pump, config.rotation, None
     if pump is not None:
         other: PumpConfig = read_pump(pump)[0]
@@ -224,9 +217,11 @@ def predict_from(
     Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
     """
     known, folder, rows = read_fit(Path(fit))
+    factor = leakage_factor(clearance) if clearance else 1.0
+    _refuse_leaky(known, clearance, factor)
     asked = Asked(
         _given(pressure, load_of), Path(pressure or load_of or "").name, ending, pump, cam, clearance,
-        {"leakage": leakage_factor(clearance)} if clearance else {},
+        {"leakage": factor} if clearance else {},
     )  # fmt: skip
     if ending and asked.given is None:
         raise Refusal(
@@ -239,6 +234,17 @@ def predict_from(
     items, forces = [item for item, _ in runs], [force for _, force in runs]
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
     return Found(tuple(items), forecast_document(items, forces, origin))
+
+
+def _refuse_leaky(known: KnownFit, clearance: str, factor: float) -> None:
+    """Refuse a clearance whose leakage no pump has."""
+    row = ROWS["leakage"]
+    leak = factor * float(known.values[known.names.index(row.name)]) if row.name in known.names else 0.0
+    if leak > row.upper and factor > 1.0:
+        raise Refusal(
+            f"--clearance: {clearance} makes a leakage of {leak / row.per_unit:.3g} {row.unit}, expected "
+            f"{row.upper / row.per_unit:g} or less; give a smaller change"
+        )
 
 
 @dataclass(frozen=True)
@@ -259,6 +265,10 @@ class Asked:
 
 
 def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
+    if load_of is not None and pressure is not None:
+        raise Refusal(
+            f"predict: found two loads, --load-of {load_of} and --pressure {pressure}, expected one; leave one out"
+        )
     if load_of is not None:
         return load_curve(Path(load_of))
     if pressure is None:

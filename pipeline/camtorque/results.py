@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from camtorque.records import Refusal
 
 NAME = "result.json"
 SCHEMA_STEM = "camtorque.result/"
+RECORDING = "recording.toml"
 
 
 def find_results(path: Path) -> list[Path]:
@@ -58,3 +60,31 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
     """
     files = dict.fromkeys(file for path in paths for file in find_results(path))
     return {file.parent.as_posix(): read_result(file) for file in files}
+
+
+def recording_of(report: Path) -> Path:
+    """Return the recording.toml that a report was made of.
+
+    Reports name their inputs as they were given: one that is not found from here is looked for from the folders above
+    the report, and is then the same by its content.
+
+    Raises
+    ------
+    Refusal : see `read_result`; it is in none of these places
+    """
+    result = report / NAME
+    rows = [row for row in read_result(result)["inputs"] if Path(row["path"]).name == RECORDING]
+    for row in rows:
+        path = Path(row["path"])
+        if path.is_file():
+            return path
+        for above in () if path.is_absolute() else report.resolve().parents:
+            found = above / path
+            if found.is_file() and sha256(found.read_bytes()).hexdigest() == row["sha256"]:
+                return found
+    named = rows[0]["path"] if rows else RECORDING
+    raise Refusal(
+        f"{result}: its recording {named} is not there, neither from {Path.cwd()} nor from the folders above the "
+        "report, expected the logs and sheets that it was made of; put them back, or run this in the folder where the "
+        "report was made"
+    )

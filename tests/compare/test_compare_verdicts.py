@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -72,8 +74,24 @@ def test_a_folder_that_is_neither_recording_nor_report_is_refused(tmp_path: Path
 def test_a_report_whose_recording_is_gone_is_refused(tmp_path: Path) -> None:
     text = '{"schema": "camtorque.result/1", "inputs": [{"path": "/gone/recording.toml", "sha256": ""}]}'
     (tmp_path / "result.json").write_text(text)
-    with pytest.raises(Refusal, match="is not there any more"):
+    with pytest.raises(Refusal, match="is not there, neither from"):
         recording_path(tmp_path)
+
+
+def test_a_report_finds_its_recording_from_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "recording.toml").write_text("first")
+    report, elsewhere = tmp_path / "reports" / "a", tmp_path / "elsewhere"
+    for folder in (report, elsewhere):
+        folder.mkdir(parents=True)
+    digest = sha256(b"first").hexdigest()
+    inputs = [{"path": "raw/recording.toml", "sha256": digest}]
+    (report / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": inputs}))
+    monkeypatch.chdir(elsewhere)
+    assert recording_path(report) == tmp_path / "raw" / "recording.toml"
+    (tmp_path / "raw" / "recording.toml").write_text("another pump")
+    with pytest.raises(Refusal, match="run this in the folder where the report was made"):
+        recording_path(report)
 
 
 def test_a_report_stands_for_its_recording(tmp_path: Path) -> None:

@@ -7,9 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.fit import forecast as forecast_module
@@ -263,6 +265,19 @@ def test_clearance_changes_leakage_by_its_third_power() -> None:
         leakage_factor("-5um")
 
 
+@pytest.mark.parametrize(("options", "text"), [
+    ({"load_of": "a", "pressure": Path("b.csv")}, "found two loads, --load-of a and --pressure b.csv"),
+    ({"clearance": "+1000um"}, r"--clearance: \+1000um makes a leakage of 1\.5.e\+07 mm\^3/s/bar, expected 200"),
+])  # fmt: skip
+def test_two_loads_and_a_leakage_that_no_pump_has_are_refused(
+    options: dict[str, Any], text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit = replace(known([0.1]), values=np.array([1e-14, 2.0]))
+    monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
+    with pytest.raises(Refusal, match=text):
+        predict_flow.predict_from(tmp_path, [500.0], **options)
+
+
 def test_a_fit_of_another_version_is_refused(tmp_path: Path) -> None:
     doc = run_fit_document(run_result())
     (tmp_path / "fit.json").write_text(json.dumps({**doc, "names": ["feed_pressure", "twist_damping__A"]}))
@@ -295,6 +310,8 @@ def test_a_fit_that_cannot_be_read_is_refused(tmp_path: Path, content: str | Non
     ([], "found neither PUMP nor --from"), (["pump.toml", "--from", "report"], "found both PUMP and --from"),
     (["pump.toml", "--clearance", "+1um"], "found --clearance without --from"),
     (["pump.toml", "--load-of", "x", "--pump", "y"], "found --load-of, --pump without --from"),
+    (["--from", "report", "--method", "denoc"], "found --method with --from"),
+    (["--from", "report", "--tolerance", "0.001"], "found --tolerance with --from"),
 ])  # fmt: skip
 def test_options_that_do_not_go_together_are_refused(words: list[str], text: str) -> None:
     parsed = build_parser().parse_args(["predict", *words, "--speed", "500"])

@@ -213,7 +213,8 @@ def predict(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ending", choices=ENDINGS, default="", metavar="NAME", help=text)
     parser.add_argument("--speed", type=speeds, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
     parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
-    parser.add_argument("--method", choices=METHODS, default="closed", metavar="NAME", help=" or ".join(METHODS))
+    text = f"{' or '.join(METHODS)} (default: {METHODS[0]})"
+    parser.add_argument("--method", choices=METHODS, metavar="NAME", help=text)
     _out(parser, required=False, otherwise="none: the table alone")
     _tolerance(parser)
 

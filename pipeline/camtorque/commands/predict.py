@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict, replace
 
+from camtorque.commands.arguments import METHODS
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
@@ -47,6 +48,9 @@ def _refuse_mixed(arguments: argparse.Namespace) -> None:
     if (arguments.fit is None) == (arguments.pump is None):
         found = "neither PUMP nor --from" if arguments.pump is None else "both PUMP and --from"
         raise Refusal(f"predict: found {found}, expected one of them; another pump with the losses of a fit is --pump")
+    if arguments.fit is not None and (arguments.method or arguments.tolerance is not None):
+        named = ["--method"] if arguments.method else ["--tolerance"]
+        raise Refusal(f"predict: found {named[0]} with --from, expected neither: method and grid are those of the fit")
 
 
 def _from_fit(arguments: argparse.Namespace) -> Outcome:
@@ -78,7 +82,7 @@ def _prediction(arguments: argparse.Namespace) -> Prediction:
         n_theta, note = grid_note(arguments.tolerance)
         notes = (*notes, note)
     speeds = [speed * RPM for speed in arguments.speed]
-    prediction = predict(config, speeds, pressure, n_theta=n_theta, method=arguments.method)
+    prediction = predict(config, speeds, pressure, n_theta=n_theta, method=arguments.method or METHODS[0])
     return replace(prediction, findings=(*notes, *prediction.findings))
 
 
