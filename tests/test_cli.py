@@ -347,6 +347,16 @@ def test_short_recordings_are_checked_and_aligned_without_compiled_code(command:
     assert done.stdout.splitlines()[-1] == ""
 
 
+def test_compiled_code_begins_without_scipy_and_leaves_it_to_be_imported() -> None:
+    code = (
+        "import sys; from camtorque.compiled import njit; assert njit(lambda x: x + 1.0)(1.0) == 2.0; "
+        "assert 'scipy.linalg' not in sys.modules; import scipy.linalg.cython_blas; "
+        "from numba import njit; import numpy as np; print(njit(lambda a: a @ a)(np.eye(2))[0, 0])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "1.0"
+
+
 def test_every_command_keeps_the_numerical_libraries_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[int] = []
 

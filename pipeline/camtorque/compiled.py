@@ -6,7 +6,9 @@ commands that do without compiled code: `elementwise` says that it is the same f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, cached_property, partial, update_wrapper
 from types import ModuleType
 from typing import Any
@@ -42,12 +44,32 @@ class Elementwise(Compiled):
         return self.py_func(*arguments)
 
 
+LINEAR_ALGEBRA = "scipy.linalg.cython_blas"
+"""What numba asks for as it begins, and again wherever a function has a product of matrices: no function here has."""
+
+
+@contextmanager
+def _not_imported(name: str) -> Iterator[None]:
+    """Let a module that nobody has imported yet be missing for a while."""
+    if name in sys.modules:
+        yield
+        return
+    sys.modules[name] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[name]
+
+
 @cache
 def _numba() -> ModuleType:
-    """Return numba, which is told how to type these functions."""
+    """Return numba, which is told how to type these functions; importing scipy for it would take 0.15 s."""
     import numba
+    from numba.core.registry import cpu_target
     from numba.extending import typeof_impl
 
+    with _not_imported(LINEAR_ALGEBRA):
+        cpu_target.target_context.refresh()
     typeof_impl.register(Compiled)(lambda value, _: numba.typeof(value.dispatcher))
     return numba
 

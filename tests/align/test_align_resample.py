@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+import numba
 import pytest
 from camtorque.align import resample, resample_compiled
 from camtorque.align.resample import COMPILED_FROM, LOADED_FROM, resampler
@@ -19,6 +20,7 @@ PLAIN, COMPILED = resample.resample_block, resample_compiled.resample_block
 def test_numba_is_loaded_for_long_channels_and_used_where_it_is_there(
     samples: int, loaded: bool, wanted: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert sys.modules["numba"] is numba
     if not loaded:
         monkeypatch.delitem(sys.modules, "numba")
     assert resampler(samples) is wanted

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from camtorque.align.options import AVERAGE, CUBIC
+from camtorque.compiled import njit
 from camtorque.records import Array
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows):  # type: ignore[no-untyped-def]
     """Resample consecutive cycles from one block of samples; see `camtorque.align.resample.resample_block`."""
     n_theta = rows.shape[1]
@@ -25,7 +25,7 @@ def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows): 
             _interpolate_row(volts, position, rule, rows[m])
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def fill_times(angle: Array, polynomials: Array, start: float, step: float, out: Array) -> None:
     """Fill ``out`` with the times of the angles ``start + k step``; straight lines beyond the first and last pulse."""
     last = angle.size - 2
@@ -42,7 +42,7 @@ def fill_times(angle: Array, polynomials: Array, start: float, step: float, out:
         _fill_until(np.inf, start, step, k, angle[last + 1], end, slope, 0.0, 0.0, out)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _fill_until(border, start, step, k, origin, a, b, c, d, out):  # type: ignore[no-untyped-def]
     """Fill a stretch with one polynomial up to an angle; return where it ends. No branch inside the loop."""
     end = out.size
@@ -54,7 +54,7 @@ def _fill_until(border, start, step, k, origin, a, b, c, d, out):  # type: ignor
     return end
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _average_row(volts: Array, position: Array, row: Array) -> None:
     """Mean of the linear interpolant over each grid step; the border of two steps is looked up once."""
     border = 0.5 * (position[0] + position[1])
@@ -75,7 +75,7 @@ def _average_row(volts: Array, position: Array, row: Array) -> None:
         border, i = end, j
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _interpolate_row(volts: Array, position: Array, rule: int, row: Array) -> None:
     for k in range(row.size):
         x = position[k + 1]
@@ -87,7 +87,7 @@ def _interpolate_row(volts: Array, position: Array, rule: int, row: Array) -> No
             row[k] = volts[i] + f * (volts[i + 1] - volts[i])
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _cubic(a: float, b: float, c: float, d: float, f: float) -> float:
     """Lagrange cubic through samples at -1, 0, 1, 2."""
     g, m, p = 1.0 - f, f + 1.0, 2.0 - f
