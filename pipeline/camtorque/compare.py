@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -65,8 +65,16 @@ def whole_verdict(rows: Sequence[Difference]) -> str:
     return "changed" if "changed" in kinds else "not changed" if kinds == {"not changed"} else "cannot tell"
 
 
-def matched(before: Path, after: Path) -> list[tuple[Path, Path]]:
-    """Return the pairs of recordings of one speed that two paths name.
+@dataclass(frozen=True)
+class Matched:
+    """Pairs of recordings of one speed, and on each side those that have no partner, with their speeds [rad/s]."""
+
+    pairs: tuple[tuple[Path, Path], ...]
+    alone: tuple[Mapping[Path, float], Mapping[Path, float]] = ({}, {})
+
+
+def matched(before: Path, after: Path) -> Matched:
+    """Return the pairs of recordings of one speed that two paths name; each recording is in one pair at most.
 
     Raises
     ------
@@ -74,21 +82,25 @@ def matched(before: Path, after: Path) -> list[tuple[Path, Path]]:
     """
     sides = [_recordings(path) for path in (before, after)]
     if all(len(side) == 1 for side in sides):
-        return [(sides[0][0], sides[1][0])]
-    speeds = [[load_recording_config(path).nominal_speed for path in side] for side in sides]
-    pairs = []
-    for path, speed in zip(sides[0], speeds[0], strict=True):
-        apart = [abs(other / speed - 1.0) for other in speeds[1]]
-        nearest = int(np.argmin(apart))
-        if apart[nearest] <= SAME_SPEED:
-            pairs.append((path, sides[1][nearest]))
+        return Matched(((sides[0][0], sides[1][0]),))
+    one, two = ({path: load_recording_config(path).nominal_speed for path in side} for side in sides)
+    apart = sorted((abs(two[b] / one[a] - 1.0), i, j) for i, a in enumerate(one) for j, b in enumerate(two))
+    first, second = list(one), list(two)
+    pairs: list[tuple[Path, Path]] = []
+    for distance, i, j in apart:
+        taken = {path for pair in pairs for path in pair}
+        if distance <= SAME_SPEED and not taken & {first[i], second[j]}:
+            pairs.append((first[i], second[j]))
     if not pairs:
-        told = ["; ".join(f"{speed / RPM:.0f}" for speed in side) for side in speeds]
+        told = ["; ".join(f"{speed / RPM:.0f}" for speed in side.values()) for side in (one, two)]
         raise Refusal(
             f"compare: {before} holds {told[0]} rpm and {after} {told[1]} rpm, expected some speed in both; compare "
             "recordings of the same speeds"
         )
-    return pairs
+    pairs.sort(key=lambda pair: first.index(pair[0]))
+    paired = {path for pair in pairs for path in pair}
+    alone = [{path: speed for path, speed in side.items() if path not in paired} for side in (one, two)]
+    return Matched(tuple(pairs), (alone[0], alone[1]))
 
 
 def _recordings(path: Path) -> list[Path]:
@@ -160,7 +172,9 @@ def aligned(path: Path, progress: Progress) -> Prepared:
     return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), NO_VALLEY, np.zeros(0))
 
 
-def compare_document(compared: Sequence[Compared], names: tuple[str, str]) -> dict[str, Any]:
+def compare_document(
+    compared: Sequence[Compared], names: tuple[str, str], alone: Sequence[Mapping[Path, float]] = ({}, {})
+) -> dict[str, Any]:
     """Return compare.json of pairs that belong together; ``names`` are those of both sides where there are several."""
     parameters = _over_pairs([item.parameters for item in compared])
     losses = _over_pairs([item.losses for item in compared])
@@ -170,8 +184,8 @@ def compare_document(compared: Sequence[Compared], names: tuple[str, str]) -> di
     repeat = [item.before.means.torque - item.before.means.held_torque for item in compared]
     return {
         "schema": SCHEMA, "version": __version__, "created": now(),
-        "before": _side([item.before for item in compared], names[0]),
-        "after": _side([item.after for item in compared], names[1]),
+        "before": _side([item.before for item in compared], names[0], alone[0]),
+        "after": _side([item.after for item in compared], names[1], alone[1]),
         "verdict": whole_verdict(rows), "changed": [row.name for row in rows if row.verdict == "changed"],
         "events": [
             {"groups": list(item.groups), "probability": probability}
@@ -197,14 +211,24 @@ def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:
     return tuple(found[0] if len(found) == 1 else pooled(found) for found in by_name.values())
 
 
-def _side(sides: Sequence[Prepared], name: str) -> dict[str, Any]:
+def _side(sides: Sequence[Prepared], name: str, alone: Mapping[Path, float]) -> dict[str, Any]:
     speeds = [side.cycles.mean_speed / RPM for side in sides]
     inputs = {row["path"]: row for side in sides for row in inputs_document(side.recording)}
     single = len(sides) == 1
     return {
         "name": sides[0].recording.config.id if single else name, "speed_rpm": speeds[0] if single else None,
         "speeds_rpm": speeds, "inputs": list(inputs.values()),
+        "left_out": left_out_rows(alone),
     }  # fmt: skip
+
+
+def left_out_rows(alone: Mapping[Path, float]) -> list[dict[str, Any]]:
+    """Return what compare.json says of recordings without a partner; ``alone`` holds their speeds [rad/s]."""
+    return [{"recording": _name(path), "speed_rpm": speed / RPM} for path, speed in alone.items()]
+
+
+def _name(path: Path) -> str:
+    return path.parent.name if path.name == RECORDING else path.name
 
 
 def _rows(differences: Sequence[Difference]) -> dict[str, Any]:
@@ -245,12 +269,17 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
     Refusal : a recording cannot be used, or they are not one pump at one speed
     """
     paths = matched(before, after)
+    for side, rows in zip((before, after), paths.alone, strict=True):
+        if rows:
+            progress(
+                f"left out: {side}: {', '.join(path.name for path in rows)}, whose speeds the other side does not have"
+            )
     with output_folder(out) as folder:
-        found = [_one_pair(*pair, progress) for pair in paths]
+        found = [_one_pair(*pair, progress) for pair in paths.pairs]
         joined = together([item.found for item in found])
         found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]
         progress("writing the comparison")
-        document = compare_document(found, (before.name, after.name))
+        document = compare_document(found, (before.name, after.name), paths.alone)
         return write_compare(ComparePage(document, tuple(compared_curves(item) for item in found)), folder)
 
 

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
-from camtorque.compare import matched, recording_path
+from camtorque.compare import left_out_rows, matched, recording_path
 from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
 from camtorque.records import Refusal
-from camtorque.report.compare_page import EVENTS, compare_events
+from camtorque.report.compare_page import EVENTS, compare_events, left_out
+from camtorque.units import RPM
 
 
 def test_not_changed_asks_for_a_small_interval() -> None:
@@ -51,15 +52,22 @@ def test_folders_of_recordings_are_paired_by_speed(tmp_path: Path) -> None:
     source = next(iter(sorted((Path(__file__).parents[2] / "raw_examples").glob("*/recording.toml")))).parent
     text = (source / "recording.toml").read_text()
     speed = next(line for line in text.splitlines() if line.startswith("nominal_speed_rpm"))
-    for side, speeds in (("old", (500, 900)), ("new", (905, 300))):
+    for side, speeds in (("old", (500, 894, 900)), ("new", (905, 300))):
         for value in speeds:
             folder = tmp_path / side / str(value)
             shutil.copytree(source, folder, ignore=shutil.ignore_patterns("*.csv", "*.mf4", "*.tdms", "*.h5"))
             (folder / "recording.toml").write_text(text.replace(speed, f"nominal_speed_rpm = {value}.0"))
     found = matched(tmp_path / "old", tmp_path / "new")
-    assert [(a.name, b.name) for a, b in found] == [("900", "905")]
+    assert [(a.name, b.name) for a, b in found.pairs] == [("900", "905")]
+    assert [[path.name for path in side] for side in found.alone] == [["500", "894"], ["300"]], "one partner each"
     with pytest.raises(Refusal, match="expected some speed in both"):
         matched(tmp_path / "old" / "500", tmp_path / "new")
+
+
+def test_recordings_without_a_partner_are_named() -> None:
+    alone = {Path("raw/old/500"): 500.0 * RPM, Path("raw/old/b/recording.toml"): 894.0 * RPM}
+    doc = {"before": {"left_out": left_out_rows(alone)}, "after": {"left_out": []}}
+    assert left_out(doc) == ("Left out of before, no partner of that speed: 500 (500 rpm), b (894 rpm).",)
 
 
 def test_every_event_moves_parameters_that_exist() -> None:

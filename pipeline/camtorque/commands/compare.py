@@ -8,7 +8,7 @@ from typing import Any
 
 from camtorque.commands.outcome import Outcome, Tell
 from camtorque.compare import compare
-from camtorque.report.compare_page import compare_events
+from camtorque.report.compare_page import compare_events, left_out
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -38,4 +38,4 @@ def compare_table(doc: Mapping[str, Any]) -> str:
                     f"{verdict}"
                 )
     unknown = [name.replace("_", " ") for name, row in rows.items() if row["verdict"] == "cannot tell"]
-    return "\n".join([*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else [])])
+    return "\n".join([*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else []), *left_out(doc)])

@@ -96,7 +96,7 @@ def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
     html = render(
         "compare.html", live_charts(drawings), named, title=title, doc=document, drawings=drawings,
         tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
-        answer=compare_answer(document), events=compare_events(document),
+        answer=compare_answer(document), events=compare_events(document), left_out=left_out(document),
     )  # fmt: skip
     write_page(folder / "compare.html", html)
     write_json(folder / "compare.json", document)
@@ -121,6 +121,16 @@ def compare_answer(document: Mapping[str, Any]) -> str:
         f"{text} The mean torque differs by {num(torque['rms_difference_nm'], 2)} N m RMS, "
         f"{num(torque['max_difference_nm'], 2)} N m at most{repeat if torque['odd_even_rms_nm'] is not None else ''}."
     )
+
+
+def left_out(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return which recordings found no partner of their speed."""
+    found = []
+    for side in ("before", "after"):
+        rows = [f"{row['recording']} ({num(row['speed_rpm'], 4)} rpm)" for row in document[side].get("left_out", ())]
+        if rows:
+            found.append(f"Left out of {side}, no partner of that speed: {', '.join(rows)}.")
+    return tuple(found)
 
 
 def compare_events(document: Mapping[str, Any]) -> list[tuple[str, str]]:
