@@ -151,12 +151,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, nargs="+", required=True)
     parser.add_argument("--bare", action="store_true")
-    parser.add_argument("--engine", choices=("dask", "processes"), default="processes")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     flow.run_task, flow.joint_fit = stand_in, no_joint_fit  # type: ignore[assignment]
-    how = CampaignOptions(arguments.workers, arguments.engine)
+    how = CampaignOptions(arguments.workers)
     with tempfile.TemporaryDirectory(dir=ROOT.parent, prefix=".campaign_size-") as name:
         prepare_result(Path(name), arguments.bare)
         lines = list(HEAD)

@@ -106,7 +106,7 @@ def measure(raw: Path, out: Path, workers: int) -> dict[str, float]:
     flow.joint_fit = timed(flow.joint_fit, cost, "joint")
     flow.write_campaign = timed(flow.write_campaign, cost, "index")
     start, began = time.process_time(), time.perf_counter()
-    doc = run_campaign(raw, out, OPTIONS, CampaignOptions(workers, "processes"))
+    doc = run_campaign(raw, out, OPTIONS, CampaignOptions(workers))
     cost["wall"] = time.perf_counter() - began
     cost["parent"] = time.process_time() - start - cost["joint"] - cost["index"]
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -144,7 +144,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=(arguments.base or ROOT).parent, prefix=".joint_size-") as name:
         folder = Path(name)
         base = arguments.base or folder / "base"
-        run_campaign(arguments.source, base, OPTIONS, CampaignOptions(arguments.workers, "processes"))
+        run_campaign(arguments.source, base, OPTIONS, CampaignOptions(arguments.workers))
         for count in arguments.count:
             raw, out = grown(arguments.source, base, folder, count)
             command = [sys.executable, __file__, "--workers", str(arguments.workers), "--measure", str(raw), str(out)]

@@ -116,7 +116,7 @@ def child(raw: Path, out: Path, single: bool) -> None:
         run_recording(raw, out)
         return
     flow.run_task, flow.joint_fit = stand_in, no_joint_fit  # type: ignore[assignment]
-    run_campaign(raw, out, RunOptions(), CampaignOptions(2, "processes"))
+    run_campaign(raw, out, RunOptions(), CampaignOptions(2))
 
 
 def main() -> None:

@@ -37,7 +37,8 @@ def on_processes(call: Callable[[T], R], items: Iterable[T], workers: int) -> It
     -----
     An item whose worker dies is tried once more; then `Lost` is its result. Whatever ends the loop ends the workers.
     """
-    quiet_tracker()
+    # the process that clears away semaphores would warn on standard error when workers were killed
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     waiting = iter(items)
     running: dict[Future[R], _Job[T]] = {}
 
@@ -68,11 +69,6 @@ def on_processes(call: Callable[[T], R], items: Iterable[T], workers: int) -> It
     except BaseException:
         end_workers()
         raise
-
-
-def quiet_tracker() -> None:
-    """Keep the process that clears away semaphores from warning on standard error when workers were killed."""
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
 
 
 def _pool() -> ProcessPoolExecutor:

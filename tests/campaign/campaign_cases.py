@@ -5,7 +5,6 @@ Run as a script it is the command `camtorque` with that analysis:  python campai
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -68,7 +67,5 @@ def run_task(item: task.Task) -> Any:
 if __name__ == "__main__":
     from camtorque import cli
 
-    if os.environ.get("CAMPAIGN_CASES_ENGINE") == "processes":
-        flow.find_spec = lambda name: None  # type: ignore[assignment]
     flow.run_task, flow.joint_fit = run_task, no_joint_fit  # type: ignore[assignment]
     sys.exit(cli.main(sys.argv[1:]))

@@ -21,14 +21,20 @@ from camtorque.campaign import cluster
 from camtorque.records import Refusal
 from camtorque.workers import Lost, on_processes
 
-ENGINES = {"processes": on_processes, "dask": cluster.on_local_cluster}
+
+def on_a_scheduler(call: Callable[[str], Any], items: list[str], workers: int) -> Iterator[tuple[str, Any]]:
+    """Have items done by the workers of a scheduler of this machine."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(workers, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as running:
+        yield from cluster.on_scheduler(call, items, running.scheduler_address, print)
+
+
+ENGINES = {"processes": on_processes, "dask": on_a_scheduler}
 
 
 @pytest.fixture(params=ENGINES)
 def engine(request: pytest.FixtureRequest) -> Callable[..., Iterator[tuple[str, Any]]]:
-    """Each way to have items done on this machine."""
-    if request.param == "dask":
-        pytest.importorskip("dask_jobqueue")
+    """Each way to have items done."""
     return ENGINES[request.param]
 
 

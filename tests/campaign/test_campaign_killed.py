@@ -50,15 +50,8 @@ def nobody_is_left(session: int) -> bool:
     return False
 
 
-@pytest.mark.parametrize(
-    ("number", "status", "engine"), [(signal.SIGINT, 130, "dask"), (signal.SIGTERM, 143, "processes")]
-)
-def test_a_stopped_campaign(
-    tmp_path: Path, number: signal.Signals, status: int, engine: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if engine == "dask":
-        pytest.importorskip("dask_jobqueue")
-    monkeypatch.setenv("CAMPAIGN_CASES_ENGINE", engine)
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_stopped_campaign(tmp_path: Path, number: signal.Signals, status: int) -> None:
     raw, out = make(tmp_path / "raw", a="say", b="refuse it", c="sleep 600", d="sleep 600", e="say"), tmp_path / "out"
     process = start(raw, out)
     wait_until_some_are_done(out, process, 2)
@@ -77,8 +70,7 @@ def test_a_stopped_campaign(
     assert set(finished(out)) == set("abcde")
 
 
-def test_a_campaign_killed_at_random_moments_ends_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CAMPAIGN_CASES_ENGINE", "processes")
+def test_a_campaign_killed_at_random_moments_ends_whole(tmp_path: Path) -> None:
     raw = make(tmp_path / "raw", **{f"r{k}": "sleep 0.3" for k in range(12)})
     out = tmp_path / "out"
     chance = random.Random(1)
@@ -99,8 +91,7 @@ def test_a_campaign_killed_at_random_moments_ends_whole(tmp_path: Path, monkeypa
     assert not list((out / "runs").glob(".*"))
 
 
-def test_killed_workers_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CAMPAIGN_CASES_ENGINE", "processes")
+def test_killed_workers_are_named(tmp_path: Path) -> None:
     raw, out = make(tmp_path / "raw", a="die", b="once", c="say", d="say", e="say"), tmp_path / "out"
     process = start(raw, out)
     printed, errors = process.communicate(timeout=LIMIT)

@@ -21,7 +21,7 @@ def test_workers_order_and_resuming_change_no_number(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "calibration", tmp_path / "calibration")
     for name in ("A_1000rpm", "A_1250rpm"):
         shutil.copytree(ROOT / "raw_examples" / name, tmp_path / "raw" / name)
-    how = CampaignOptions(2, "processes")
+    how = CampaignOptions(2)
     first = run_campaign(tmp_path / "raw", tmp_path / "out", OPTIONS, how)
     assert [row["status"] for row in first["recordings"]] == ["ok", "ok"]
     assert first["shared_parameters"]

@@ -44,7 +44,6 @@ def analysed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(task, "joint_input", lambda prepared: prepared)
     monkeypatch.setattr(flow, "joint_fit", campaign_cases.no_joint_fit)
     monkeypatch.setattr(flow, "on_processes", here)
-    monkeypatch.setattr(flow, "on_local_cluster", here)
     return names
 
 

@@ -1,8 +1,7 @@
-"""Dask: an embedded cluster of this machine, a running scheduler, or workers asked of a batch system."""
+"""Dask: workers of a running scheduler, or asked of a batch system."""
 
 from __future__ import annotations
 
-import logging
 import shlex
 import signal
 import subprocess
@@ -16,10 +15,10 @@ from typing import Any, TypeVar
 from camtorque.campaign.key import code_digest
 from camtorque.progress import spoken
 from camtorque.records import Refusal
-from camtorque.stopping import SIGNALS, before_leaving, end_workers
+from camtorque.stopping import SIGNALS, before_leaving
 from camtorque.toml_table import read_toml
 from camtorque.units import did_you_mean
-from camtorque.workers import Lost, quiet_tracker
+from camtorque.workers import Lost
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -41,22 +40,6 @@ WAIT_FOR_WORKERS = 60.0
 TELL_EVERY = 60.0
 CANCEL_WITHIN = 1.0
 """Seconds."""
-
-
-def on_local_cluster(call: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[tuple[T, R | Lost]]:
-    """Yield each item with its result as it is done, on processes of this machine with one thread each."""
-    quiet_tracker()
-    with _quiet() as distributed:
-        cluster = distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=ANY_PORT,
-            silence_logs=logging.CRITICAL, memory_limit=0,
-        )  # fmt: skip
-        with cluster, distributed.Client(cluster) as client:
-            try:
-                yield from _results(client, call, items)
-            except BaseException:
-                end_workers()
-                raise
 
 
 def on_scheduler(

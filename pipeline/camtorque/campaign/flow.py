@@ -9,11 +9,10 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from camtorque.campaign.cluster import on_cluster_file, on_local_cluster, on_scheduler
+from camtorque.campaign.cluster import on_cluster_file, on_scheduler
 from camtorque.campaign.find import search
 from camtorque.campaign.joint import joint_fit
 from camtorque.campaign.key import recording_key
@@ -49,14 +48,12 @@ class CampaignOptions:
     Attributes
     ----------
     workers : processes of this machine, None for as many as it has processors
-    engine : ``dask`` or ``processes``, "" for Dask where it is installed
     scheduler : address of a running Dask scheduler, instead of workers of this machine
     cluster : file that says how to ask a batch system for workers, see docs/campaigns.md
     retry_failed : compute again what was refused before
     """
 
     workers: int | None = None
-    engine: str = ""
     scheduler: str = ""
     cluster: Path | None = None
     retry_failed: bool = False
@@ -177,14 +174,11 @@ def _mapped(tasks: Sequence[Task], how: CampaignOptions, progress: Progress) -> 
 def _outcomes(
     tasks: Sequence[Task], how: CampaignOptions, progress: Progress
 ) -> Iterator[tuple[Task, CampaignEntry | Lost]]:
-    workers = min(how.workers or os.cpu_count() or 1, len(tasks))
     if how.scheduler:
         return on_scheduler(run_task, tasks, how.scheduler, progress)
     if how.cluster is not None:
         return on_cluster_file(run_task, tasks, how.cluster, progress)
-    if how.engine == "processes" or (not how.engine and (workers == 1 or find_spec("distributed") is None)):
-        return on_processes(run_task, tasks, workers)
-    return on_local_cluster(run_task, tasks, workers)
+    return on_processes(run_task, tasks, min(how.workers or os.cpu_count() or 1, len(tasks)))
 
 
 def _write_index(
