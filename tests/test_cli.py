@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 from camtorque import __version__, cli
 from camtorque.align import align
-from camtorque.commands import COMMANDS, check, options, run, texts
+from camtorque.commands import COMMANDS, Outcome, check, options, run, texts
 from camtorque.commands.arguments import SHELLS
-from camtorque.commands.outcome import Outcome
 from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
 from camtorque.records import Refusal

@@ -15,8 +15,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any, NoReturn
 
-from camtorque.commands import COMMANDS
-from camtorque.commands.outcome import Outcome
+from camtorque.commands import COMMANDS, Outcome
 from camtorque.stopping import stoppable
 from camtorque.system import forget, no_tracebacks, silence_output, told, usable_streams
 from camtorque.version import __version__
@@ -67,7 +66,7 @@ def execute(parsed: argparse.Namespace) -> int:
 
     # progress is for a person who waits; a log file or a pipe gets the result alone
     progress = tell if sys.stderr.isatty() and not parsed.quiet else silent
-    command = import_module(COMMANDS[parsed.command].module)
+    command = import_module(f"camtorque.commands.{parsed.command}")
     outcome: Outcome = on_one_thread(command.execute)(parsed, progress)
     as_json = getattr(parsed, "json", False)
     for text, document in outcome.stream:

@@ -1,7 +1,6 @@
-"""Stacks of aligned cycles (n_cycles, n_theta): where they are kept, and sums over cycles in pieces, without copies.
+"""Arrays that are too many to be held: stacks of aligned cycles (n_cycles, n_theta), and shelves of any arrays.
 
-A recording of minutes has more aligned values than fit beside everything else: its stack lies in a nameless file, and
-what was read of it is given back to the system after each piece.
+What is too large lies in a nameless file; what was read of a stack is given back to the system after each piece.
 """
 
 from __future__ import annotations
@@ -9,7 +8,11 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
+from functools import partial
+from threading import Lock
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,3 +90,42 @@ def distance_of(stack: Stack, centre: Stack, stride: int = 1) -> Stack:
         deviation = stack[piece, ::stride] - centre
         total[piece] = np.einsum("ij,ij->i", deviation, deviation)
     return np.asarray(np.sqrt(total / centre.size))
+
+
+HELD = 1 << 25
+"""Bytes of a shelf that stay in memory."""
+
+
+class Shelf:
+    """Room for arrays; where the disk gives none they stay in memory. Several threads may use it."""
+
+    def __init__(self, held: int = HELD) -> None:
+        self._left, self._end, self._lock = held, 0, Lock()
+        self._file: IO[bytes] | None = None
+
+    def put(self, array: Stack) -> Callable[[], Stack]:
+        """Take an array and return what gives it back; the caller keeps no other hold on it."""
+        with self._lock:
+            if array.nbytes > self._left and hasattr(os, "pread"):
+                try:
+                    return partial(self._read, self._written(array), array.shape)
+                except OSError:
+                    pass
+            self._left -= array.nbytes
+        return lambda: array
+
+    def _written(self, array: Stack) -> int:
+        """Write an array to the end of the file and return its place."""
+        if self._file is None:
+            self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 (closed with the shelf)
+            weakref.finalize(self, self._file.close)
+        place, data = self._end, array.tobytes()
+        if os.pwrite(self._file.fileno(), data, place) < len(data):
+            raise OSError("no room is left")
+        self._end += len(data)
+        return place
+
+    def _read(self, place: int, shape: tuple[int, ...]) -> Stack:
+        assert self._file is not None
+        data = os.pread(self._file.fileno(), 8 * int(np.prod(shape)), place)
+        return np.frombuffer(data).reshape(shape)

@@ -23,9 +23,8 @@ from camtorque.report.answer import (
     verdict,
 )
 from camtorque.report.document import result_document
-from camtorque.report.pdf import write_pdf
 from camtorque.report.texts import budget_rows, by_size, parameter_groups
-from camtorque.report.write import write_run
+from camtorque.report.write import write_pdf, write_run
 from report_cases import NASTY, parameter, run_result
 
 

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from camtorque.report.study_figures import _front
+from camtorque.report.plots import _front
 from camtorque.studies.table import Cell, Chart, Point, document, write_document
 from study_cases import front_factor, read_charts
 

@@ -11,7 +11,7 @@ from camtorque.fit.joint_input import joint_input
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
-from camtorque.report.overview_figures import thumbnail
+from camtorque.report.torque_figures import thumbnail
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
 from camtorque.stopping import was_stopped

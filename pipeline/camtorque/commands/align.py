@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.align import AlignOptions, align
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import loud_findings
 from camtorque.ingest import read_recording
 from camtorque.plain import now

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from camtorque.campaign import CampaignOptions, list_recordings, prune, run_campaign, run_only
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.options import run_options
-from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import campaign_table
 
 SOME_REFUSED, ALL_REFUSED = 1, 2

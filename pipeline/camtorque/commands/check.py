@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from camtorque.align import align
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.ingest import RecordingSummary, read_recording, summarise
 from camtorque.plain import plain

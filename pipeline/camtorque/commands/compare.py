@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.compare import compare
 from camtorque.report.compare_page import compare_events, left_out
 

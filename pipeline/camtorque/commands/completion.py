@@ -8,8 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
-from camtorque.commands import COMMANDS
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import COMMANDS, Outcome, Tell
 
 BASH = """_camtorque() {{
   local word="${{COMP_WORDS[COMP_CWORD]}}" words

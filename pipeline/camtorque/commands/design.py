@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.design import Answer, answer_document, design_page, read_task, solve_task, write_chosen
 from camtorque.design.answer import TABLE
 from camtorque.design.page import fitted_cells, label_of, law_name

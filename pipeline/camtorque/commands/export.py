@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.options import require
-from camtorque.commands.outcome import Outcome, Tell
 from camtorque.export import report_tables, write_tables
 from camtorque.report.folder import check_writable
-from camtorque.report.trend_figure import trend_figure
+from camtorque.report.plots import trend_figure
 from camtorque.results import read_results
 from camtorque.trend import AXES, told_parameters, trend_table
 

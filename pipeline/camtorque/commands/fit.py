@@ -7,7 +7,7 @@ from typing import Any
 
 import lmfit
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.lmfit_way import changed, own_fit, read_changes
 from camtorque.plain import plain
 from camtorque.records import Refusal

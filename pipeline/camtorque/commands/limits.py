@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import limit_lines
 from camtorque.limits import PASS, judge, limits_document, overall, read_limits, refuse_unknown
 from camtorque.results import read_results

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
 from camtorque.plain import plain

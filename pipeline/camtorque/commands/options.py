@@ -6,7 +6,7 @@ import argparse
 from importlib.util import find_spec
 
 from camtorque.align import AlignOptions
-from camtorque.commands.outcome import Tell
+from camtorque.commands import Tell
 from camtorque.fit.prepare import LEAST_GRID
 from camtorque.fit.single import FitOptions
 from camtorque.grid_choice import grid_note

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.fit.planning import MOST_RUNS
 from camtorque.plain import plain
 from camtorque.plan import plan_runs

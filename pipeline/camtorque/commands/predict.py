@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict, replace
 
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.arguments import METHODS
-from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump

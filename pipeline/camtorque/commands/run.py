@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from camtorque.commands import Outcome, Tell
 from camtorque.commands.options import run_options
-from camtorque.commands.outcome import Outcome, Tell
 from camtorque.commands.texts import limit_lines, run_table
 from camtorque.limits import PASS
 from camtorque.report.folder import seal
-from camtorque.report.pdf import write_pdf
+from camtorque.report.write import write_pdf
 from camtorque.run import run_recording
 
 OUTSIDE = 3

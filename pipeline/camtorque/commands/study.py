@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from camtorque.commands.outcome import Outcome, Tell
+from camtorque.commands import Outcome, Tell
 from camtorque.report.folder import check_writable
 from camtorque.studies.study import run_study
 

@@ -25,7 +25,7 @@ from camtorque.fit.solver import (
 )
 from camtorque.laws.chain import BINS, evaluate
 from camtorque.records import Array, ReadOnly
-from camtorque.shelf import Shelf
+from camtorque.stacks import Shelf
 from camtorque.threads import Each, in_turn
 
 Smooth = Callable[[Array], Array]

@@ -1,12 +1,15 @@
-"""Everything of one run into a folder."""
+"""Everything of one run into a folder, and its page as PDF (WeasyPrint, extra `pdf`) for those who need paper."""
 
 from __future__ import annotations
 
+import logging
+import os
 import time
 from pathlib import Path
 from typing import Any
 
 from camtorque.plain import plain
+from camtorque.records import Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.cycles_file import write_cycles
 from camtorque.report.document import result_document
@@ -40,3 +43,24 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     write_json(folder / FIT_NAME, plain(run_fit_document(result)))
     write_json(folder / "result.json", doc)
     return doc
+
+
+def write_pdf(page: Path) -> Path:
+    """Write a page of this room beside itself as PDF and return its path.
+
+    Raises
+    ------
+    Refusal : WeasyPrint is not installed, or lacks a library of the system
+    """
+    try:
+        from weasyprint import HTML
+    except (ImportError, OSError) as error:
+        raise Refusal(
+            f"--pdf: WeasyPrint cannot be used ({error}), expected the extra 'pdf'; pip install 'camtorque[pdf]'"
+        ) from error
+    logging.getLogger("weasyprint").setLevel(logging.ERROR)  # it warns of every rule for screens
+    partial = page.with_name(f".{page.stem}.pdf.partial")
+    HTML(string=page.read_text(encoding="utf-8"), base_url=None).write_pdf(partial)
+    target = page.with_suffix(".pdf")
+    os.replace(partial, target)
+    return target

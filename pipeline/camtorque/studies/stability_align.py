@@ -20,8 +20,7 @@ from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, CamTable, Channel, Recording, SensorCalibration
 from camtorque.studies.case import SPEED, rms_error, study_law, study_pressure, study_pump
 from camtorque.studies.grid import torque_on
-from camtorque.studies.table import StabilityMap
-from camtorque.studies.verdicts import Outcome, cell
+from camtorque.studies.table import Outcome, StabilityMap, cell
 
 LIMITS = (1.0e-2, 5.0e-2)
 RATE = 2.0e4

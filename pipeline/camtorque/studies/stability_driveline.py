@@ -22,8 +22,7 @@ from camtorque.studies.integrators import (
     load_rows,
     march_periodic,
 )
-from camtorque.studies.table import StabilityMap
-from camtorque.studies.verdicts import Outcome, cell
+from camtorque.studies.table import Outcome, StabilityMap, cell
 
 CHECK = angle_grid(2003)
 PACKAGE = "predict (elastic shaft)"

@@ -23,8 +23,7 @@ from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable, Refusal
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
-from camtorque.studies.table import StabilityMap
-from camtorque.studies.verdicts import Outcome, cell
+from camtorque.studies.table import Outcome, StabilityMap, cell
 
 LIMITS = (5.0e-3, 5.0e-2)
 EXACT = study_law

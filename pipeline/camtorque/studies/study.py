@@ -7,7 +7,7 @@ from pathlib import Path
 
 from camtorque.progress import told
 from camtorque.report.folder import output_files
-from camtorque.report.study_figures import save_study_figure
+from camtorque.report.plots import save_study_figure
 from camtorque.run import Progress, silent
 from camtorque.studies.driveline import driveline_chart
 from camtorque.studies.dynamics import dynamics_chart

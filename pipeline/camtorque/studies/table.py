@@ -1,4 +1,4 @@
-"""What a study returns: measured points of charts and verdicts of maps, frozen, and written as JSON."""
+"""What a study returns: measured points of charts, verdicts on attempts in maps, frozen, and written as JSON."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+from camtorque.records import Refusal
 
 LEAST_TIME = 2.0e-3
 """Shorter calls are repeated until they last this long [s]."""
@@ -148,3 +150,37 @@ def write_document(path: Path, content: dict[str, Any]) -> Path:
     """Write plain data as JSON and return the path."""
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return path
+
+
+Outcome = float | tuple[float, str]
+"""Error on a scale that the caller chooses; with what the user is told beside the number, if anything."""
+
+
+def judge(error: float, told: str, good: float, bad: float, shown: str) -> tuple[str, str]:
+    """Return verdict and detail of a number: below ``good`` it works, below ``bad`` or told it degrades."""
+    text = f"{shown} {error:.1e}" + (f"; told: {told}" if told else "")
+    if error <= good:
+        return "works", text
+    if error <= bad or told:
+        return "degrades", text
+    return "fails silently", text
+
+
+def cell(
+    condition: str,
+    method: str,
+    attempt: Callable[[], Outcome],
+    limits: tuple[float, float],
+    shown: str = "error",
+    default: bool = False,
+) -> Cell:
+    """Return the verdict on one attempt; ``limits`` are the errors up to which it works and degrades.
+
+    A `Refusal` fails loudly with its text; so do the errors that numerical libraries raise.
+    """
+    try:
+        outcome = attempt()
+    except (Refusal, ValueError, ArithmeticError) as problem:
+        return Cell(condition, method, "fails loudly", str(problem).splitlines()[0], default)
+    error, told = outcome if isinstance(outcome, tuple) else (outcome, "")
+    return Cell(condition, method, *judge(error, told, *limits, shown), default=default)

@@ -1,4 +1,4 @@
-"""Charts and maps of the studies, drawn from their written form (plain data), so that committed data can be redrawn."""
+"""Figures that matplotlib draws: a trend over many reports, and the charts and maps of the studies."""
 
 from __future__ import annotations
 
@@ -9,10 +9,65 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camtorque.report.style import CYCLE, MEASURED, MUTED, STYLE
+from camtorque.report.tones import CYCLE as TONES_OF_CURVES
+from camtorque.report.tones import light
+
+WIDTH, HEIGHT = 3.4, 1.9
+"""Of one panel [inch]."""
+
+
+def trend_figure(table: Any, axes: Mapping[str, str], quantities: Mapping[str, str]) -> Figure:
+    """Return the figure of a trend; ``axes``, ``quantities``: column (bars of ``NAME_stderr``) -> label."""
+    over = {name: label for name, label in axes.items() if table[name].nunique() > 1} or {"recording": "recording"}
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH * len(over), HEIGHT * len(quantities)), layout="constrained")
+        panels = figure.subplots(len(quantities), len(over), squeeze=False, sharex="col", sharey="row")
+        for row, (quantity, label) in zip(panels, quantities.items(), strict=True):
+            row[0].set_ylabel(label)
+            for panel, name in zip(row, over, strict=True):
+                _draw(panel, table, name, quantity)
+        for panel, label in zip(panels[-1], over.values(), strict=True):
+            panel.set_xlabel(label)
+            panel.tick_params(axis="x", rotation=0 if label.startswith(("speed", "peak", "fuel")) else 30)
+    return figure
+
+
+def _draw(panel: Axes, table: Any, name: str, quantity: str) -> None:
+    rows = table[table[name].notna() & table[quantity].notna()].sort_values(name, kind="stable")
+    error = rows[f"{quantity}_stderr"] if f"{quantity}_stderr" in table else None
+    place = rows[name].astype("datetime64[ns]") if name == "date" else rows[name]
+    panel.errorbar(place, rows[quantity], yerr=error, fmt="o", markersize=4, linewidth=1.0, color=light("fitted"))
+
+
+MEASURED, MUTED = light("measured"), light("muted")
+CYCLE = tuple(light(tone) for tone in TONES_OF_CURVES)
+STYLE: Any = {
+    "font.size": 9.5,
+    "font.family": "sans-serif",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": light("axis"),
+    "axes.labelcolor": "#30363d",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=CYCLE),
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "grid.color": light("grid"),
+    "grid.linewidth": 0.8,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "lines.linewidth": 1.5,
+    "svg.fonttype": "none",
+    "figure.dpi": 100,
+}
+
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
 COLOURS = {"works": "#b7e0cf", "degrades": "#fbe3a8", "fails loudly": "#c9ddf2", "fails silently": "#e8927c"}

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from camtorque.shelf import Shelf
+from camtorque.stacks import Shelf
 
 
 def test_few_arrays_stay_in_memory_and_more_go_to_disk():
