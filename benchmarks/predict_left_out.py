@@ -1,6 +1,8 @@
 """Each recording of a campaign predicted from a joint fit of the others and its own line pressure.
 
-    python benchmarks/predict_left_out.py OUT.csv CAMPAIGN_DIR ...
+    python benchmarks/predict_left_out.py OUT.csv [CAMPAIGN_DIR ...] [--family closed_volume spill ...] [--step 0]
+
+Campaigns are folders of recordings, or simulated rigs of some families at five speeds, each speed with its own load.
 
 The line pressure is taken as the recording has it (`--load-of`), and from a file as a user would type or export it
 (`--pressure`), with a point every so many degrees. The constant zero is that of the angles where the prediction is
@@ -35,9 +37,14 @@ from camtorque.predict_from import chain_of, file_curve
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.units import BAR, RPM
+from compare_twins import compared_side, recorded
+from rigs.families import FAMILIES
 
 STEPS_DEG = (0.0, 0.25, 1.0, 2.0, 3.0)
 """Steps of the file of the load; 0: as the recording has it."""
+
+SPEEDS, SPEED_RATIO = 5, 1.28
+"""Speeds of a simulated campaign, each so many times the one before."""
 
 TORQUE_OVER, STEP_OVER = 0.4, 0.02
 """Where the torque is above such a share of its peak, or changes by such a share from one angle to the next, it is
@@ -137,21 +144,43 @@ def left_out_rows(prepared: Sequence[Prepared], steps: Sequence[float]) -> list[
     return rows
 
 
+def read_campaign(folder: Path) -> list[Prepared]:
+    """Return the recordings below a folder with their minima."""
+    prepared = []
+    for file in sorted(folder.glob("*/recording.toml")):
+        recording = read_recording(file)
+        cycles = align(recording)
+        prepared.append(prepare(recording, cycles, rigid_torque(recording, cycles)))
+    return prepared
+
+
+def simulated_campaign(family: str, seed: int) -> list[Prepared]:
+    """Return recordings of a simulated rig at five speeds, each with its own load, with their minima."""
+    rng = np.random.default_rng(7000 + seed)
+    truth, slowest = FAMILIES[family](rng), float(rng.uniform(300.0, 450.0))
+    prepared = []
+    for k in range(SPEEDS):
+        run = recorded(truth, slowest * SPEED_RATIO**k, float(rng.uniform(0.55, 0.9)), 100 * seed + k)
+        side = compared_side(run, run, f"{family}_{seed}_{k}")
+        prepared.append(prepare(side.recording, side.cycles, side.rigid))
+    return prepared
+
+
 def main() -> None:
     """Write one line per left-out recording."""
     parser = plain_parser(__doc__)
     parser.add_argument("out", type=Path)
-    parser.add_argument("campaigns", type=Path, nargs="+")
+    parser.add_argument("campaigns", type=Path, nargs="*")
+    parser.add_argument("--family", nargs="+", default=[], help="simulated rigs, one of each family")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--step", type=float, nargs="+", default=STEPS_DEG, help="of the file of the load [deg]")
     chosen = parser.parse_args()
     rows: list[dict[str, object]] = []
     for folder in chosen.campaigns:
-        prepared = []
-        for file in sorted(folder.glob("*/recording.toml")):
-            recording = read_recording(file)
-            cycles = align(recording)
-            prepared.append(prepare(recording, cycles, rigid_torque(recording, cycles)))
-        rows += left_out_rows(prepared, chosen.step)
+        rows += left_out_rows(read_campaign(folder), chosen.step)
+        write_rows(chosen.out, rows)
+    for seed, family in enumerate(chosen.family, chosen.first):
+        rows += left_out_rows(simulated_campaign(family, seed), chosen.step)
         write_rows(chosen.out, rows)
 
 

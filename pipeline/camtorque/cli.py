@@ -120,8 +120,9 @@ def _failed(error: Exception, parsed: argparse.Namespace) -> int:
     if parsed.debug and not refused:
         raise error
     text = str(error) if refused else "; ".join(told(error))
+    line = " ".join(text.split()).removeprefix(f"{parsed.command}: ")
     with suppress(OSError):
-        print(f"camtorque {parsed.command}: {' '.join(text.split())}", file=sys.stderr)
+        print(f"camtorque {parsed.command}: {line}", file=sys.stderr)
     forget(error)
     if getattr(error, "filename", "") is None:
         silence_output()  # most likely the standard output itself, such as a full disk

@@ -207,7 +207,7 @@ def predict(parser: argparse.ArgumentParser) -> None:
         "--pump", dest="other_pump", type=Path, metavar="FILE", help="another pump with the fit's losses"
     )
     parser.add_argument("--cam", type=Path, metavar="FILE", help="another lift table, of the columns of the fitted one")
-    text = "change of the plunger's clearance, such as +1um, or 3um+1um from a known one (default from 4 um)"
+    text = "change of the plunger's clearance, such as +1um (=-1um: less), or 3um+1um from a known one (default 4 um)"
     parser.add_argument("--clearance", default="", metavar="CHANGE", help=text)
     text = f"how delivery ends under that load: {', '.join(ENDINGS)} (default: as in the fitted recordings)"
     parser.add_argument("--ending", choices=ENDINGS, default="", metavar="NAME", help=text)
