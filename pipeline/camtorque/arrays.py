@@ -20,6 +20,7 @@ from camtorque.units import BAR, DEGREE, RPM
 IN_MEMORY = Path("arrays")
 """Stands for the file of a channel that came as an array."""
 QUANTITIES = ("torque", "pressure", "trigger")
+WHOLE_TURN_DEG = 360.0
 WIDE_GAIN_STD, WIDE_ZERO_SHARE, WIDE_DELAY_STD = 0.01, 0.005, 5.0e-5
 """Of a sensor without a sheet: relative gain, zero as a share of the largest reading, delay [s]. A transducer of class
 1 with a certificate stays within half of the first two; the third is half a sample at 10 kHz."""
@@ -72,10 +73,15 @@ def recording_from_arrays(
 
     Raises
     ------
-    Refusal : an array that is missing, empty, not of one dimension or not finite; a rate or speed that is not positive
+    Refusal : an array that is missing, empty, not of one dimension, not of real or finite numbers; a rate or speed that
+        is not positive; an angle of the trigger beyond a turn
     """
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
     _positive(mark.speed_rpm, "speed_rpm")
+    if not abs(mark.angle_deg) <= WHOLE_TURN_DEG:
+        raise Refusal(
+            f"trigger_angle_deg: found {mark.angle_deg!r}, expected -{WHOLE_TURN_DEG:g} to {WHOLE_TURN_DEG:g}"
+        )
     channels = tuple(
         _channel(quantity, _checked(arrays[quantity], quantity), _rate(rates, quantity), sensors.get(quantity))
         for quantity in QUANTITIES
@@ -89,7 +95,10 @@ def recording_from_arrays(
 
 
 def _checked(values: ArrayLike, quantity: str) -> Array:
-    array = np.asarray(values, dtype=np.float64)
+    given = np.asarray(values)
+    if given.dtype.kind not in "biuf":
+        raise Refusal(f"{quantity}: found values of type {given.dtype}, expected real numbers in SI")
+    array = given.astype(np.float64)
     if array.ndim != 1 or array.size < 2:
         raise Refusal(
             f"{quantity}: found an array of shape {array.shape}, expected one dimension and 2 samples or more"

@@ -19,7 +19,7 @@ from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
-from camtorque.records import Array, Refusal
+from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
 from camtorque.report.document import inputs_document
@@ -146,6 +146,21 @@ def compare_prepared(before: Prepared, after: Prepared, progress: Progress = sil
     progress("weighing what may have changed")
     found, pair = attribution(pair)
     return Compared(before, after, pair, found)
+
+
+def refuse_same(before: Recording, after: Recording) -> None:
+    """Refuse a recording that is held against itself.
+
+    Raises
+    ------
+    Refusal : both are made of the same files
+    """
+    one, two = ({item.sha256 for item in side.inputs} for side in (before, after))
+    if one == two:
+        raise Refusal(
+            f"compare: {before.config.id} and {after.config.id} are the same files, expected two recordings; name the "
+            "one before and the one after"
+        )
 
 
 def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
@@ -285,6 +300,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
 
 def _one_pair(before: Path, after: Path, progress: Progress) -> Compared:
     one, two = (aligned(path, progress) for path in (before, after))
+    refuse_same(one.recording, two.recording)
     _refuse_other_pump(one, two)
     progress(f"fitting {one.recording.config.id}")
     return compare_prepared(prepare(one.recording, one.cycles, one.rigid), two, progress)

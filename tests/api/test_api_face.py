@@ -116,6 +116,9 @@ def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> No
     [
         ({"torque": np.zeros((2, 3))}, r"torque: found an array of shape \(2, 3\)"),
         ({"pressure": np.full(9, np.nan)}, "pressure: found no finite number among 9 samples"),
+        ({"torque": ["a", "b"]}, "torque: found values of type <U1, expected real numbers in SI"),
+        ({"pressure": np.full(9, 1j)}, "pressure: found values of type complex128"),
+        ({"trigger_angle_deg": 4000.0}, "trigger_angle_deg: found 4000.0, expected -360 to 360"),
         ({"sample_rate": {"torque": 1e4}}, "found no entry 'pressure'|found no entry 'trigger'"),
         ({"sample_rate": 0.0}, "sample_rate: found 0.0, expected a positive number"),
         ({"speed_rpm": -1.0}, "speed_rpm: found -1.0, expected a positive number"),

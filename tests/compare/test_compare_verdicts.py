@@ -7,15 +7,16 @@ import shutil
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
-from camtorque.compare import left_out_rows, matched, recording_path
+from camtorque.compare import left_out_rows, matched, recording_path, refuse_same
 from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
-from camtorque.records import Refusal
+from camtorque.records import InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out
 from camtorque.units import RPM
 
@@ -68,6 +69,16 @@ def test_recordings_without_a_partner_are_named() -> None:
     alone = {Path("raw/old/500"): 500.0 * RPM, Path("raw/old/b/recording.toml"): 894.0 * RPM}
     doc = {"before": {"left_out": left_out_rows(alone)}, "after": {"left_out": []}}
     assert left_out(doc) == ("Left out of before, no partner of that speed: 500 (500 rpm), b (894 rpm).",)
+
+
+def test_a_recording_held_against_itself_is_refused() -> None:
+    def of(name: str, *hashes: str) -> SimpleNamespace:
+        inputs = [InputFile(Path(f"{name}/{digest}"), digest) for digest in hashes]
+        return SimpleNamespace(config=SimpleNamespace(id=name), inputs=inputs)
+
+    refuse_same(of("a", "sheet", "log"), of("b", "sheet", "other log"))  # type: ignore[arg-type]
+    with pytest.raises(Refusal, match="a and copy are the same files, expected two recordings"):
+        refuse_same(of("a", "sheet", "log"), of("copy", "log", "sheet"))  # type: ignore[arg-type]
 
 
 def test_every_event_moves_parameters_that_exist() -> None:
