@@ -8,7 +8,7 @@ from camtorque.laws.chain import evaluate, with_substeps
 from camtorque.laws.chamber import FLOW, KERNEL_UNITS, LOWEST
 from camtorque.laws.fluid import ATMOSPHERE, specific_volume
 from camtorque.laws.leakage import leak_flow
-from camtorque.laws.ports import LAMINAR, flow_root, opening
+from camtorque.laws.ports import LAMINAR, SUCTION_OPENS, SUCTION_SOFT, flow_root, opening, suction_root
 from camtorque.laws.valve import STROKE, lifted, stop_force
 from laws_cases import N, chain_input, refined, start_values
 
@@ -34,6 +34,29 @@ def test_closed_chamber_keeps_its_mass_whatever_the_step(n, air):
     mass = volume(data, output, values) / specific(output.pressure, values)
     assert output.pressure.max() > 400e5
     np.testing.assert_allclose(mass, mass[0], rtol=1e-9)
+
+
+def test_a_suction_valve_fills_what_no_port_does():
+    values = {**start_values("land"), "port_width": 0.0, "leakage": 0.0, "free_air": 0.0, "suction_area": 1.5e-6}
+    data = refined(chain_input(n=7200), values)
+    output = evaluate(data, values)
+    swept = -data.pump.plunger_area * output.motion.lift[1] * output.motion.rate
+    drawing = (output.flows[:, 0] < 0.0) & (swept > 0.2 * np.max(swept))
+    drawn = [suction_root((values["feed_pressure"] - p) * 1e-5)[0] for p in output.pressure[drawing]]
+    assert drawing.sum() > 300
+    # liquid hardly gives at a few bar: what the plunger sweeps comes in through the valve
+    inside = slice(30, None)  # the valve opens
+    np.testing.assert_allclose((FLOW * values["suction_area"] * np.array(drawn))[inside], swept[drawing][inside], rtol=0.02)
+    assert not output.flows[output.pressure > values["feed_pressure"], 0].any()
+
+
+def test_the_root_of_a_suction_valve_has_no_corner():
+    differences = SUCTION_OPENS + np.linspace(-3.0, 3.0, 601) * SUCTION_SOFT
+    values, slopes = np.array([suction_root(x) for x in differences]).T
+    assert not values[differences < SUCTION_OPENS - SUCTION_SOFT].any()
+    step = differences[1] - differences[0]
+    np.testing.assert_allclose(np.gradient(values, step)[1:-1], slopes[1:-1], atol=2.0 * step / SUCTION_SOFT)
+    assert suction_root(30.0)[0] == flow_root(30.0 - SUCTION_OPENS)[0]
 
 
 def test_mass_is_kept_through_vapour():

@@ -130,7 +130,7 @@ class ChainOutput:
     derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
-    pressure_tangents : (n, 26 + 13) by `chamber.NAMES`, then `SHIFT_NAMES` [Pa per SI]; None where not asked for
+    pressure_tangents : by `chamber.NAMES`, then `SHIFT_NAMES`, (n, ...) [Pa per SI]; None where not asked for
     load : (n,) contact force along the follower lambda_y [N]
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations of the chamber
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]

@@ -5,7 +5,8 @@ balance of mass holds over the whole revolution::
 
     d(rho V)/dt = -rho_0 (Q_port + Q_spill + Q_out + Q_leak),   V = V_0 + A (y_top - y)
 
-with the fluid of `fluid`, inlet and spill port of `ports`, leakage of `leakage`, outlet and delivery valve of `valve`.
+with the fluid of `fluid`, inlet, spill port and suction valve of `ports`, leakage of `leakage`, outlet and delivery
+valve of `valve`.
 Delivery ends by a land (the outlet closes at an angle), by spill (a port opens above a lift), or is not seen to end.
 
 Implicit Euler steps for the two masses and the valve, finer while the valve moves; exact for a closed volume whatever
@@ -20,7 +21,7 @@ from camtorque.compiled import njit
 from camtorque.laws import fluid, leakage, ports, valve
 from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
-from camtorque.laws.ports import flow_root, opening
+from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
 from camtorque.laws.valve import SPRING, lifted, stop_force
 
@@ -43,7 +44,7 @@ KERNEL_UNITS: dict[str, float] = {
     "end_width": 1.0, "spill_lift": 1e3, "spill_width": 1e3, "spill_span": 1e3, "valve_opening": 1e-5,
     "valve_area": 1e6, "valve_range": 1e-5, "retraction_volume": 1e9, "gallery_volume": 1e9, "valve_mass": 1e-8,
     "valve_damping": 1e-3, "seat_gain": 1e-3, "valve_exposure": 1.0, "leakage": 1e11, "leak_growth": 1e5,
-    "pressure_zero": 1e-5,
+    "pressure_zero": 1e-5, "suction_area": 1e6,
 }  # fmt: skip
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
@@ -84,7 +85,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
 
     Parameters
     ----------
-    parameters : (26,) in kernel units, order of `NAMES`
+    parameters : (N,) in kernel units, order of `NAMES`
     geometry : plunger area [mm^2], full lift [mm], time step of the grid [ms]
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
@@ -95,7 +96,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     Returns
     -------
     pressure : (n,) on the plunger [bar]
-    tangents : (n, 26 + n_shift) its derivatives
+    tangents : (n, N + n_shift) its derivatives
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations
     flows : (n, 4) inlet port, spill, seat, leak [mm^3/ms]
     path : (m, 3) pressure, gallery pressure and volume swept by the valve after each of the m time steps;
@@ -103,7 +104,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
-    mass_valve, damping, seat, exposure, leak, growth, zero = parameters[19:]
+    mass_valve, damping, seat, exposure, leak, growth, zero, suction = parameters[19:]
     plunger, top_lift, grid_step = geometry
     n = theta.size
     n_shift = shifts.shape[1]
@@ -155,6 +156,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             outlet_x = (end - angle) / width
             outlet, outlet_x_d, outlet_q = opening(outlet_x, rounded)
             feeding = FLOW * (k_port * h_port * port_s + k_spill * h_spill * spill_s)
+            k_suction = FLOW * suction
             k_out = FLOW * area_out * outlet
             closed = outlet <= 0.0
             p_old, g_old, u_old, speed_old = p, g, u, speed
@@ -177,8 +179,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
                 root, root_d = flow_root(p - feed)
                 loss, loss_p, loss_f, loss_l, loss_h = leak_flow(p, feed, leak, growth)
-                f1 = volume / share - mass + dt * (feeding * root + loss)
-                j11 = -volume * share_p / (share * share) + dt * (feeding * root_d + loss_p)
+                drawn, drawn_d = suction_root(feed - p)
+                f1 = volume / share - mass + dt * (feeding * root + loss - k_suction * drawn)
+                j11 = -volume * share_p / (share * share) + dt * (feeding * root_d + loss_p + k_suction * drawn_d)
                 count += 1
                 # as a balance of room instead of mass, whose iterations do not swing where vapour forms
                 if closed:
@@ -257,7 +260,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 gallery = (v_gallery + u) / shared
             if sub == steps:
                 root, root_d = flow_root(p - feed)
-                flows[i, 0] = FLOW * k_port * h_port * port_s * root
+                drawn, drawn_d = suction_root(feed - p)
+                flows[i, 0] = FLOW * k_port * h_port * port_s * root - k_suction * drawn
                 flows[i, 1] = FLOW * k_spill * h_spill * spill_s * root
                 flows[i, 3] = loss
                 if not closed:
@@ -274,7 +278,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             partial[0, 1] -= volume * squared * share_k
             partial[0, 2] -= volume * squared * share_b
             partial[0, 3] -= volume * squared * share_a
-            partial[0, 4] += dt * (-feeding * root_d + loss_f)
+            drawn, drawn_d = suction_root(feed - p)
+            partial[0, 4] += dt * (-feeding * root_d + loss_f - k_suction * drawn_d)
+            partial[0, 26] -= dt * FLOW * drawn
             port_flow = dt * FLOW * k_port * root
             spill_flow = dt * FLOW * k_spill * root
             partial[0, 5] += port_flow * port_sx
