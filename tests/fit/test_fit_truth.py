@@ -267,6 +267,8 @@ def test_smoothing_leads_an_end_of_delivery_that_is_ten_degrees_off():
     rows["end_of_delivery"] = replace(rows["end_of_delivery"], start=true + np.radians(10.0))
     start = continued(replace(data, rows=rows), 14.0, core=True)
     assert start is not None
+    start = continued(start.data, 7.0, core=False)
+    assert start is not None
     assert abs(start.data.rows["end_of_delivery"].start - true) < np.radians(3.0)
     angles, lifts = rising_angles(data, (0.5, 0.9))
     assert np.all(np.diff(angles) > 0.0)
