@@ -22,6 +22,7 @@ REFUSED = [
     ({"free": "base_circle_radius_m = [0.018, 0.025]"}, "did you mean 'base_circle_radius_mm'"),
     ({"free": "rise_deg = [-10, 60]"}, "found a lower bound of -10, expected at least 1"),
     ({"free": "phase_2_deg = [0, 90]"}, "phase_2_deg: nothing of this name can be free"),
+    ({"free": "follower_offset_mm = [-0.006, 0.009]"}, "-0.006 to 0.009, but the base circle has 20 .* check the unit"),
     ({"free": "follower_offset_mm = [-30, 9]"}, "reaches 30 mm, but base circle and roller may be as small as 28 mm"),
     ({"free": ""}, r"\[free\]: nothing is free"),
     ({"aims": ""}, r"\[aims\]: is empty, expected at least one of peak_torque_nm"),

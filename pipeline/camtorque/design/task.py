@@ -25,6 +25,8 @@ from camtorque.units import DEGREE, expected_one_of
 
 SLIP = 50.0
 """Bounds further than this factor from the value of the pump file are taken for a slip of units."""
+LEAST_OFFSET = 0.002
+"""Share of the base circle's radius below which the bounds of a follower offset are taken for one, too."""
 KNEE = "knee"
 
 
@@ -163,15 +165,23 @@ def _variables(free: Table, values: dict[str, float], pumps: int) -> tuple[Varia
         if low < least:
             raise Refusal(f"{free.where(name)}: found a lower bound of {low:g}, expected at least {least:g}")
         start = values.get(name, 0.5 * (low + high))
-        far = max(abs(low), abs(high)) < abs(start) / SLIP or (min(abs(low), abs(high)) > SLIP * abs(start) > 0.0)
-        if far and name not in ("follower_offset_mm", "spring_preload_N") and not name.startswith("phase"):
-            raise Refusal(
-                f"{free.where(name)}: found bounds {low:g} to {high:g}, but the pump has {start:g} in this unit; "
-                "expected bounds near it; check the unit"
-            )
+        _refuse_slip(free, name, (low, high), start, values["base_circle_radius_mm"])
         found.append(Variable(name, low, high, float(np.clip(start, low, high))))
         values[name] = found[-1].start
     return tuple(found)
+
+
+def _refuse_slip(free: Table, name: str, bounds: tuple[float, float], start: float, radius: float) -> None:
+    """Refuse bounds that look like another unit's: far from the pump's value, or from its size where that may be 0."""
+    low, high = bounds
+    largest = max(abs(low), abs(high))
+    far = largest < abs(start) / SLIP or (min(abs(low), abs(high)) > SLIP * abs(start) > 0.0)
+    told = f"the pump has {start:g} in this unit; expected bounds near it"
+    if name == "follower_offset_mm":
+        far = largest < LEAST_OFFSET * radius
+        told = f"the base circle has {radius:g} in this unit; expected bounds of {LEAST_OFFSET:g} of it or more"
+    if far and name != "spring_preload_N" and not name.startswith("phase"):
+        raise Refusal(f"{free.where(name)}: found bounds {low:g} to {high:g}, but {told}; check the unit")
 
 
 def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:
