@@ -20,14 +20,15 @@ from camtorque.align import AlignOptions
 from camtorque.align import align as _align
 from camtorque.arrays import Mark, Sensor, recording_from_arrays
 from camtorque.config_pump import PressureCurve, PumpConfig
-from camtorque.fit.single import FitOptions
+from camtorque.fit.single import FitOptions as FitOptions
 from camtorque.frames import to_pandas, to_xarray
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
-from camtorque.limits import Limit
+from camtorque.limits import Limit as Limit
 from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
-from camtorque.records import CamCycles, Refusal
+from camtorque.records import CamCycles
+from camtorque.records import Refusal as Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.document import result_document
 from camtorque.report.folder import check_output, output_folder
@@ -36,26 +37,6 @@ from camtorque.report.write import write_run
 from camtorque.run import Progress, RunOptions, analyse_recording, silent
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
-
-__all__ = [
-    "AlignOptions",
-    "CamCycles",
-    "FitOptions",
-    "Limit",
-    "Prediction",
-    "Recording",
-    "Refusal",
-    "Result",
-    "RunOptions",
-    "Sensor",
-    "align",
-    "fit",
-    "predict",
-    "read",
-    "report",
-    "to_pandas",
-    "to_xarray",
-]
 
 
 class Recording(records.Recording):

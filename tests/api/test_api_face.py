@@ -77,8 +77,8 @@ def test_functions_stay_in_place_beside_rooms_of_the_same_name() -> None:
 
 
 def test_the_face_is_complete_typed_and_documented() -> None:
-    assert {*api.__all__, *camtorque.ELSEWHERE, "__version__"} == set(camtorque.__all__) == set(dir(camtorque))
-    for name in (*api.__all__, *camtorque.ELSEWHERE):
+    assert {*camtorque.ELSEWHERE, "__version__"} < set(camtorque.__all__) == set(dir(camtorque))
+    for name in {*camtorque.__all__} - {"__version__"}:
         item = getattr(camtorque, name)
         assert inspect.getdoc(item), name
         if inspect.isfunction(item):

@@ -9,18 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.config_pump import PumpConfig
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.explain import Price, prices
 from camtorque.design.front import Front, FrontPoint, Tell, find_front
 from camtorque.design.responses import RESPONSES
 from camtorque.design.task import Task
 from camtorque.design.tolerances import Spread, spreads
+from camtorque.ingest.new_recording import toml_value
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import predict, sweep_rows
+from camtorque.plain import plain
 from camtorque.records import Array, Refusal
+from camtorque.schemas import PUMP as PUMP_TABLE
 from camtorque.units import BAR, DEGREE
 
 TABLE_STEP_DEG, TABLE_DECIMALS = 0.5, 5
@@ -87,40 +89,21 @@ def pressure_text(design: Evaluated, number: int) -> str:
 def pump_text(design: Evaluated) -> str:
     """Return the pump file of a design, which `predict` runs."""
     pump, config = design.pump, design.config
-    rows: dict[str, dict[str, Any]] = {
-        "pump": {
-            "id": "design", "base_circle_radius_m": pump.base_circle_radius, "roller_radius_m": pump.roller_radius,
-            "roller_width_m": pump.roller_width, "follower_offset_m": pump.follower_offset,
-            "cam_mass_kg": pump.cam_mass, "cam_inertia_kg_m2": pump.cam_inertia,
-            "follower_mass_kg": pump.follower_mass, "spring_stiffness_N_per_m": pump.spring_stiffness,
-            "spring_preload_N": pump.spring_preload, "plunger_diameter_m": pump.plunger_diameter,
-            "youngs_modulus_cam_Pa": pump.youngs_modulus_cam, "youngs_modulus_roller_Pa": pump.youngs_modulus_roller,
-            "poisson_ratio": pump.poisson_ratio, "roller_mass_kg": pump.roller_mass,
-            "roller_inertia_kg_m2": pump.roller_inertia, "cam_table": TABLE,
-            "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm",
-        },
-        "mounting": _mounting_rows(config),
-        "shaft": {"phases_deg": [float(phase / DEGREE) for phase in design.phases]},
-        "friction": {"guide": config.friction[0], "bearing_arm_um": 1e6 * config.friction[1],
-                     "pin_arm_um": 1e6 * config.friction[2]},
+    stated = {key.name: getattr(pump, key.attribute) for key in PUMP_TABLE.keys if key.used}
+    columns = {"cam_table": TABLE, "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm"}
+    guide, bearing, pin = config.friction
+    rows = {
+        "pump": {"id": "design", **stated, **columns},
+        "mounting": {"rotation": "positive" if config.rotation == 1 else "negative", "gravity_m_per_s2": config.gravity,
+                     "spring_mass_kg": config.spring_mass, "guide_height_m": config.guide_height},
+        "shaft": {"phases_deg": design.phases / DEGREE},
+        "friction": {"guide": guide, "bearing_arm_um": 1e6 * bearing, "pin_arm_um": 1e6 * pin},
     }  # fmt: skip
     blocks = ['schema = "camtorque-pump/1"']
-    for name, values in rows.items():
-        lines = [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
+    for name, values in plain(rows).items():
+        lines = [f"{key} = {toml_value(value)}" for key, value in values.items() if value is not None]
         blocks.append("\n".join([f"[{name}]", *lines]))
     return "\n\n".join(blocks) + "\n"
-
-
-def _mounting_rows(config: PumpConfig) -> dict[str, Any]:
-    return {"rotation": "positive" if config.rotation == 1 else "negative",
-            "gravity_m_per_s2": [float(g) for g in config.gravity], "spring_mass_kg": config.spring_mass,
-            "guide_height_m": config.guide_height}  # fmt: skip
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    return str(value) if isinstance(value, list) else repr(float(value))
 
 
 def write_chosen(design: Evaluated, folder: Path) -> list[dict[str, float]]:

@@ -11,8 +11,10 @@ from camtorque.report.svg import (
     Scale,
     area,
     box,
+    circle,
     dots,
     drawing,
+    in_lines,
     line,
     padded,
     polyline,
@@ -21,7 +23,7 @@ from camtorque.report.svg import (
     tick_text,
     ticks,
 )
-from camtorque.report.tones import fill, stroke
+from camtorque.report.tones import stroke
 
 Mask = NDArray[np.bool_]
 LEFT, RIGHT, TOP, BOTTOM, LEGEND_LINE, GAP = 64.0, 12.0, 8.0, 38.0, 18.0, 14.0
@@ -128,16 +130,7 @@ def _legend(panel: Panel, width: float) -> list[list[Line | Band]]:
     entries: list[Line | Band] = [*panel.lines, *panel.bands]
     if len(entries) == 1 and entries[0].label in panel.ordinate:
         return []
-    rows: list[list[Line | Band]] = [[]]
-    used = 0.0
-    for entry in entries:
-        size = 44.0 + text_width(entry.label)
-        if rows[-1] and used + size > width:
-            rows.append([])
-            used = 0.0
-        rows[-1].append(entry)
-        used += size
-    return rows
+    return in_lines(entries, width, 44.0)
 
 
 def _legend_drawn(rows: list[list[Line | Band]], bottom: float) -> list[str]:
@@ -148,7 +141,7 @@ def _legend_drawn(rows: list[list[Line | Band]], bottom: float) -> list[str]:
             if isinstance(entry, Band):
                 parts.append(box(x, y - 9.0, 22.0, 9.0, entry.tone))
             elif entry.points:
-                parts.append(f'<circle cx="{x + 11:.1f}" cy="{y - 4:.1f}" r="2.8" {fill(entry.tone)}/>')
+                parts.append(circle(x + 11.0, y - 4.0, 2.8, entry.tone))
             else:
                 parts.append(line(x, y - 4.0, x + 22.0, y - 4.0, entry.tone, max(entry.width, 1.5), entry.dash))
             parts.append(text(x + 28.0, y, entry.label, "start", "muted"))

@@ -10,7 +10,9 @@ from camtorque.report.chart import Marks, RowPanel, Rows
 from camtorque.report.svg import (
     Scale,
     box,
+    circle,
     drawing,
+    in_lines,
     line,
     log_ticks,
     padded,
@@ -19,7 +21,6 @@ from camtorque.report.svg import (
     tick_text,
     ticks,
 )
-from camtorque.report.tones import fill, stroke
 
 ROW, TOP, RIGHT, GAP, LEGEND_LINE = 24.0, 8.0, 16.0, 26.0, 18.0
 SMALL = 11.0
@@ -34,7 +35,7 @@ def rows_svg(chart: Rows, label: str) -> str:
     left = 14.0 + max((text_width(name) for name in chart.labels), default=0.0)
     panels = len(chart.panels)
     width = (chart.width - left - RIGHT - GAP * (panels - 1)) / panels
-    legends = [_legend_rows(panel, width) for panel in chart.panels]
+    legends = [in_lines((item for item in panel.marks if item.label), width, 30.0) for panel in chart.panels]
     top = TOP + LEGEND_LINE * max(map(len, legends))
     bottom = top + ROW * len(chart.labels)
     parts = [
@@ -105,12 +106,8 @@ def _marks(item: Marks, scale: Scale, top: float) -> list[str]:
             parts.append(box(min(zero, place), middle - 7.5, abs(place - zero), 15.0, tone))
         if item.low is not None and item.high is not None:
             parts += _interval(item.low[k], item.high[k], scale, middle, "ink" if item.kind == "bar" else tone)
-        if item.kind == "point":
-            parts.append(f'<circle cx="{place:.1f}" cy="{middle:.1f}" r="4" {fill(tone)}/>')
-        if item.kind == "ring":
-            parts.append(
-                f'<circle cx="{place:.1f}" cy="{middle:.1f}" r="4" fill="none" {stroke(tone)} stroke-width="1.5"/>'
-            )
+        if item.kind in ("point", "ring"):
+            parts.append(circle(place, middle, 4.0, tone, item.kind == "ring"))
     return parts
 
 
@@ -141,32 +138,14 @@ def _notes(panel: RowPanel, scale: Scale, top: float) -> list[str]:
     return parts
 
 
-def _legend_rows(panel: RowPanel, width: float) -> list[list[Marks]]:
-    named = [item for item in panel.marks if item.label]
-    rows: list[list[Marks]] = []
-    used = math.inf
-    for item in named:
-        size = 30.0 + text_width(item.label)
-        if used + size > width:
-            rows.append([])
-            used = 0.0
-        rows[-1].append(item)
-        used += size
-    return rows
-
-
 def _legend(rows: list[list[Marks]], start: float) -> list[str]:
     parts = []
     for number, row in enumerate(rows):
         x, y = start, TOP + LEGEND_LINE * number + 11.0
         for item in row:
             tone = item.tones[0]
-            if item.kind == "ring":
-                parts.append(
-                    f'<circle cx="{x + 6:.1f}" cy="{y - 4:.1f}" r="4" fill="none" {stroke(tone)} stroke-width="1.5"/>'
-                )
-            elif item.kind == "point":
-                parts.append(f'<circle cx="{x + 6:.1f}" cy="{y - 4:.1f}" r="4" {fill(tone)}/>')
+            if item.kind in ("point", "ring"):
+                parts.append(circle(x + 6.0, y - 4.0, 4.0, tone, item.kind == "ring"))
             else:
                 parts.append(box(x, y - 9.0, 12.0, 10.0, tone))
             parts.append(text(x + 17.0, y, item.label, "start", "muted"))

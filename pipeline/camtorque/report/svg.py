@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from markupsafe import escape
 
 from camtorque.plain import clean
 from camtorque.records import Array
+from camtorque.report.chart import Band, Line, Marks
 from camtorque.report.numbers import MINUS
 from camtorque.report.tones import fill, stroke
 
@@ -22,6 +24,9 @@ TENTHS = 10.0
 """Curves are written in tenths of a pixel, which need no decimal point."""
 SMALLEST_STEP = 0.3
 """A point that lies nearer than this to the line between its neighbours [px] is left out."""
+
+
+Entry = TypeVar("Entry", Marks, Line | Band)
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,26 @@ def line(x1: float, y1: float, x2: float, y2: float, tone: str, width: float = 1
 def box(x: float, y: float, width: float, height: float, tone: str) -> str:
     """Return a filled rectangle."""
     return f'<rect x="{x:.1f}" y="{y:.1f}" width="{max(width, 0):.1f}" height="{max(height, 0):.1f}" {fill(tone)}/>'
+
+
+def circle(x: float, y: float, radius: float, tone: str, ring: bool = False) -> str:
+    """Return a point, or a ring."""
+    look = f'fill="none" {stroke(tone)} stroke-width="1.5"' if ring else fill(tone)
+    return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" {look}/>'
+
+
+def in_lines(entries: Iterable[Entry], width: float, symbol: float) -> list[list[Entry]]:
+    """Return the entries of a legend by lines of some width; each takes its text and the room of a symbol [px]."""
+    lines: list[list[Entry]] = []
+    used = math.inf
+    for entry in entries:
+        size = symbol + text_width(entry.label)
+        if used + size > width:
+            lines.append([])
+            used = 0.0
+        lines[-1].append(entry)
+        used += size
+    return lines
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
