@@ -21,7 +21,7 @@ PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
 CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
-PROCESS = {"caches", "stopping", "system", "workers"}
+PROCESS = {"caches", "second_process", "stopping", "system", "workers"}
 SMALL = {
     "compiled",
     "units",

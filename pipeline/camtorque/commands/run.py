@@ -12,6 +12,7 @@ from camtorque.limits import PASS
 from camtorque.report.folder import seal
 from camtorque.report.write import write_pdf
 from camtorque.run import run_recording
+from camtorque.second_process import second_process
 
 OUTSIDE = 3
 
@@ -19,7 +20,8 @@ OUTSIDE = 3
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write the report of one recording."""
     out = arguments.out or default_out(arguments.recording)
-    doc = run_recording(arguments.recording, out, run_options(arguments, tell), tell)
+    with second_process():
+        doc = run_recording(arguments.recording, out, run_options(arguments, tell), tell)
     page = out / "report.html"
     if arguments.pdf:
         tell("printing the page")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from camtorque.fit.starts import (
 from camtorque.fit.swings import expected, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.records import Array
+from camtorque.second_process import in_two
 
 UNSMOOTHED = (0.0, 0.0)
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
@@ -251,13 +253,17 @@ def extended(found: Found, more: Starts, halves: Halves) -> Found:
     starts = joined(found.starts, more)
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
-    minima, twisted = list(found.minima), with_lost_torque(halves.fitted, halves.lost)
-    for start in new[:POLISHED]:
-        if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS:
-            end = attempted(followed, twisted, start)
-            if end is not None:
-                minima.append((start, judged(end, halves.fitted, halves.other)))
+    new = [start for start in new[:POLISHED] if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS]
+    twisted = with_lost_torque(halves.fitted, halves.lost)
+    ends = in_two(partial(_end_of, halves, twisted), new)
+    minima = [*found.minima, *((start, end) for start, end in zip(new, ends, strict=True) if end)]
     return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
+
+
+def _end_of(halves: Halves, twisted: FitData, start: Start) -> Candidate | None:
+    """Return the judged minimum of ``twisted`` that a start leads to."""
+    end = attempted(followed, twisted, start)
+    return end and judged(end, halves.fitted, halves.other)
 
 
 def likely(found: Found) -> list[str]:

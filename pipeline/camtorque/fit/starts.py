@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.records import Array
+from camtorque.second_process import in_two
 from camtorque.units import DEGREE
 
 SEARCH_GRID = 600
@@ -161,12 +164,12 @@ def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core
     """Return what is left of the starts of each structure after a ladder of smoothings, least chi-square first."""
     result: dict[str, list[Start]] = {}
     for rung, smoothing in enumerate(smoothings):
-        result = {}
-        for name, group in items.items():
-            starts = [
-                start for start in (continued(item, smoothing, core_first and rung == 0) for item in group) if start
-            ]
-            result[name] = sorted(starts, key=lambda s: s.chi_square)
+        follow = partial(continued, smoothing_deg=smoothing, core=core_first and rung == 0)
+        found = iter(in_two(follow, [item for group in items.values() for item in group]))
+        result = {
+            name: sorted((start for start in islice(found, len(group)) if start), key=lambda s: s.chi_square)
+            for name, group in items.items()
+        }
         if not any(result.values()):
             return {}
         best = min(group[0].chi_square for group in result.values() if group)

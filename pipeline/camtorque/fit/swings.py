@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.starts import CORE, Start, begun, continued
+from camtorque.second_process import in_two
 
 HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
@@ -68,7 +70,7 @@ def scanned_hubs(shafts: list[FitData]) -> list[FitData]:
     """
     items = [with_hub(item, *hub) for item in shafts for hub in HUBS]
     for smoothing, iterations, kept in HUB_RUNGS:
-        ends = [continued(item, smoothing, False, iterations) for item in items]
+        ends = in_two(partial(continued, smoothing_deg=smoothing, core=False, iterations=iterations), items)
         order = sorted((end for end in ends if end), key=lambda end: end.chi_square)
         items = [end.data for end in order[:kept]]
     return items
@@ -79,12 +81,19 @@ def with_ringing(best: Start) -> list[FitData]:
 
     Ringing is invisible while the residual is smoothed, and an overdamped shaft does not find it afterwards.
     """
-    scored = []
-    for hertz, ratio in RINGINGS:
-        item = with_starts(best.data, {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio})
-        scored.append((begun(item, best.lifts), hertz, item))
-    kept: list[tuple[float, FitData]] = []
-    for _, hertz, item in sorted(scored, key=lambda one: one[0]):
+    values = in_two(partial(_ringing_value, best), RINGINGS)
+    kept: list[tuple[float, float]] = []
+    for _, hertz, ratio in sorted(((v, *r) for v, r in zip(values, RINGINGS, strict=True)), key=lambda one: one[0]):
         if len(kept) < RINGINGS_KEPT and all(max(hertz / f, f / hertz) > APART for f, _ in kept):
-            kept.append((hertz, item))
-    return [item for _, item in kept]
+            kept.append((hertz, ratio))
+    return [_ringing_at(best, ringing) for ringing in kept]
+
+
+def _ringing_at(best: Start, ringing: tuple[float, float]) -> FitData:
+    """Return the best start with the shaft ringing at a frequency [Hz] with a damping ratio."""
+    hertz, ratio = ringing
+    return with_starts(best.data, {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio})
+
+
+def _ringing_value(best: Start, ringing: tuple[float, float]) -> float:
+    return begun(_ringing_at(best, ringing), best.lifts)

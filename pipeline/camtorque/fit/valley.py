@@ -9,8 +9,9 @@ and is not believed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.uncertainty import covariance
 from camtorque.records import Array, ReadOnly
+from camtorque.second_process import in_two
 from camtorque.units import DEGREE
 
 ANGLE = "trigger_offset"
@@ -54,6 +56,8 @@ class Valley(ReadOnly):
         return float(np.sqrt(np.sum(weight * (angles - self.at) ** 2) / np.sum(weight)))
 
 
+Point = tuple[float, float, Candidate]
+"""Angle that was held [rad], chi-square there, and the fit."""
 NO_VALLEY = Valley(np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
@@ -81,25 +85,36 @@ def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Val
     return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]))
 
 
-def _walked(best: Candidate, data: FitData, held: FitData) -> list[tuple[float, float, Candidate]]:
-    """Return angle, chi-square and fit of all points in order."""
+def _walked(best: Candidate, data: FitData, held: FitData) -> list[Point]:
+    """Return all points in order."""
     index = best.problem.index(ANGLE)
     cov = covariance(best.problem, best.solution)
     std = float(cov.std[index])
     step = min(max(STEP_SHARE * std, STEPS_DEG[0] * DEGREE), STEPS_DEG[1] * DEGREE)
-    points = [(float(best.solution.z[index]), best.value, best)]
-    for signed in (step, -step):
-        least = min(point[1] for point in points)
-        for point in _one_way(best, signed, data, held):
-            points.append(point)
-            least = min(least, point[1])
-            if point[1] > least + WALKED * cov.inflation:
-                break
+    points, rise = [(float(best.solution.z[index]), best.value, best)], WALKED * cov.inflation
+    for walked in in_two(partial(_one_way, (best, data, held), rise), (step, -step)):
+        points += _until_risen(walked, min(point[1] for point in points), rise)
     return sorted(points, key=lambda point: point[0])
 
 
-def _one_way(best: Candidate, step: float, data: FitData, held: FitData) -> Iterator[tuple[float, float, Candidate]]:
-    """Yield angle, chi-square and fit of steps away from a minimum, each from the one before."""
+def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Point]:
+    """Return points up to the first whose chi-square is that far above the least of them and what was the least."""
+    kept = []
+    for point in points:
+        kept.append(point)
+        least = min(least, point[1])
+        if point[1] > least + rise:
+            break
+    return kept
+
+
+def _one_way(from_where: tuple[Candidate, FitData, FitData], rise: float, step: float) -> list[Point]:
+    """Return steps away from a minimum until chi-square has risen."""
+    return _until_risen(_stepped(*from_where, step), from_where[0].value, rise)
+
+
+def _stepped(best: Candidate, data: FitData, held: FitData, step: float) -> Iterator[Point]:
+    """Yield steps away from a minimum, each from the one before."""
     row = best.data.rows[ANGLE]
     mean, std = row.prior or (0.0, np.inf)
     angle, item = float(best.solution.z[best.problem.index(ANGLE)]), best.data

@@ -1,0 +1,169 @@
+"""A second process for half of the work, where a fit follows many starts that know nothing of one another.
+
+It is a fork, which begins with everything that was loaded and compiled; work and results go through pipes. What comes
+out is the same number for number with it, without it, or where it dies.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any, BinaryIO, NoReturn, TypeVar
+
+from camtorque.stopping import SIGNALS, before_leaving
+
+T = TypeVar("T")
+R = TypeVar("R")
+PROTOCOL = 5
+"""Of pickle: it keeps arrays read-only, which compiled functions tell apart."""
+
+
+@dataclass
+class Second:
+    """The second process of this one: 0 before it is needed, -1 where there is none any more.
+
+    jobs, results : pipes to it and from it
+    """
+
+    number: int = 0
+    jobs: BinaryIO | None = None
+    results: BinaryIO | None = None
+
+    def begin(self) -> None:
+        """Fork."""
+        to_child, jobs = os.pipe()
+        results, to_parent = os.pipe()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: none of them holds a lock
+                self.number = os.fork()
+        except OSError:  # no room for one more process
+            self.number = -1
+        if self.number == 0:
+            os.close(jobs)
+            os.close(results)
+            _work(to_child, to_parent)
+        os.close(to_child)
+        os.close(to_parent)
+        self.jobs, self.results = open(jobs, "wb"), open(results, "rb")  # noqa: SIM115 - closed by `end`
+
+    def send(self, job: tuple[Callable[[T], R], Sequence[T]]) -> None:
+        """Have a function called with each of some items."""
+        data = pickle.dumps(job, PROTOCOL)
+        try:
+            if self.jobs:
+                self.jobs.write(data)
+                self.jobs.flush()
+        except OSError:
+            self.end()
+
+    def received(self) -> list[Any] | None:
+        """Wait for the results, None where none will come."""
+        try:
+            found: list[Any] | None = pickle.load(self.results) if self.results else None
+        except (EOFError, OSError, pickle.UnpicklingError):
+            self.end()
+            return None
+        return found
+
+    def kill(self) -> None:
+        """End the process at once."""
+        if self.number > 0:
+            with suppress(ProcessLookupError):
+                os.kill(self.number, signal.SIGKILL)
+
+    def end(self) -> None:
+        """Leave nothing of it behind."""
+        self.kill()
+        if self.number > 0:
+            os.waitpid(self.number, 0)
+        for pipe in (self.jobs, self.results):
+            if pipe:
+                with suppress(OSError):
+                    pipe.close()
+        self.number, self.jobs, self.results = -1, None, None
+
+
+_SECOND: ContextVar[Second | None] = ContextVar("the second process of this one", default=None)
+
+
+@contextmanager
+def second_process() -> Iterator[None]:
+    """Let `in_two` use a second process inside the block, where the system is made for it and has a core for it.
+
+    It is for commands, whose process nobody else uses: a fork in the middle of other people's threads is not safe.
+    """
+    second = Second() if _possible() else None
+    token = _SECOND.set(second)
+    try:
+        if second is None:
+            yield
+            return
+        with before_leaving(second.kill):
+            yield
+    finally:
+        _SECOND.reset(token)
+        if second:
+            second.end()
+
+
+def _possible() -> bool:
+    workers = sys.modules.get("multiprocessing")  # nobody loaded it: this is no worker of a campaign
+    return (
+        sys.platform == "linux"
+        and len(os.sched_getaffinity(0)) > 1
+        and threading.current_thread() is threading.main_thread()
+        and (workers is None or workers.parent_process() is None)
+    )
+
+
+def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Return the results of a function in the order of the items, every second one from a second process.
+
+    Outside of `second_process`, and inside the function itself, one process does them in turn.
+
+    Parameters
+    ----------
+    function : of a module, or a `functools.partial` of one
+    """
+    second = _SECOND.get()
+    if second is None or len(items) < 2 or second.number < 0:
+        return [function(item) for item in items]
+    token = _SECOND.set(None)
+    try:
+        # what is compiled or loaded at the first call is then there in both
+        own = [function(items[0])] if second.number == 0 else []
+        if second.number == 0:
+            second.begin()
+        second.send((function, items[1::2]))
+        own += [function(item) for item in items[2 * len(own) :: 2]]
+        other = second.received()
+        if other is None:
+            other = [function(item) for item in items[1::2]]
+    finally:
+        _SECOND.reset(token)
+    return [(other if k % 2 else own)[k // 2] for k in range(len(items))]
+
+
+def _work(jobs: int, results: int) -> NoReturn:
+    """Do what comes in, as long as something comes, and leave without a word whatever happens."""
+    try:
+        signal.set_wakeup_fd(-1)
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_DFL)
+        _SECOND.set(None)
+        with open(jobs, "rb") as source, open(results, "wb") as target:
+            while True:
+                function, items = pickle.load(source)
+                target.write(pickle.dumps([function(item) for item in items], PROTOCOL))
+                target.flush()
+    finally:
+        os._exit(0)
