@@ -15,8 +15,7 @@ from camtorque.signal.threshold import Threshold
 
 HALF_WIDTH_OF_TYPICAL = Threshold(
     0.5, "1", "convention",
-    "A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of "
-    "its spread."
+    "A sheet that gives a typical switching delay and no limits: half of it is assumed as half width of its spread."
 )  # fmt: skip
 RECTANGULAR = 1.0 / np.sqrt(3.0)
 """Standard deviation of a rectangular distribution over its half width."""

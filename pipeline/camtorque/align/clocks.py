@@ -154,8 +154,7 @@ def fit_clock(logger: str, reference: Array, other: Array, where: str) -> Clock:
     if good.sum() < LEAST_PULSES:
         raise Refusal(
             f"{where}: found {int(good.sum())} trigger pulses common to both loggers, expected at least "
-            f"{LEAST_PULSES}; record the "
-            "trigger on both loggers for longer"
+            f"{LEAST_PULSES}; record the trigger on both loggers for longer"
         )
     a, difference = a[good], (b - a)[good]
     breaks, steps = clock_steps(a, difference)
@@ -198,8 +197,7 @@ def _jumped(logger: str, moment: float, step: float, where: str) -> Finding:
         "clock_jump",
         "warning",
         f"the clock of logger {logger} jumps by {1e3 * step:+.4g} ms against the reference; the cycle there is cut out "
-        "and the "
-        "stretches before and after have their own offset",
+        "and the stretches before and after have their own offset",
         f"{where}, near {moment:.4g} s",
     )
 
@@ -209,10 +207,9 @@ def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int
         "clock_lag_ambiguous",
         "warning",
         f"logger {logger}: the pattern of {n_pulses} pulse periods does not say which pulse belongs to which: a lag of "
-        f"{lag} pulses "
-        f"is used, {rival} fits nearly as well (log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the "
-        "cam angle is right either "
-        "way, but torque and pressure of a cycle may belong to neighbouring revolutions",
+        f"{lag} pulses is used, {rival} fits nearly as well (log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} "
+        "wanted); the cam angle is right either way, but torque and pressure of a cycle may belong to neighbouring "
+        "revolutions",
         where,
     )
 

@@ -46,8 +46,7 @@ CHANGES_PER_STEP = 4.0
 """Changes of the counter that a line runs through, at least."""
 BACKWARDS = Threshold(
     0.2, "1", "convention",
-    "Part of the changes that may run against the others: noise of an analogue angle, not a shaft that "
-    "swings."
+    "Part of the changes that may run against the others: noise of an analogue angle, not a shaft that swings."
 )  # fmt: skip
 
 

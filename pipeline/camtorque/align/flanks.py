@@ -67,8 +67,7 @@ RISING_SHARE = Threshold(
 )  # fmt: skip
 BETTER = Threshold(
     0.3, "1", "simulated rigs",
-    "Gain in correlation by which another place or direction has to explain a torque that misses the "
-    "rising lift."
+    "Gain in correlation by which another place or direction has to explain a torque that misses the rising lift."
 )  # fmt: skip
 TELLS = Threshold(0.02, "1", "simulated rigs", "Correlations closer than this do not tell the two directions apart.")
 

@@ -15,8 +15,7 @@ MOST_LOST = Threshold(
 )  # fmt: skip
 ALTERNATES = Threshold(
     -0.25, "1", "statistics",
-    "Correlation of neighbouring periods: -0.5 for edges that jitter independently, near +1 for a speed "
-    "that changes."
+    "Correlation of neighbouring periods: -0.5 for edges that jitter independently, near +1 for a speed that changes."
 )  # fmt: skip
 
 

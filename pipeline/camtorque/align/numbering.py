@@ -29,8 +29,7 @@ LATE_INDEX = Threshold(
 )  # fmt: skip
 INDEX_SPREAD = Threshold(
     0.25, "steps", "simulated rigs",
-    "Standard deviation of the index pulse among the others [steps] beyond which it does not belong to "
-    "this wheel."
+    "Standard deviation of the index pulse among the others [steps] beyond which it does not belong to this wheel."
 )  # fmt: skip
 
 

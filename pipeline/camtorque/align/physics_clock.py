@@ -132,8 +132,7 @@ def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
     if complete.sum() < LEAST_CYCLES:
         raise Refusal(
             f"logger {pair.logger!r}: found {int(complete.sum())} revolutions in common with logger {pair.known!r}, "
-            "expected at "
-            f"least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
+            f"expected at least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
         )
     aligned = align_channels(pair.channels, pair.angle, cycles, complete, clocks, AlignOptions(n_theta=N_THETA))
     begin, end = (pair.angle.time_at((cycles[complete] + k) * TWO_PI) for k in (0, 1))
@@ -188,8 +187,7 @@ def _by_physics(pair: Pair, stderr: float, period: Array) -> Finding:
         "clock_from_physics",
         "warning",
         f"logger {pair.logger} recorded no trigger: its clock is tied to that of {pair.known} by torque and pressure "
-        "during "
-        f"the rising lift, with a standard error of {1e3 * stderr:.3g} ms ({degrees:.2g} degrees)",
+        f"during the rising lift, with a standard error of {1e3 * stderr:.3g} ms ({degrees:.2g} degrees)",
         pair.channels[pair.own].path.name,
     )
 
@@ -200,7 +198,6 @@ def _ambiguous(pair: Pair, evidence: float) -> Finding:
         "warning",
         f"logger {pair.logger}: the scatter of the revolutions does not say which of its revolutions belongs to which "
         f"(log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the cam angle is right either way, but "
-        "torque "
-        "and pressure of a cycle may belong to neighbouring revolutions",
+        "torque and pressure of a cycle may belong to neighbouring revolutions",
         pair.channels[pair.own].path.name,
     )

@@ -42,8 +42,7 @@ RIPPLE_STD = (1.0e-2, np.log(30.0))
 """Before the data: first harmonic of the angle of 0.6 degrees, give or take a factor of thirty [rad]."""
 FREE_TOOTH = Threshold(
     0.1, "rad", "recordings",
-    "Standard deviation of the teeth beside a gap of an inductive wheel, whose wave the gap bends: six "
-    "degrees."
+    "Standard deviation of the teeth beside a gap of an inductive wheel, whose wave the gap bends: six degrees."
 )  # fmt: skip
 COMMON_SHIFT = Threshold(
     0.03, "rad", "physics",

@@ -37,8 +37,7 @@ STILL = Threshold(
 )  # fmt: skip
 TENSION = Threshold(
     -0.04, "1", "physics",
-    "A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the "
-    "range."
+    "A pressure below this part of its peak is no pressure of a liquid: zero drift is 0.15 % of the range."
 )  # fmt: skip
 REST_FACTOR = Threshold(
     1.3, "1", "simulated rigs",
@@ -181,10 +180,8 @@ def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) 
     if swapped < max(straight, SWAPPED_CORRELATION) or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
         return
     raise Refusal(
-        f"{name}: torque and pressure are swapped: the channel named pressure goes down to "
-        f"{100 * lowest:.0f} % of its peak and rests at {100 * rest[1]:.0f} % on the base circle like a torque, the "
-        "one named "
-        f"torque rests at {100 * rest[0]:.0f} % like a line pressure (correlation {swapped:.2f} swapped, "
-        f"{straight:.2f} as "
-        "named); exchange the two in [[channels]]"
+        f"{name}: torque and pressure are swapped: the channel named pressure goes down to {100 * lowest:.0f} % of its "
+        f"peak and rests at {100 * rest[1]:.0f} % on the base circle like a torque, the one named torque rests at "
+        f"{100 * rest[0]:.0f} % like a line pressure (correlation {swapped:.2f} swapped, {straight:.2f} as named); "
+        "exchange the two in [[channels]]"
     )

@@ -14,8 +14,7 @@ from camtorque.signal.threshold import Count, Threshold
 
 BOUNCE_PERIODS = Threshold(
     0.1, "periods", "physics",
-    "An edge that follows the one before within this part of a period is a bounce: no shaft speeds up "
-    "tenfold."
+    "An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."
 )  # fmt: skip
 SAME_PERIOD = Threshold(
     0.15, "1", "simulated rigs",

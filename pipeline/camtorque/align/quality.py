@@ -28,8 +28,7 @@ CLIPPED_SAMPLES = Count(
 )  # fmt: skip
 FROZEN_DEGREES = Threshold(
     3.0, "deg", "simulated rigs",
-    "A channel that does not change over this angle, and four times longer than in its other cycles, has "
-    "dropped out."
+    "A channel that does not change over this angle, and four times longer than in its other cycles, has dropped out."
 )  # fmt: skip
 CONSTANT_DEGREES = Threshold(270.0, "deg", "physics", "No channel of a running pump stands still over this angle.")
 MISFIRE_SWING = Threshold(
@@ -38,8 +37,7 @@ MISFIRE_SWING = Threshold(
 )  # fmt: skip
 OUTLIER_SWING = Threshold(
     0.003, "1", "recordings",
-    "A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to "
-    "0.4 %."
+    "A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.4 %."
 )  # fmt: skip
 OUTLIER_FACTOR = Threshold(
     2.5, "1", "simulated rigs",

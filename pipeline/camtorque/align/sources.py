@@ -26,8 +26,7 @@ from camtorque.signal.threshold import Threshold
 TURNED = {"rising": "falling", "falling": "rising"}
 CLEARLY = Threshold(
     0.5, "1", "simulated rigs",
-    "The crossings of the other polarity have to fit the gap this much better: the gap bends the waves "
-    "beside it."
+    "The crossings of the other polarity have to fit the gap this much better: the gap bends the waves beside it."
 )  # fmt: skip
 MOST_PULSES = 120
 """Pulses per turn of the cam that are kept of a fine encoder: one in three degrees sees every speed of a shaft."""

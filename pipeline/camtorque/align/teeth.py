@@ -31,18 +31,15 @@ BOUNCE = Threshold(
 )  # fmt: skip
 SHORT_GAP = Threshold(
     0.7, "1", "physics",
-    "The shorter of the two is below this part of a pitch: an engine's ripple stretches single gaps by 20 "
-    "%."
+    "The shorter of the two is below this part of a pitch: an engine's ripple stretches single gaps by 20 %."
 )  # fmt: skip
 STANDSTILL_STEPS = Count(
     8, "steps", "convention",
-    "A gap of more steps (or twice the mark's) is a shaft that stood still: how far it turned is not "
-    "counted from time."
+    "A gap of more steps (or twice the mark's) is a shaft that stood still: how far it turned is not counted from time."
 )  # fmt: skip
 NEAREST_MARKS = Threshold(
     0.7, "1", "convention",
-    "Two marks are further apart than this part of a revolution: a slip loses a few teeth, not a third of "
-    "them."
+    "Two marks are further apart than this part of a revolution: a slip loses a few teeth, not a third of them."
 )  # fmt: skip
 FAR_MARKS = Count(3, "turns", "convention", "A mark is confirmed by another one up to this many revolutions away.")
 

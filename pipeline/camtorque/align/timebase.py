@@ -140,9 +140,8 @@ def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, op
     if own not in pair.values() or not known:
         raise Refusal(
             f"{recording.config.id}: logger {own.logger!r} has its own clock, recorded no trigger and shares neither "
-            "torque nor "
-            f"pressure with logger {base!r}, expected one of them; record the trigger on every logger with its own "
-            "clock"
+            f"torque nor pressure with logger {base!r}, expected one of them; record the trigger on every logger with "
+            "its own clock"
         )
     angle = cam_angle(main.train, recording.config.trigger, main.pulses_per_cycle, options.speed_law)
     return physics_clock(Pair(pair, own.quantity, recording.cam_table, angle))

@@ -33,9 +33,8 @@ def compare_table(doc: Mapping[str, Any]) -> str:
         for name, row in rows.items():
             if row["verdict"] == verdict:
                 lines.append(
-                    f"{name.replace('_', ' '):24}{row['before']:12.4g}{row['after']:12.4g}"
-                    f"{row['difference']:+13.3g} ± {row['stderr']:<6.2g}{row['smallest_change']:16.2g}  {row['unit']}  "
-                    f"{verdict}"
+                    f"{name.replace('_', ' '):24}{row['before']:12.4g}{row['after']:12.4g}{row['difference']:+13.3g} ± "
+                    f"{row['stderr']:<6.2g}{row['smallest_change']:16.2g}  {row['unit']}  {verdict}"
                 )
     unknown = [name.replace("_", " ") for name, row in rows.items() if row["verdict"] == "cannot tell"]
     return "\n".join([*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else []), *left_out(doc)])

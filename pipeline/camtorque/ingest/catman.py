@@ -143,8 +143,7 @@ def _source(file: BinaryIO, path: Path, header: CatmanChannel, position: int, si
     if end > size:
         raise Refusal(
             f"{path}: channel {header.name!r} of {header.length} samples ends at byte {end}, the file has {size}: it "
-            "is cut; "
-            "export it again"
+            "is cut; export it again"
         )
     scale = None
     if header.width == 2 and header.length:

@@ -77,8 +77,7 @@ def check_mat(path: Path) -> None:
             if kind not in (COMPRESSED, MATRIX) or position + 8 + length > size:
                 raise Refusal(
                     f"{path}: the variable at byte {position} is no whole MATLAB element, the file has {size} bytes: "
-                    "it is "
-                    "cut or damaged; save it again"
+                    "it is cut or damaged; save it again"
                 )
             if kind == COMPRESSED:
                 checked_size(file, length, f"{path}: compressed variable at byte {position}")

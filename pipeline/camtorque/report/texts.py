@@ -42,12 +42,11 @@ def measured_text(measured: Document) -> str:
     if chamber:
         text += (
             f" The measured chamber pressure peaks at {num(chamber['peak_bar'], 4)} bar, the rebuilt one at "
-            f"{num(chamber['rebuilt_peak_bar'], 4)} bar; they differ by "
-            f"{num(chamber['rms_difference_bar'], 2)} bar RMS "
-            f"({num(chamber['rms_difference_percent'], 2)} % of the peak), most at "
-            f"{fixed(chamber['largest_difference_at_deg'], 0)} deg "
-            f"({signed(chamber['largest_difference_bar'])} bar), and agree within two standard uncertainties at "
-            f"{fixed(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
+            f"{num(chamber['rebuilt_peak_bar'], 4)} bar; they differ by {num(chamber['rms_difference_bar'], 2)} bar "
+            f"RMS ({num(chamber['rms_difference_percent'], 2)} % of the peak), most at "
+            f"{fixed(chamber['largest_difference_at_deg'], 0)} deg ({signed(chamber['largest_difference_bar'])} bar), "
+            f"and agree within two standard uncertainties at {fixed(chamber['loaded_inside_two_std_percent'], 0)} % of "
+            "the loaded angles."
         )
     if volume:
         model = volume["modelled_mm3"]

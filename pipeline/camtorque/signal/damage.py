@@ -13,8 +13,7 @@ from camtorque.signal.threshold import Count, Threshold
 
 FLAT_RUN = Count(
     6, "samples", "statistics",
-    "Equal samples in a row at the end of a cycle's range that may be a clipped top: noise leaves two or "
-    "three."
+    "Equal samples in a row at the end of a cycle's range that may be a clipped top: noise leaves two or three."
 )  # fmt: skip
 STEPS_BESIDE_FLAT = Threshold(
     30.0, "steps", "simulated rigs",
@@ -25,8 +24,7 @@ STEPS_BESIDE_FLAT = Threshold(
 
 NO_VOLTAGE = Threshold(
     1.0e10, "unit of the file", "physics",
-    "No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd ones "
-    "are missing."
+    "No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd ones are missing."
 )  # fmt: skip
 
 

@@ -38,8 +38,7 @@ COIL_SYMMETRY = Threshold(
 )  # fmt: skip
 LEAST_HEIGHT = Threshold(
     0.3, "1", "simulated rigs",
-    "Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read "
-    "again."
+    "Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read again."
 )  # fmt: skip
 HIGHEST = 3
 """The third highest pulse stands for the highest: two may be disturbances."""

@@ -31,8 +31,7 @@ USUAL_PERCENTILE = 75.0
 """The gap makes one or two high waves a revolution, noise many low ones: the usual one lies high, but not highest."""
 FAINT = Threshold(
     0.01, "1", "physics",
-    "Half waves lower than this part of the highest ones are noise of a shaft at rest: speeds of 1 to 100 "
-    "in one log."
+    "Half waves lower than this part of the highest ones are noise of a shaft at rest: speeds of 1 to 100 in one log."
 )  # fmt: skip
 NOISE_HEIGHTS = Threshold(
     5.0, "1", "statistics",

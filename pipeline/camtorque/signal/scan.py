@@ -20,8 +20,7 @@ SPIKE_TIMES_MEDIAN = Threshold(10.0, "1", "statistics", "An isolated sample bend
 SPIKE_TIMES_BESIDE = Threshold(4.0, "1", "convention", "And by this many times the bends beside it.")
 SPIKE_STEPS = Threshold(
     5.0, "steps", "convention",
-    "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not "
-    "at all."
+    "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not at all."
 )  # fmt: skip
 LEAST_SWING_VOLTS = 1.0e-9
 
