@@ -32,8 +32,7 @@ def choose_grid(tolerance: float) -> tuple[int, str, float]:
 
     Raises
     ------
-    Refusal
-        A tolerance that is not positive, or finer than the finest grid of the study.
+    Refusal : a tolerance that is not positive, or finer than the finest grid of the study
     """
     if not tolerance > 0.0:
         raise Refusal(f"tolerance: {tolerance:g}, expected a positive share of the peak torque such as 1e-4")
@@ -49,8 +48,7 @@ def grid_note(tolerance: float, least: int = 0) -> tuple[int, Finding]:
 
     Raises
     ------
-    Refusal
-        See `choose_grid`.
+    Refusal : see `choose_grid`
     """
     n_theta, method, implied = choose_grid(tolerance)
     raised = f", raised to the {least} that the fit needs," if least > n_theta else ""

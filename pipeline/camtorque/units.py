@@ -83,8 +83,7 @@ def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
 
     Raises
     ------
-    Refusal
-        when the unit is unknown or of another dimension; a unit is never guessed
+    Refusal : when the unit is unknown or of another dimension; a unit is never guessed
     """
     tidy = tidy_unit(unit)
     kinds = (dimension, *also)

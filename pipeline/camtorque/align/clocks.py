@@ -144,8 +144,7 @@ def fit_clock(logger: str, reference: Array, other: Array, where: str) -> Clock:
 
     Raises
     ------
-    Refusal
-        Fewer than four common pulses.
+    Refusal : fewer than four common pulses
     """
     lag, evidence, rival = best_lag(reference, other)
     first, stop = max(0, -lag), min(reference.size, other.size - lag)

@@ -70,8 +70,7 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
 
     Raises
     ------
-    Refusal
-        The angle does not turn, or swings to and fro.
+    Refusal : the angle does not turn, or swings to and fro
     """
     where = f"{channel.path.name}, channel {channel.name!r}"
     quantum = _quantum(channel)

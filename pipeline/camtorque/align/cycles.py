@@ -36,8 +36,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
 
     Raises
     ------
-    Refusal
-        Nothing to align, no pulses, no complete cycle, swapped torque and pressure.
+    Refusal : nothing to align, no pulses, no complete cycle, swapped torque and pressure
     """
     options = options or AlignOptions()
     channels = measured(recording)

@@ -116,8 +116,8 @@ def check_flanks(typical: Mapping[str, Array], recording: Recording, speed: floa
 
     Raises
     ------
-    Refusal
-        The torque falls where the declared lift does not rise, and another place or direction of the table explains it.
+    Refusal : the torque falls where the declared lift does not rise, and another place or direction of the table
+        explains it
     """
     if not {"torque", "pressure"} <= set(typical) or recording.lift_table is None:
         return ()

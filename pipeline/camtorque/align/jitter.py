@@ -27,8 +27,7 @@ def refuse_jitter(table: CycleTable, name: str) -> None:
 
     Raises
     ------
-    Refusal
-        Naming the jitter.
+    Refusal : naming the jitter
     """
     test, _ = CUTS["start_stop"]
     known = table.complete & ~table.unproven & ~table.clock_jump

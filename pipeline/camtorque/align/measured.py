@@ -42,8 +42,7 @@ def measured(recording: Recording) -> Measured:
 
     Raises
     ------
-    Refusal
-        There is none, or two of one quantity.
+    Refusal : there is none, or two of one quantity
     """
     found: dict[str, Channel] = {}
     for channel in recording.channels:

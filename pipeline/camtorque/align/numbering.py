@@ -49,8 +49,7 @@ def number_teeth(
 
     Raises
     ------
-    Refusal
-        The wheel has no mark, or the mark is not found once per revolution.
+    Refusal : the wheel has no mark, or the mark is not found once per revolution
     """
     train = _numbered(forward(time, where), pulse_width, spec, where, index)
     return replace(train, phase_open=True) if spec.revolutions_per_cycle > 1 and index is None else train
@@ -95,8 +94,7 @@ def numbered_by_index(train: PulseTrain, index: Array, spec: TriggerSpec, where:
 
     Raises
     ------
-    Refusal
-        The index does not come once per turn of the cam, or wanders among the pulses.
+    Refusal : the index does not come once per turn of the cam, or wanders among the pulses
     """
     n, per_rev = spec.pulses_per_cycle, spec.pulses_per_rev
     place = np.interp(index, train.time, train.step.astype(np.float64), left=np.nan, right=np.nan)

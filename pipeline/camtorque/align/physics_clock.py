@@ -58,8 +58,7 @@ def physics_clock(pair: Pair) -> Clock:
 
     Raises
     ------
-    Refusal
-        Fewer than five revolutions in common.
+    Refusal : fewer than five revolutions in common
     """
     offset, skew, evidence, stderr_skew = _coarse_offset(pair), 0.0, 0.0, 0.0
     stderr = np.inf

@@ -71,8 +71,7 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
 
     Raises
     ------
-    Refusal
-        A channel does not follow the cam; the data of torque and pressure look like each other's.
+    Refusal : a channel does not follow the cam; the data of torque and pressure look like each other's
     """
     if not sound.any() or not rows:
         return Checked({})

@@ -56,8 +56,7 @@ def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, Tri
 
     Raises
     ------
-    Refusal
-        No channel tells the angle; no pulses; no mark.
+    Refusal : no channel tells the angle; no pulses; no mark
     """
     trains: dict[str, TriggerTrain] = {}
     for quantity, source in SOURCES.items():

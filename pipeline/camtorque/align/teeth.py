@@ -132,8 +132,7 @@ def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
 
     Raises
     ------
-    Refusal
-        No gap or extra tooth is there.
+    Refusal : no gap or extra tooth is there
     """
     n = spec.pulses_per_rev
     if not counted.marks.size:

@@ -59,8 +59,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
 
     Raises
     ------
-    Refusal
-        A trigger without pulses, or a logger with its own clock and nothing to tie it to the others.
+    Refusal : a trigger without pulses, or a logger with its own clock and nothing to tie it to the others
     """
     triggers = trigger_trains(recording, options)
     main = _main_trigger(recording, triggers, reference)

@@ -67,8 +67,7 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
 
     Raises
     ------
-    Refusal
-        Without torque, or with fewer than four used cycles (two to fit, two to score).
+    Refusal : without torque, or with fewer than four used cycles (two to fit, two to score)
     """
     if cycles.torque is None:
         raise Refusal("fit: the recording has no torque channel; use `camtorque align` for pressure and trigger only")

@@ -28,8 +28,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
 
     Raises
     ------
-    Refusal
-        for a missing file or column, an unknown unit, angles that do not increase or exceed one revolution
+    Refusal : for a missing file or column, an unknown unit, angles that do not increase or exceed one revolution
     """
     table = read_small_table(pump.cam_table_path, "a lift table")
     angle_name, lift_name = (_named(table, n) for n in (pump.cam_table_angle_column, pump.cam_table_lift_column))

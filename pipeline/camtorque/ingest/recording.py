@@ -44,8 +44,7 @@ def read_recording(path: Path) -> Recording:
 
     Raises
     ------
-    Refusal
-        one line that says what is wrong, where, and what to do
+    Refusal : one line that says what is wrong, where, and what to do
     """
     return recording_of(load_recording_config(Path(path)))
 

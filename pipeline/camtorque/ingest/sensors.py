@@ -58,8 +58,8 @@ def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -
 
     Raises
     ------
-    Refusal
-        when sheet, certificate and recording contradict each other in serial, quantity or unit, or a key is missing
+    Refusal : when sheet, certificate and recording contradict each other in serial, quantity or unit, or a key is
+        missing
     """
     sheet = read_sheet(reference)
     output = BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))[0]

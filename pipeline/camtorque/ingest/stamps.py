@@ -52,8 +52,8 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
 
     Raises
     ------
-    Refusal
-        when there are fewer than two stamps, when they do not run forward, or contradict the declared rate grossly
+    Refusal : when there are fewer than two stamps, when they do not run forward, or contradict the declared rate
+        grossly
     """
     if _is_coarse(times, to_seconds):
         return _coarse_base(times, declared_rate, where, to_seconds)
@@ -86,8 +86,7 @@ def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_secon
 
     Raises
     ------
-    Refusal
-        when the stamps leave the line of the declared rate by more than their own steps
+    Refusal : when the stamps leave the line of the declared rate by more than their own steps
     """
     stamps = times.read(0, times.n_samples) * to_seconds
     good = np.flatnonzero(np.isfinite(stamps))

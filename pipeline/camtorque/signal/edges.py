@@ -79,8 +79,7 @@ def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) ->
 
     Raises
     ------
-    Refusal
-        No pulses in the channel.
+    Refusal : no pulses in the channel
     """
     rising, falling, n_missing = _scanned(channel, 2 * block_samples, 0.0)
     heights = np.sort(np.r_[rising.own_height, falling.own_height])

@@ -60,8 +60,7 @@ def find_crossings(channel: Channel, declared: str, block_samples: int = 1 << 20
 
     Raises
     ------
-    Refusal
-        No waves in the channel.
+    Refusal : no waves in the channel
     """
     sign = -1.0 if declared == "falling" else 1.0
     level, noise = _level_and_noise(channel)

@@ -21,7 +21,6 @@ def find_pulses(channel: Channel, sensor: str, edge: str, block_samples: int = 1
 
     Raises
     ------
-    Refusal
-        No pulses in the channel.
+    Refusal : no pulses in the channel
     """
     return FINDERS[sensor](channel, edge, block_samples)
