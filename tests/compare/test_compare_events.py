@@ -14,13 +14,14 @@ from camtorque.fit.changes import (
     Hypothesis,
     attribution,
     basis_of,
+    begun,
     fitted,
     foreseen,
     marginal,
     together,
     two_ln_odds,
 )
-from camtorque.fit.difference import evaluated, minimised, within
+from camtorque.fit.difference import along, evaluated, minimised, objective, within
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
@@ -135,6 +136,22 @@ def test_evidence_of_a_small_change_is_that_foreseen() -> None:
     none = fitted(pair, start, (), 20)
     both = fitted(pair, minimised(pair, none.state, 5), ("leakage",), 20)
     assert foreseen(pair, none, "leakage") == pytest.approx(both.two_ln_evidence, abs=0.3)
+
+
+def test_a_large_change_grows_to_its_size_before_what_is_common_moves() -> None:
+    pair = made_pair({"leakage": 20.0 * LEAK})
+    values = np.array([pair.fixed[name] for name in pair.names])
+    own, event = basis_of(pair, values, ()), basis_of(pair, values, ("leakage",))
+    here = evaluated(pair, values, own, np.zeros(len(own.labels)))
+    alone = minimised(pair, along(pair, here, event), 20, common=False)
+    assert alone.before == pytest.approx(values), "what is common stays"
+    state = begun(pair, here, event)
+    least = objective(pair, minimised(pair, state, 60))
+    at = pair.names.index("leakage")
+    assert (state.after - state.before)[at] == pytest.approx(20.0 * LEAK, rel=0.02)
+    assert objective(pair, state) == pytest.approx(least, rel=1e-3)
+    found, _ = attribution(pair)
+    assert (found.best, found.inflation[1]) == (("leakage",), pytest.approx(1.0, abs=0.1))
 
 
 def test_integrating_out_is_conditioning_on_nothing() -> None:

@@ -67,7 +67,7 @@ OTHERS = 2
 TEMPERATURE_STD = 10.0
 VISCOSITY_PER_KELVIN, MODULUS_PER_KELVIN = -0.024, -0.0045
 """Test oils and diesel near 40 degrees: viscosity -2.4 % and bulk modulus -0.45 % per kelvin."""
-START_ITERATIONS = 2
+ALONE_ITERATIONS, START_ITERATIONS = 20, 8
 
 
 @dataclass(frozen=True)
@@ -238,10 +238,9 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     groups = tuple(name for name, names in CHANGES.items() if any(n in pair.names for n in names))
     values = np.array([pair.fixed[name] for name in pair.names])
     own = basis_of(pair, values, ())
-    # each starts at the first recording's own fit: what is common runs away where a change has no name
-    start = minimised(pair, evaluated(pair, values, own, np.zeros(len(own.labels))), START_ITERATIONS)
+    here = evaluated(pair, values, own, np.zeros(len(own.labels)))
     sets = [(), *((group,) for group in groups)]
-    states = {chosen: minimised(pair, along(pair, start, basis_of(pair, values, chosen)), 8) for chosen in sets}
+    states = {chosen: begun(pair, here, basis_of(pair, values, chosen)) for chosen in sets}
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
     pair = loosened(pair, min(states.values(), key=lambda state: objective(pair, state)))
     states = nested(pair, {chosen: minimised(pair, state, 20) for chosen, state in states.items()})
@@ -249,6 +248,15 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
     return _mixed(pair, searched(pair, states, groups), groups, factors), pair
+
+
+def begun(pair: Pair, here: PairState, basis: Basis) -> PairState:
+    """Return a set near its minimum: first its directions alone, from the first recording's own fit.
+
+    What is common runs away where a change has no name, and before a large one with a name has grown to its size.
+    """
+    alone = minimised(pair, along(pair, here, basis), ALONE_ITERATIONS, common=False)
+    return minimised(pair, alone, START_ITERATIONS)
 
 
 def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:

@@ -172,13 +172,20 @@ def normal_equations(pair: Pair, state: PairState, columns: Array, moved: Array)
     return np.asarray(jacobian.T @ jacobian + np.eye(stds.size + moved.size)), np.asarray(vector)
 
 
-def minimised(pair: Pair, state: PairState, iterations: int) -> PairState:
-    """Return the pair at the minimum along the basis of a state."""
+def minimised(pair: Pair, state: PairState, iterations: int, common: bool = True) -> PairState:
+    """Return the pair at the minimum along the basis of a state.
+
+    Parameters
+    ----------
+    common : False where what both share stays as it is and the directions alone are followed
+    """
     k = len(pair.names)
     stds = pair.priors[1]
     value, damping = objective(pair, state), 1e-2
     for _ in range(iterations):
         matrix, vector = normal_equations(pair, state, state.basis.columns, state.moved)
+        if not common:
+            matrix[:k, k:], matrix[k:, :k], vector[:k] = 0.0, 0.0, 0.0
         gained = 0.0
         while damping < 1e6:
             step = within(matrix + np.diag(damping * np.diag(matrix)), vector, pair, state)
