@@ -12,9 +12,10 @@ import numpy as np
 
 from camtorque.align import align
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.changes import Attribution, attribution, together
+from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import mean_cycles
+from camtorque.fit.several_pairs import together
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled

@@ -18,11 +18,11 @@ from camtorque.fit.changes import (
     fitted,
     foreseen,
     marginal,
-    together,
     two_ln_odds,
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, within
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
+from camtorque.fit.several_pairs import together
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
 from camtorque.units import DEGREE

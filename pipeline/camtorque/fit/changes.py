@@ -277,7 +277,7 @@ def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tupl
 def _mixed(pair: Pair, sets: Sequence[Fitted], groups: Sequence[str], factors: tuple[float, float]) -> Attribution:
     names = candidates(pair)
     hypotheses = [differences(pair, item, names) for item in sets]
-    weight, mean, covariance = _mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
+    weight, mean, covariance = mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
     free_mean, free_std = freed(pair, sets[0], names, groups)
     return Attribution(names, tuple(hypotheses), weight, mean, covariance, free_mean, free_std, factors, sets[0].state)
 
@@ -312,7 +312,7 @@ def freed(pair: Pair, best: Fitted, names: Sequence[str], groups: Sequence[str])
     return result[0], result[1]
 
 
-def _mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[float, ...], Array, Array]:
+def mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[float, ...], Array, Array]:
     """Return the probabilities of some hypotheses, and mean and covariance over them."""
     weight = np.exp(0.5 * (evidence - np.max(evidence)))
     weight /= np.sum(weight)
@@ -320,33 +320,6 @@ def _mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[f
     mean = np.sum([w * item.mean for w, item in kept], axis=0)
     parts = [w * (item.covariance + np.outer(item.mean - mean, item.mean - mean)) for w, item in kept]
     return tuple(weight.tolist()), np.asarray(mean), np.asarray(np.sum(parts, axis=0))
-
-
-def together(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
-    """Return the attributions of several pairs of one pump when the same events are behind all of them."""
-    every = dict.fromkeys(item.groups for one in found for item in one.hypotheses)
-    each = [{groups: _within(one.hypotheses, groups) for groups in every} for one in found]
-    score = {g: sum(one[g].two_ln_evidence for one in each) - (len(each) - 1) * two_ln_odds(g) for g in every}
-    order = sorted(every, key=lambda groups: (-score[groups], groups))
-    evidence = np.array([score[groups] for groups in order])
-    result = []
-    for one, table in zip(found, each, strict=True):
-        hypotheses = tuple(table[groups] for groups in order)
-        weight, mean, covariance = _mixture(hypotheses, evidence)
-        result.append(replace(one, hypotheses=hypotheses, probabilities=weight, mean=mean, covariance=covariance))
-    return tuple(result)
-
-
-def _within(hypotheses: Sequence[Hypothesis], groups: tuple[str, ...]) -> Hypothesis:
-    """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds."""
-    parts = [item for item in hypotheses if set(item.groups) <= set(groups)]
-
-    def score(item: Hypothesis) -> float:
-        return item.two_ln_evidence + two_ln_odds([name for name in groups if name not in item.groups])
-
-    exact = [item for item in parts if item.groups == groups]
-    best = exact[0] if exact else max(parts, key=score)
-    return replace(best, groups=groups, two_ln_evidence=score(best))
 
 
 def two_ln_odds(groups: Sequence[str]) -> float:
