@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.campaign import CampaignOptions, flow, run_campaign
-from camtorque.campaign.find import CONFIG_NAME, search
+from camtorque.campaign.find import search
 from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import (
     ENTRY,
@@ -35,6 +35,7 @@ from camtorque.campaign.store import (
     write_joint_input,
 )
 from camtorque.run import RunOptions
+from camtorque.schemas import RECORDING_FILE
 
 ROOT = Path(__file__).resolve().parents[1]
 OPTIONS = RunOptions()
@@ -48,12 +49,12 @@ HEAD = (
 def copied(place: Path, name: str, target: Path) -> Path:
     """Return a recording like another of its folder's depth, under another name: logs and sheets are the same files."""
     target.mkdir(parents=True)
-    text = (place / CONFIG_NAME).read_text(encoding="utf-8")
+    text = (place / RECORDING_FILE).read_text(encoding="utf-8")
     text = text.replace(f'id = "{place.name}"', f'id = "{name}"', 1).replace('"../', f'"{place.parent}/')
     assert f'id = "{name}"' in text
-    (target / CONFIG_NAME).write_text(text, encoding="utf-8")
+    (target / RECORDING_FILE).write_text(text, encoding="utf-8")
     for file in place.iterdir():
-        if file.name != CONFIG_NAME:
+        if file.name != RECORDING_FILE:
             (target / file.name).symlink_to(file.resolve())
     return target
 

@@ -16,6 +16,7 @@ from camtorque.commands import COMMANDS, Outcome, check, options, run, texts
 from camtorque.commands.arguments import SHELLS
 from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
+from camtorque.progress import silent
 from camtorque.records import Refusal
 from damaged.build import PLANS
 from damaged.logs import clean_log, write_folder
@@ -302,7 +303,7 @@ def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: py
 
 def test_tolerance_of_a_run_is_a_finding() -> None:
     parsed = cli.build_parser().parse_args(["run", "r", "--out", "o", "--quiet", "--tolerance", "1e-4"])
-    (note,) = options.run_options(parsed, cli.silent).align.notes
+    (note,) = options.run_options(parsed, silent).align.notes
     assert note.code == "grid_error"
 
 

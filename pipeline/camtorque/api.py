@@ -27,6 +27,7 @@ from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.limits import Limit as Limit
 from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
+from camtorque.progress import Progress, silent
 from camtorque.records import CamCycles
 from camtorque.records import Refusal as Refusal
 from camtorque.report.bundle import RunResult
@@ -34,7 +35,7 @@ from camtorque.report.document import result_document
 from camtorque.report.folder import check_output, output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
 from camtorque.report.write import write_run
-from camtorque.run import Progress, RunOptions, analyse_recording, silent
+from camtorque.run import RunOptions, analyse_recording
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 

@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from camtorque.commands import COMMANDS, Outcome
+from camtorque.progress import silent
 from camtorque.stopping import stoppable
 from camtorque.system import forget, no_tracebacks, silence_output, told, usable_streams
 from camtorque.version import __version__
@@ -54,10 +55,6 @@ def tell(text: str) -> None:
     """Print a line of progress."""
     with suppress(OSError):  # nobody listens any more; the result is still wanted
         print(f"camtorque: {text}", file=sys.stderr, flush=True)
-
-
-def silent(text: str) -> None:
-    """Say nothing."""
 
 
 def execute(parsed: argparse.Namespace) -> int:

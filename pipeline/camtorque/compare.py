@@ -20,13 +20,15 @@ from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
+from camtorque.progress import Progress, silent
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
 from camtorque.report.document import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import NAME, RECORDING, recording_of
-from camtorque.run import Progress, now, silent
+from camtorque.results import NAME, recording_of
+from camtorque.run import now
+from camtorque.schemas import RECORDING_FILE
 from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__
@@ -110,8 +112,8 @@ def _recordings(path: Path) -> list[Path]:
     if campaign.is_file():
         rows = json.loads(campaign.read_text(encoding="utf-8"))["recordings"]
         return [recording_path(campaign.parent / row["folder"]) for row in rows if row["status"] == "ok"]
-    if path.is_dir() and not any((path / name).is_file() for name in (RECORDING, NAME)):
-        below = [item.parent for item in sorted(path.rglob(RECORDING))]
+    if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
+        below = [item.parent for item in sorted(path.rglob(RECORDING_FILE))]
         return below or [recording_path(path)]
     return [recording_path(path)]
 
@@ -123,13 +125,13 @@ def recording_path(path: Path) -> Path:
     ------
     Refusal : it names neither, or the report's recording is gone
     """
-    if (path / RECORDING).is_file() or path.suffix == ".toml":
+    if (path / RECORDING_FILE).is_file() or path.suffix == ".toml":
         return path
     result = path / NAME if path.is_dir() else path
     if result.name != NAME or not result.is_file():
         raise Refusal(
-            f"{path}: found neither {RECORDING} nor {NAME}, expected a recording or the report of one; name the folder "
-            "that `camtorque run` was given, or its --out"
+            f"{path}: found neither {RECORDING_FILE} nor {NAME}, expected a recording or the report of one; "
+            "name the folder that `camtorque run` was given, or its --out"
         )
     return recording_of(result.parent)
 
@@ -244,7 +246,7 @@ def left_out_rows(alone: Mapping[Path, float]) -> list[dict[str, Any]]:
 
 
 def _name(path: Path) -> str:
-    return path.parent.name if path.name == RECORDING else path.name
+    return path.parent.name if path.name == RECORDING_FILE else path.name
 
 
 def _rows(differences: Sequence[Difference]) -> dict[str, Any]:

@@ -22,12 +22,11 @@ from camtorque.config import (
 )
 from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
 from camtorque.records import Finding, Refusal
-from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
+from camtorque.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
 from camtorque.toml_schema import TableSchema
 from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
-FILE_NAME = "recording.toml"
 ONLY_LOGGER = LoggerSpec("logger", "single")
 """Where recording.toml names no logger."""
 SHEET_ATTRIBUTES = frozenset(key.attribute for key in SHEET_KEYS)
@@ -43,7 +42,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
     ------
     Refusals : missing files or keys, wrong types, impossible values, channels without logger or sensor; all of them
     """
-    file = path / FILE_NAME if path.is_dir() else path
+    file = path / RECORDING_FILE if path.is_dir() else path
     text, values = read_toml(file, "a recording is a folder that holds recording.toml, or that file")
     root = Table(values, file, "")
     check_schema(values, file, RECORDING_SCHEMA)

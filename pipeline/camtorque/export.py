@@ -6,7 +6,6 @@ apostrophe in front: names and notes come from files of strangers.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -19,6 +18,7 @@ import pandas as pd
 from scipy.io import savemat
 
 from camtorque.records import Array, Refusal
+from camtorque.report.files import whole
 from camtorque.units import BAR, DEGREE, RPM
 
 BORDER = {
@@ -164,13 +164,8 @@ def _column(values: pd.Series) -> Any:
 
 
 def _written(path: Path, write: Callable[[Path], Any]) -> Path:
-    """Write under a temporary name, then rename."""
-    unfinished = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
+    with whole(path) as unfinished:
         write(unfinished)
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
     return path
 
 

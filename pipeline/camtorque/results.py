@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.records import Refusal
+from camtorque.schemas import RECORDING_FILE
 
 NAME = "result.json"
 SCHEMA_STEM = "camtorque.result/"
-RECORDING = "recording.toml"
 
 
 def find_results(path: Path) -> list[Path]:
@@ -73,7 +73,7 @@ def recording_of(report: Path) -> Path:
     Refusal : see `read_result`; it is in none of these places
     """
     result = report / NAME
-    rows = [row for row in read_result(result)["inputs"] if Path(row["path"]).name == RECORDING]
+    rows = [row for row in read_result(result)["inputs"] if Path(row["path"]).name == RECORDING_FILE]
     for row in rows:
         path = Path(row["path"])
         if path.is_file():
@@ -82,7 +82,7 @@ def recording_of(report: Path) -> Path:
             found = above / path
             if found.is_file() and sha256(found.read_bytes()).hexdigest() == row["sha256"]:
                 return found
-    named = rows[0]["path"] if rows else RECORDING
+    named = rows[0]["path"] if rows else RECORDING_FILE
     raise Refusal(
         f"{result}: its recording {named} is not there, neither from {Path.cwd()} nor from the folders above the "
         "report, expected the logs and sheets that it was made of; put them back, or run this in the folder where the "

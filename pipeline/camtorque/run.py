@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +16,7 @@ from camtorque.ingest import read_recording
 from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings
 from camtorque.plain import now
+from camtorque.progress import Progress, silent
 from camtorque.records import Recording
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.bundle import RunResult
@@ -27,8 +28,6 @@ try:
     import resource
 except ImportError:  # not on Windows: the figure is then null
     resource = None  # type: ignore[assignment]
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,6 @@ class Stopwatch:
         start = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - start
-
-
-def silent(text: str) -> None:
-    """Say nothing."""
 
 
 def peak_memory_mb() -> float:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.toml_schema import Band, Key, TableSchema
 
+RECORDING_FILE = "recording.toml"
 RECORDING_SCHEMA = "fip-bench-recording/1"
 PUMP_SCHEMA = "camtorque-pump/1"
 

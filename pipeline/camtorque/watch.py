@@ -20,10 +20,10 @@ from camtorque.config_toml import load_recording_config
 from camtorque.ingest import read_recording
 from camtorque.ingest.recording import recording_of
 from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.schemas import RECORDING_FILE
 from camtorque.threads import on_one_thread
 from camtorque.units import DEGREE, RPM
 
-CONFIG_NAME = "recording.toml"
 LOOK_SHARE = 0.25
 """Looking takes at most this share of the time: a long file is read from its begin each time."""
 BASE_LIFT, LEAST_BASE = 0.01, 5.0 * DEGREE
@@ -221,7 +221,7 @@ def watch(
     options = options or WatchOptions()
     if not folder.is_dir():
         raise Refusal(f"{folder}: found no such folder, expected one to watch; check the path")
-    looks = _growing(folder, options) if (folder / CONFIG_NAME).is_file() else _appearing(folder, options)
+    looks = _growing(folder, options) if (folder / RECORDING_FILE).is_file() else _appearing(folder, options)
     end = clock() + options.seconds
     said: Waiting | None = None
     while True:
@@ -297,7 +297,7 @@ def _appearing(folder: Path, options: WatchOptions) -> Looks:
     memory, done, sizes = Memory(), set[Path](), dict[Path, int]()
     while True:
         items: list[Block | Waiting] = []
-        for config in sorted(folder.rglob(CONFIG_NAME), key=lambda path: (path.stat().st_mtime, path)):
+        for config in sorted(folder.rglob(RECORDING_FILE), key=lambda path: (path.stat().st_mtime, path)):
             block = config.parent
             size = sum(file.stat().st_size for file in block.iterdir() if file.is_file())
             # a recording is finished when it has not grown since the look before

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from camtorque.records import Finding, Refusal
-
-CONFIG_NAME = "recording.toml"
+from camtorque.schemas import RECORDING_FILE
 
 
 def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
@@ -33,7 +32,7 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
             text = f"{name} is the recording {known} under another name; it counts once"
             findings.append(Finding("linked_twice", "info", text, str(path)))
     if not names:
-        raise Refusal(f"{folder}: found no {CONFIG_NAME} at or below it, expected one per recording; check the path")
+        raise Refusal(f"{folder}: found no {RECORDING_FILE} at or below it, expected one per recording; check the path")
     return names, tuple(findings)
 
 
@@ -45,7 +44,7 @@ def _walk(folder: Path, above: tuple[tuple[int, int], ...]) -> Iterator[Path]:
         raise Refusal(f"{folder}: found a link that leads back to a folder above it, expected no loop; remove the link")
     with os.scandir(folder) as entries:
         for entry in entries:
-            if entry.name == CONFIG_NAME:
+            if entry.name == RECORDING_FILE:
                 yield folder
             elif entry.is_dir() and not entry.name.startswith("."):
                 yield from _walk(folder / entry.name, (*above, own))

@@ -27,13 +27,14 @@ from camtorque.campaign.store import (
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.fit.joint import CampaignFit
 from camtorque.plain import now
-from camtorque.progress import spoken
+from camtorque.progress import Progress, silent, spoken
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
-from camtorque.run import Progress, RunOptions, silent
+from camtorque.run import RunOptions
+from camtorque.schemas import RECORDING_FILE
 from camtorque.workers import Lost, on_processes
 
 MOST_THUMBNAILS = 200
@@ -102,7 +103,7 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     Refusal : there is no recording of that name; ``out`` holds something else or is full
     """
     path = folder if name == folder.resolve().name else folder / name
-    known = (path / "recording.toml").is_file()
+    known = (path / RECORDING_FILE).is_file()
     if not known:
         names = list(search(folder)[0])
         raise Refusal(

@@ -8,12 +8,12 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-from camtorque.campaign.find import CONFIG_NAME
 from camtorque.config_toml import load_recording_config
 from camtorque.hashes import file_digest
 from camtorque.ingest.sensors import read_sensor
 from camtorque.records import Refusal
 from camtorque.run import RunOptions
+from camtorque.schemas import RECORDING_FILE
 from camtorque.version import __version__
 
 LENGTH = 32
@@ -50,7 +50,7 @@ def input_paths(path: Path) -> tuple[Path, ...]:
     try:
         config = load_recording_config(path)
     except Refusal:
-        return (path / CONFIG_NAME if path.is_dir() else path,)
+        return (path / RECORDING_FILE if path.is_dir() else path,)
     files = [config.path, config.pump.cam_table_path]
     for reference in config.sensors.values():
         try:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from camtorque.commands import arguments as takes
+from camtorque.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,7 @@ COMMANDS: dict[str, Command] = {
 """Every command in the order of the help; what does it is the module of its name."""
 
 
-Tell = Callable[[str], None]
-"""Takes one line of progress."""
+Tell = Progress
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
 from camtorque.plain import plain
 from camtorque.records import Refusal, printable
+from camtorque.schemas import RECORDING_FILE
 
 SCHEMA = "camtorque.new/1"
 
@@ -17,7 +18,7 @@ SCHEMA = "camtorque.new/1"
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write recording.toml beside the first log, or into another folder."""
     folder: Path = arguments.out if arguments.out is not None else arguments.files[0].parent
-    file = folder / "recording.toml"
+    file = folder / RECORDING_FILE
     if file.exists():
         raise Refusal(f"{file}: is there already and is not overwritten; move it away, or give another --out")
     tell("looking into the logs")

@@ -11,7 +11,7 @@ import numpy as np
 
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.explain import Price, prices
-from camtorque.design.front import Front, FrontPoint, Tell, find_front
+from camtorque.design.front import Front, FrontPoint, find_front
 from camtorque.design.responses import RESPONSES
 from camtorque.design.task import Task
 from camtorque.design.tolerances import Spread, spreads
@@ -21,6 +21,7 @@ from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import predict, sweep_rows
 from camtorque.plain import plain
+from camtorque.progress import Progress
 from camtorque.records import Array, Refusal
 from camtorque.schemas import PUMP as PUMP_TABLE
 from camtorque.units import BAR, DEGREE
@@ -45,7 +46,7 @@ class Answer:
         return self.front.points[self.front.chosen]
 
 
-def solve_task(task: Task, tell: Tell) -> Answer:
+def solve_task(task: Task, tell: Progress) -> Answer:
     """Return the answer to a task.
 
     Raises

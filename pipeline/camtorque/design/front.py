@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import comb
@@ -17,9 +17,9 @@ from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
 from camtorque.design.responses import RESPONSES
 from camtorque.design.solver import Solution, solve
 from camtorque.design.task import KNEE, Task
+from camtorque.progress import Progress
 from camtorque.records import Array, ReadOnly, Refusal
 
-Tell = Callable[[str], None]
 SAME = 1.0e-4
 """Scaled distance of two points of the front below which they are one."""
 WORTHWHILE = 1.0e-6
@@ -52,7 +52,7 @@ class Front:
     chosen: int
 
 
-def find_front(task: Task, tell: Tell) -> Front:
+def find_front(task: Task, tell: Progress) -> Front:
     """Return the front of a task.
 
     Raises
@@ -96,7 +96,7 @@ def _least_violation(problem: Problem) -> Solution:
     return min(found, key=lambda solution: solution.violation)
 
 
-def _ends(problem: Problem, tell: Tell) -> list[Solution]:
+def _ends(problem: Problem, tell: Progress) -> list[Solution]:
     """Return the best design of each aim, empty where the limits cannot be kept."""
     scale, task = own_scale(problem), problem.task
     start = problem.start()
@@ -156,7 +156,7 @@ def _lattice_size(aims: int, steps: int) -> int:
 
 
 def _between(
-    problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Tell
+    problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Progress
 ) -> Iterator[FrontPoint]:  # fmt: skip
     """Yield the points of a family, each started from the solved one that is nearest."""
     goals = references(len(ends), count)

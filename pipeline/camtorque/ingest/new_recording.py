@@ -17,7 +17,7 @@ from camtorque.ingest.proposal import Proposal
 from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
 from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SHEET_NEEDED
 from camtorque.records import Refusal
-from camtorque.schemas import RECORDING_SCHEMA, RECORDING_TABLES
+from camtorque.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES
 from camtorque.toml_schema import UNKNOWN, Key, TableSchema
 from camtorque.toml_table import read_toml
 from camtorque.units import BORDER_UNITS, unit_factor
@@ -166,7 +166,7 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
     empty: dict[str, dict[str, Any]] = {name: {} for name in ("recording", "sensors", *COPIED)}
     if like is None:
         return empty
-    file = like / "recording.toml" if like.is_dir() else like
+    file = like / RECORDING_FILE if like.is_dir() else like
     _, values = read_toml(file, "expected a recording or a pump file whose pump and sensors are taken over")
     tables = {name: dict(values.get(name, {})) for name in empty}
     rotation = tables["recording"].get("rotation")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
+from camtorque.report.files import whole
 from camtorque.report.folder import reserve
 from camtorque.stacks import mean_of, pieces
 from camtorque.version import __version__
@@ -52,22 +52,21 @@ def write_aligned(path: Path, recording: Recording, cycles: CamCycles) -> None:
 
 
 def _write(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    reserve(partial, sum(np.asarray(variable.values).nbytes for variable in variables) + ROOM_FOR_THE_REST)
-    # from format 1.8 on an attribute (the configuration text) may be longer than 64 kB
-    with h5py.File(partial, "w", libver=("v108", "v110")) as file:
-        _root_attributes(file, recording)
-        theta = _add(file, Variable("theta", cycles.theta, "rad", "cam angle from the zero of the lift table"))
-        index = _add(file, Variable("cycles/index", cycles.index, "1", "cycle number in the recording"))
-        theta.make_scale("theta")
-        index.make_scale("index")
-        for variable in variables:
-            data = _add(file, variable)
-            if data.shape[0] == cycles.index.size and variable.path.startswith("cycles/"):
-                data.dims[0].attach_scale(index)
-            if data.shape[-1] == cycles.theta.size and not (data.ndim == 1 and variable.path.startswith("cycles/")):
-                data.dims[data.ndim - 1].attach_scale(theta)
-    os.replace(partial, path)
+    with whole(path) as partial:
+        reserve(partial, sum(np.asarray(variable.values).nbytes for variable in variables) + ROOM_FOR_THE_REST)
+        # from format 1.8 on an attribute (the configuration text) may be longer than 64 kB
+        with h5py.File(partial, "w", libver=("v108", "v110")) as file:
+            _root_attributes(file, recording)
+            theta = _add(file, Variable("theta", cycles.theta, "rad", "cam angle from the zero of the lift table"))
+            index = _add(file, Variable("cycles/index", cycles.index, "1", "cycle number in the recording"))
+            theta.make_scale("theta")
+            index.make_scale("index")
+            for variable in variables:
+                data = _add(file, variable)
+                if data.shape[0] == cycles.index.size and variable.path.startswith("cycles/"):
+                    data.dims[0].attach_scale(index)
+                if data.shape[-1] == cycles.theta.size and not (data.ndim == 1 and variable.path.startswith("cycles/")):
+                    data.dims[data.ndim - 1].attach_scale(theta)
 
 
 def _add(file: h5py.File, variable: Variable) -> h5py.Dataset:

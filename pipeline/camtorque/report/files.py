@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,23 +18,32 @@ ESCAPED = "backslashreplace"
 """A path may hold bytes that are no text; what is written shows them escaped."""
 
 
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Yield a name beside a path to write to, which is renamed when all is written and gone where that failed."""
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def write_page(path: Path, html: str) -> None:
     """Write a page."""
     path.write_text(html, encoding="utf-8", errors=ESCAPED)
 
 
 def write_json(path: Path, document: Mapping[str, Any], lines: bool = True) -> None:
-    """Write a document under a temporary name, then rename it; NaN is never written. ``lines``: one for each value."""
-    partial = path.with_name(f".{path.name}.partial")
+    """Write a document that appears whole; NaN is never written. ``lines``: one for each value."""
     text = json.dumps(plain(document), indent=1 if lines else None, ensure_ascii=False, allow_nan=False)
-    partial.write_text(text + "\n", encoding="utf-8", errors=ESCAPED)
-    os.replace(partial, path)
+    with whole(path) as partial:
+        partial.write_text(text + "\n", encoding="utf-8", errors=ESCAPED)
 
 
 def write_rows(path: Path, document: Mapping[str, Any]) -> None:
     """Write a document of many rows: one line each, numbers of 7 digits; the reports of the rows have all of them."""
-    partial = path.with_name(f".{path.name}.partial")
-    with partial.open("w", encoding="utf-8", errors=ESCAPED) as stream:
+    with whole(path) as partial, partial.open("w", encoding="utf-8", errors=ESCAPED) as stream:
         stream.write("{")
         for place, (key, value) in enumerate(plain(document).items()):
             stream.write(f"{',' if place else ''}\n {json.dumps(key)}: ")
@@ -42,7 +52,6 @@ def write_rows(path: Path, document: Mapping[str, Any]) -> None:
             else:
                 stream.write(_line(value))
         stream.write("\n}\n")
-    os.replace(partial, path)
 
 
 def _line(value: Any) -> str:

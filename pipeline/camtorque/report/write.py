@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from camtorque.report.cycles_file import write_cycles
 from camtorque.report.document import result_document
 from camtorque.report.drawings import drawn, write_figures
 from camtorque.report.figures import FIGURES
-from camtorque.report.files import write_json, write_page
+from camtorque.report.files import whole, write_json, write_page
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.page import run_page
@@ -59,8 +58,7 @@ def write_pdf(page: Path) -> Path:
             f"--pdf: WeasyPrint cannot be used ({error}), expected the extra 'pdf'; pip install 'camtorque[pdf]'"
         ) from error
     logging.getLogger("weasyprint").setLevel(logging.ERROR)  # it warns of every rule for screens
-    partial = page.with_name(f".{page.stem}.pdf.partial")
-    HTML(string=page.read_text(encoding="utf-8"), base_url=None).write_pdf(partial)
     target = page.with_suffix(".pdf")
-    os.replace(partial, target)
+    with whole(target) as partial:
+        HTML(string=page.read_text(encoding="utf-8"), base_url=None).write_pdf(partial)
     return target

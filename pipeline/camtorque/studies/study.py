@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from camtorque.progress import told
+from camtorque.progress import Progress, silent, told
 from camtorque.report.folder import output_files
 from camtorque.report.plots import save_study_figure
-from camtorque.run import Progress, silent
 from camtorque.studies.driveline import driveline_chart
 from camtorque.studies.dynamics import dynamics_chart
 from camtorque.studies.grid import grid_chart, table_charts
