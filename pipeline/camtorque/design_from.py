@@ -20,13 +20,13 @@ from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
 from camtorque.fit.ends import Curve
-from camtorque.fit.forecast import Load
+from camtorque.fit.forecast import Forecast, Load
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.predict_from import FRICTION_NAMES, Rig, chain_of, curve_of, read_fit, rig_of, with_forces
-from camtorque.records import Array, Estimate, Refusal
+from camtorque.records import Array, Estimate, Forces, Refusal
 from camtorque.report.forecast_page import sweep_row
 from camtorque.results import read_result
 from camtorque.threads import on_one_thread
@@ -94,7 +94,7 @@ def fitted_pump(known: Known) -> FittedPump:
 
 def _run(
     known: Known, source: FittedAt, rig: Rig, curve: Curve, speed: float, ends: Mapping[str, Estimate] | None = None
-) -> Any:
+) -> tuple[Forecast, Forces]:
     return on_one_thread(with_forces)(known.fit, source, rig, chain_of(rig, speed, curve), Load(ends or {}), {})
 
 
@@ -132,7 +132,7 @@ def _pair(known: Known, source: FittedAt, before: Rig, after: Rig, load: DesignL
         "fitted_pump": _run(known, source, before, curve, load.speed),
         "design": _run(known, source, after, moved, load.speed, ends),
     }
-    return {"load": load.name, **{name: sweep_row(item, forces) for name, (item, forces) in sides.items()}}
+    return {"load": load.name, **{name: sweep_row(item, (forces,)) for name, (item, forces) in sides.items()}}
 
 
 def carried_pressure(curve: Curve, old: CamLaw, new: CamLaw, offset: float) -> Array:
