@@ -4,8 +4,9 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from camtorque.report.files import write_json
 from camtorque.report.plots import _front
-from camtorque.studies.table import Cell, Chart, Point, document, write_document
+from camtorque.studies.table import Cell, Chart, Point, document
 from study_cases import front_factor, read_charts
 
 
@@ -35,8 +36,8 @@ def test_factor_at_given_cost_compares_errors():
 
 def test_written_chart_comes_back(tmp_path):
     chart = Chart("x", "x", "e", "c", (Point("a", "1", np.inf, 1.0), Point("a", "2", 0.125, 2.0)))
-    path = write_document(tmp_path / "study.json", document("speed-accuracy", [chart], quick=True))
-    assert read_charts(path) == (chart,)
+    write_json(tmp_path / "study.json", document("speed-accuracy", [chart], quick=True))
+    assert read_charts(tmp_path / "study.json") == (chart,)
 
 
 def test_point_without_measurement_is_refused():

@@ -55,15 +55,16 @@ def write_rows(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def _line(value: Any) -> str:
-    return json.dumps(_short(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return json.dumps(short(value, 7), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
-def _short(value: Any) -> Any:
+def short(value: Any, digits: int) -> Any:
+    """Return plain values with numbers of so many digits."""
     if isinstance(value, float):
-        return float(f"{value:.7g}")
+        return float(f"{value:.{digits}g}")
     if isinstance(value, dict):
-        return {key: _short(item) for key, item in value.items()}
-    return [_short(item) for item in value] if isinstance(value, list) else value
+        return {key: short(item, digits) for key, item in value.items()}
+    return [short(item, digits) for item in value] if isinstance(value, list) else value
 
 
 def inputs_document(recording: Recording) -> list[dict[str, str]]:

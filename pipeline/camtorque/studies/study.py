@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from camtorque.progress import Progress, silent, told
+from camtorque.report.files import write_json
 from camtorque.report.folder import output_files
 from camtorque.report.plots import save_study_figure
 from camtorque.studies.driveline import driveline_chart
@@ -15,7 +16,7 @@ from camtorque.studies.resampling import resampling_charts
 from camtorque.studies.stability_align import align_map
 from camtorque.studies.stability_driveline import drift_map, event_map, multiplier_map, stiffness_map
 from camtorque.studies.stability_pump import running_map, table_map
-from camtorque.studies.table import Chart, StabilityMap, document, write_document
+from camtorque.studies.table import Chart, StabilityMap, document
 
 CHARTS: dict[str, Callable[[bool], tuple[Chart, ...]]] = {
     "grid": lambda quick: (grid_chart(quick), *table_charts(quick)),
@@ -44,7 +45,8 @@ def run_study(name: str, out: Path, quick: bool = False, progress: Progress = si
     with output_files(out) as folder:
         parts = [part for build in told(STUDIES[name], progress) for part in build(quick)]
         content = document(name, parts, quick)
-        paths = [write_document(folder / f"{name.replace('-', '_')}.json", content)]
+        paths = [folder / f"{name.replace('-', '_')}.json"]
+        write_json(paths[0], content)
         for part in content["parts"]:
             paths += save_study_figure(part, folder)
     return [out / path.name for path in paths]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
+from camtorque.plain import plain
 from camtorque.records import Refusal
+from camtorque.report.files import short
 
 LEAST_TIME = 2.0e-3
 """Shorter calls are repeated until they last this long [s]."""
@@ -130,26 +130,9 @@ def _duration(function: Callable[[], Any], count: int) -> float:
     return time.perf_counter() - start
 
 
-def _plain(value: Any) -> Any:
-    """Return the value with everything that JSON cannot hold as None, numbers at four digits."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(f"{value:.4g}") if math.isfinite(value) else None
-    return value
-
-
 def document(study: str, parts: Sequence[Chart | StabilityMap], quick: bool) -> dict[str, Any]:
     """Return a study as plain data."""
-    return {"study": study, "quick": quick, "parts": [_plain(asdict(part)) for part in parts]}
-
-
-def write_document(path: Path, content: dict[str, Any]) -> Path:
-    """Write plain data as JSON and return the path."""
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return path
+    return {"study": study, "quick": quick, "parts": [short(plain(asdict(part)), 4) for part in parts]}
 
 
 Outcome = float | tuple[float, str]
