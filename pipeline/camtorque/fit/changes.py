@@ -67,7 +67,9 @@ OTHERS = 2
 TEMPERATURE_STD = 10.0
 VISCOSITY_PER_KELVIN, MODULUS_PER_KELVIN = -0.024, -0.0045
 """Test oils and diesel near 40 degrees: viscosity -2.4 % and bulk modulus -0.45 % per kelvin."""
-ALONE_ITERATIONS, START_ITERATIONS = 20, 8
+ALONE_ITERATIONS, START_ITERATIONS, ITERATIONS = 20, 8, 20
+HOPELESS = 50.0
+"""A set whose objective is so many times the least one is left where it is: its probability is nothing."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +220,10 @@ def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Se
     ----------
     states : near the minimum of no event and of each single one
     """
-    found = {chosen: fitted(pair, state, chosen, 20) for chosen, state in states.items()}
+    lost = hopeless({chosen: objective(pair, state) for chosen, state in states.items()})
+    found = {
+        chosen: fitted(pair, state, chosen, 0 if chosen in lost else ITERATIONS) for chosen, state in states.items()
+    }
     for size in range(1, MOST_CHANGES):
         best = max(item.two_ln_evidence for item in found.values())
         smaller = sorted((item for item in found.values() if len(item.groups) == size),
@@ -243,7 +248,7 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     states = {chosen: begun(pair, here, basis_of(pair, values, chosen)) for chosen in sets}
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
     pair = loosened(pair, min(states.values(), key=lambda state: objective(pair, state)))
-    states = nested(pair, {chosen: minimised(pair, state, 20) for chosen, state in states.items()})
+    states = nested(pair, polished(pair, states))
     factors = min((inflation(pair, state, LEAST_FREEDOM) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
@@ -259,17 +264,29 @@ def begun(pair: Pair, here: PairState, basis: Basis) -> PairState:
     return minimised(pair, alone, START_ITERATIONS)
 
 
+def hopeless(values: Mapping[tuple[str, ...], float]) -> set[tuple[str, ...]]:
+    """Return the sets of which nothing can come, by the objective of each."""
+    least = min(values.values())
+    return {chosen for chosen, value in values.items() if value > HOPELESS * least}
+
+
+def polished(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
+    """Return every set that may still be the one at its minimum, and the others as they are."""
+    lost = hopeless({chosen: objective(pair, state) for chosen, state in states.items()})
+    return {chosen: state if chosen in lost else minimised(pair, state, ITERATIONS) for chosen, state in states.items()}
+
+
 def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
-    """Return states of which none lies above that of no event, which itself starts again from the least one."""
+    """Return states of which none that may be the one lies above no event, which starts again from the least one."""
     values = {chosen: objective(pair, state) for chosen, state in states.items()}
     least = states[min(values, key=lambda chosen: values[chosen])]
-    again = minimised(pair, along(pair, least, states[()].basis), 20)
+    again = minimised(pair, along(pair, least, states[()].basis), ITERATIONS)
     base = min((states[()], again), key=lambda state: objective(pair, state))
-    floor = objective(pair, base)
+    floor, lost = objective(pair, base), hopeless(values)
     found: dict[tuple[str, ...], PairState] = {(): base}
     for chosen, state in states.items():
-        if chosen and values[chosen] > floor:
-            state = minimised(pair, along(pair, base, state.basis), 20)
+        if chosen and values[chosen] > floor and chosen not in lost:
+            state = minimised(pair, along(pair, base, state.basis), ITERATIONS)
         found.setdefault(chosen, state)
     return found
 
