@@ -24,7 +24,8 @@ from rigs.rig import RigRun
 from rigs.write import write_recording
 
 MISS_COST = 2.0 / 0.05
-Job, Result = TypeVar("Job"), TypeVar("Result")
+Job = TypeVar("Job")
+Result = TypeVar("Result")
 
 
 def plain_parser(text: str | None) -> argparse.ArgumentParser:

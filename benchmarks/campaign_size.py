@@ -82,7 +82,7 @@ def bare_report(result: Any, folder: Path) -> Mapping[str, Any]:
 def stand_in(item: task.Task) -> Any:
     """Do one recording with the stand-ins, in a worker."""
     task.analyse = stand_in_analysis  # type: ignore[assignment]
-    task.joint_input = lambda item: item  # type: ignore[assignment]
+    task.joint_input = lambda item: item  # type: ignore[assignment, return-value]
     if BARE in os.environ:
         task.write_run = bare_report  # type: ignore[assignment]
     done = task.run_task(item)

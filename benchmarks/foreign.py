@@ -37,7 +37,7 @@ def summary(rows: list[dict]) -> list[str]:
         f"{inside.size}; rms {np.median(rms):.2f} % (median), {np.max(rms):.2f} % (worst)",
         "",
     ]
-    found: dict[str, list[tuple[float, ...]]] = {}
+    found: dict[str, list[tuple[float, float, float, float]]] = {}
     for row in done:
         for name, _, value, true, (low, high) in row["coverage"]:
             found.setdefault(name, []).append((true, value, low, high))

@@ -139,7 +139,8 @@ def main() -> None:
     parser.add_argument("--measure", type=Path, nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.measure:
-        print(json.dumps(measure(*arguments.measure, arguments.workers)))
+        raw, out = arguments.measure
+        print(json.dumps(measure(raw, out, arguments.workers)))
         return
     print("\n".join(HEAD), flush=True)
     with tempfile.TemporaryDirectory(dir=(arguments.base or ROOT).parent, prefix=".joint_size-") as name:

@@ -128,7 +128,8 @@ def main() -> None:
     parser.add_argument("--single", action="store_true")
     arguments = parser.parse_args()
     if arguments.child:
-        child(*arguments.child, arguments.single)
+        raw, out = arguments.child
+        child(raw, out, arguments.single)
         return
     chance = random.Random(7)
     os.environ[PAUSE] = "0.2"

@@ -14,6 +14,7 @@ import importlib.util
 import platform
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import matplotlib
@@ -123,7 +124,7 @@ def candidates(cycles, size):
     }
     for method in METHODS:
         found[f"{method}, kinematics included, one cycle"] = (
-            lambda method=method: per_method(method, units, theta, pressure[:few], speed[:few]),
+            partial(per_method, method, units, theta, pressure[:few], speed[:few]),
             few * size,
         )
     some = min(cycles, 50)
@@ -148,7 +149,7 @@ def time_all(found, rounds):
     """Return name -> ns per sample of every round; the candidates take turns so that the machine's mood hits all."""
     for function, _ in found.values():
         function()
-    times = {name: [] for name in found}
+    times: dict[str, list[float]] = {name: [] for name in found}
     for _ in range(rounds):
         for name, (function, count) in found.items():
             start = time.perf_counter()
@@ -167,7 +168,8 @@ def elastic(units, theta):
 def cost_of_pumps(size, rounds):
     """Return method -> us per shaft solution for each number of pumps."""
     law, theta = analytic_law(), np.arange(size) * (2.0 * np.pi / size)
-    cost = {method: [] for method in (*METHODS, "elastic shaft")}
+    pressure = np.full(size, 3e7)
+    cost: dict[str, list[float]] = {method: [] for method in (*METHODS, "elastic shaft")}
     for count in PUMP_COUNTS:
         units = [PumpUnit(paper_pump(), law, 2.0 * np.pi * k / count) for k in range(count)]
         for method, values in cost.items():
@@ -179,7 +181,7 @@ def cost_of_pumps(size, rounds):
                 if method == "elastic shaft":
                     elastic(units, theta)
                 else:
-                    solve_shaft(units, theta, 3e7, 50.0, method=method)
+                    solve_shaft(units, theta, pressure, 50.0, method=method)
                 best.append(1e6 * (time.perf_counter() - start))
             values.append(min(best))
     return cost

@@ -84,6 +84,7 @@ def data_lines(source: str) -> set[int]:
     for node in ast.walk(tree):
         named = isinstance(node, ast.Assign) and str(getattr(node.targets[0], "id", "")).endswith("ROWS")
         if named or (isinstance(node, ast.AnnAssign) and node.value is None):
+            assert isinstance(node, ast.stmt)
             lines.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
         if isinstance(node, ast.FunctionDef):
             lines.update(range(node.lineno, node.body[0].lineno))

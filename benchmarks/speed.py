@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -131,9 +132,9 @@ def grid_lines(problem: Problem) -> Iterator[str]:
     for grid, n_theta in ((600, 900), (1200, 1800), (1800, 3600), (3600, 7200)):
         moved = stepped(coarse(item, grid))
         lifts = lifts_at(moved, moved.start)
-        cost = seconds(lambda m=moved, z=lifts: try_at(m, m.start, z))
+        cost = seconds(partial(try_at, moved, moved.start, lifts))
         cycles = bridged(CASE, n_theta)[1]
-        means = seconds(lambda c=cycles: single.mean_cycles(c))
+        means = seconds(partial(single.mean_cycles, cycles))
         yield f"| {grid} | {1e3 * cost:.1f} ms | {n_theta} | {1e3 * means:.2f} ms |"
 
 

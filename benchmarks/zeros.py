@@ -15,7 +15,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 from camtorque.config import SensorRef
@@ -45,15 +44,15 @@ def rig_cases(draws: int, share: float, name: str) -> Iterator[Case]:
                 drawn, torque_sensor__zero_residual=share * drawn.torque_sensor.zero_residual,
                 pressure_sensor__zero_residual=share * drawn.pressure_sensor.zero_residual,
             )  # fmt: skip
-            readings = _standstill(SimpleNamespace(truth=truth), rng)
+            readings = _standstill(truth, rng)
             with tempfile.TemporaryDirectory() as folder:
                 write_sensor_sheets(truth, Path(folder), rng)
                 for quantity, sensor in (("torque", truth.torque_sensor), ("pressure", truth.pressure_sensor)):
-                    pair = tuple(round(value, 4) for value in readings[quantity])
+                    before, after = (round(value, 4) for value in readings[quantity])
                     sheet = Path(folder) / f"{quantity}.toml"
-                    stated = read_sensor(SensorRef(quantity, SERIALS[quantity], sheet, *pair)).calibration
+                    stated = read_sensor(SensorRef(quantity, SERIALS[quantity], sheet, before, after)).calibration
                     true = sensor.volts_per_unit * (sensor.zero + sensor.zero_residual)
-                    yield name, quantity, *_errors(stated, true, pair)
+                    yield name, quantity, *_errors(stated, true, (before, after))
 
 
 def foreign_cases(recordings: Path, truths: Path) -> Iterator[Case]:

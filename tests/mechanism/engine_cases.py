@@ -7,6 +7,8 @@ joint forces the reactions. Several pumps are solved one by one, with their shar
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from mechanism_cases import STEP, contact_geometry, lift_series
 
@@ -164,7 +166,7 @@ class MujocoPump:
         return named(sample, mounting, multipliers, torque, *joints)
 
 
-ENGINES = {"pinocchio": PinocchioPump, "mujoco": MujocoPump}
+ENGINES: dict[str, Any] = {"pinocchio": PinocchioPump, "mujoco": MujocoPump}
 
 
 def engine_solution(engine, units, run):

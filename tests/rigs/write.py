@@ -12,6 +12,7 @@ from rigs.files import DIALECTS, SUFFIXES, WRITERS, LogChannel, LogFile, write_c
 from rigs.rig import RigRun
 from rigs.sense import Signal, pressure_signal, torque_signal, trigger_signal, wheel_edges
 from rigs.sheets import ChannelLine, recording_toml, write_lift_table, write_sensor_sheets
+from rigs.truth import RigTruth
 
 NAMES = {"torque": "Torque", "pressure": "Line_Pressure", "trigger": "Prox_Trigger"}
 GERMAN_NAMES = {"torque": "Drehmoment", "pressure": "Leitungsdruck", "trigger": "Geber"}
@@ -128,7 +129,7 @@ def write_recording(
         files.append(path)
         lines += [ChannelLine(c.quantity, log.name, c.group, c.name, logger, c.rate) for c in channels]
 
-    readings = _standstill(run, rng) if standstill else None
+    readings = _standstill(run.truth, rng) if standstill else None
     text = DIALECTS[dialect].text if file_format == "csv" else ""
     toml = recording_toml(run, name, file_format, text, layout, lines, readings)
     (folder / "recording.toml").write_text(toml, encoding="utf-8")
@@ -137,9 +138,9 @@ def write_recording(
     return Written(folder, edges, clocks, tuple(files))
 
 
-def _standstill(run: RigRun, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
-    """Return zero readings before and after [V]; the run's own residual is in neither."""
-    torque, pressure = run.truth.torque_sensor, run.truth.pressure_sensor
+def _standstill(truth: RigTruth, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
+    """Return zero readings before and after [V]; the rig's own residual is in neither."""
+    torque, pressure = truth.torque_sensor, truth.pressure_sensor
     torque_zero = torque.volts_per_unit * (torque.zero + 0.01 * rng.standard_normal(2))
     pressure_zero = pressure.volts_per_unit * (pressure.zero + 0.1e5 * rng.standard_normal(2))
     return {"torque": tuple(torque_zero), "pressure": tuple(pressure_zero)}
