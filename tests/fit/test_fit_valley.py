@@ -60,7 +60,7 @@ def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked):
 
 def test_a_minimum_that_was_held_aside_finds_the_deeper_place(walked):
     data, held = halves()
-    aside = walked[0].solution.z[walked[0].problem.index(ANGLE)] + 5.0 * curvature(walked[0])
+    aside = walked[0].solution.z[walked[0].problem.index(ANGLE)] + 3.0 * curvature(walked[0])
     rows = {ANGLE: {"start": aside, "prior": (aside, HELD)}}
     stuck = at_minimum(with_rows(walked[0].data, rows))
     prior = {ANGLE: {"prior": data.rows[ANGLE].prior}}
