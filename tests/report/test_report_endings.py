@@ -17,7 +17,7 @@ from camtorque.fit.forecast import Forecast, Load, _draws
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
-from camtorque.report.forecast_page import sweep_row
+from camtorque.report.forecast_page import _drawing, sweep_row
 from camtorque.report.forecast_texts import end_text, ending_text
 from camtorque.units import DEGREE
 
@@ -78,6 +78,8 @@ def test_an_ending_without_a_load_is_refused(tmp_path: Path, monkeypatch: pytest
 def test_bands_of_either_hold_both_and_are_no_wider() -> None:
     found = either(run(10.0, 1.0, "land"), run(4.0, 0.5, "spill"))
     assert found.ending == EITHER
+    assert ending_text(found)[0].endswith("--ending land or --ending spill predicts one of them.")
+    assert "if spill ends delivery" in str(_drawing("speed_1", found).svg)
     low, high = 4.0 - 1.96 * 0.5, 10.0 + 1.96
     assert found.torque == pytest.approx(np.full(4, 0.5 * (low + high)), abs=1e-3)
     assert found.torque_std == pytest.approx(np.full(4, 0.5 * (high - low) / 1.96), abs=1e-3)

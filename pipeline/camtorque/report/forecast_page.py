@@ -17,7 +17,7 @@ from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import drawn
 from camtorque.report.files import write_json, write_page
-from camtorque.report.forecast_texts import ending_text
+from camtorque.report.forecast_texts import ENDED_BY, ending_text
 from camtorque.report.numbers import near, num, plus_minus, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
@@ -164,8 +164,12 @@ def _drawing(name: str, item: Forecast) -> Drawing:
     )  # fmt: skip
     torque = panel("torque [N m]", "torque", item.torque, item.torque_std, 200.0)
     pressure = Line("of it by pressure", item.by_cause[PRESSURE], "c1", 1.2, "6 4")
+    both = tuple(
+        Line(f"if {ENDED_BY[one.ending]} ends delivery", one.torque, tone, 1.2)
+        for one, tone in zip(item.both, CYCLE[2:], strict=False)
+    )
     panels = (
-        replace(torque, lines=(*torque.lines, pressure)),
+        replace(torque, lines=(*torque.lines, *both, pressure)),
         Panel("other causes [N m]", causes, height=140.0),
         panel("chamber [bar]", "pressure on the plunger", item.pressure / BAR, item.pressure_std / BAR, 120.0),
     )

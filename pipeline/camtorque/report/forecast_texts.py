@@ -83,7 +83,10 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
 def ending_text(item: Forecast) -> tuple[str, ...]:
     """Return what was taken for granted of the way in which delivery ends under a given load."""
     if item.ending == EITHER:
-        return (f"{NOT_TOLD}: the bands hold both, the curves lie midway.",)
+        return (
+            f"{NOT_TOLD}: the bands hold both, the curves lie midway; --ending {' or --ending '.join(ENDED_BY)} "
+            "predicts one of them.",
+        )
     if item.other is None:
         return ()
     other, so = item.other, ENDED_BY[item.other.structure]
