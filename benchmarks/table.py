@@ -4,7 +4,8 @@
 
 Commands are whole processes: processor time (user and system), wall time and peak memory are those of a child, least of
 the rounds after a first one that compiles. ``--long`` adds recordings of one and ten minutes (0.8 GB on disk for a
-while), ``--campaign`` the five examples with their joint fit. The fit itself: `benchmarks/speed.py --peers`.
+while), ``--campaign`` the five examples with their joint fit, and the joint fit of twelve recordings: the examples
+repeated, whose single fits are there. The fit itself: `benchmarks/speed.py --peers`.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from ingest_align import timed, write_recording
+from joint_size import grown
 from long_recording import write_long
 from mechanism_speed import candidates as mechanism_candidates
 from mechanism_speed import time_all
@@ -39,7 +41,7 @@ from camtorque.run import RunOptions, analyse
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "raw_examples" / "A_1000rpm"
-SCRIPT, USAGE = (Path(__file__).with_name(name) for name in ("usual_script.py", "usage.py"))
+SCRIPT, USAGE, JOINT_SIZE = (Path(__file__).with_name(f"{name}.py") for name in ("usual_script", "usage", "joint_size"))
 LIBRARIES = "import numpy, scipy.interpolate, numba, h5py, jinja2"
 HEAD = (
     "| work | processor | wall | peak memory | wanted | peer | its processor | ratio |\n"
@@ -177,10 +179,13 @@ def mechanism_rows() -> Iterator[str]:
 
 
 def campaign_rows(scratch: Path) -> Iterator[str]:
-    """Yield the five examples with their joint fit."""
+    """Yield the five examples with their joint fit, and the joint fit of twelve recordings that are all fitted."""
     out = scratch / "campaign"
     cost = process("-m", "camtorque.cli", "campaign", ROOT / "raw_examples", "--workers", "2", "--out", out)
     yield row("`campaign`, five examples, two workers", cost, "20 s wall")
+    twelve = grown(ROOT / "raw_examples", out, scratch, 12)
+    cost = process(JOINT_SIZE, "--measure", *twelve, "--workers", "2")
+    yield row("joint fit of 12 with left-out predictions, imports and pages included", cost, "10 s wall")
 
 
 def main() -> None:
