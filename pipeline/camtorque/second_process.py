@@ -6,6 +6,7 @@ out is the same number for number with it, without it, or where it dies.
 
 from __future__ import annotations
 
+import ctypes
 import os
 import pickle
 import signal
@@ -24,6 +25,9 @@ T = TypeVar("T")
 R = TypeVar("R")
 PROTOCOL = 5
 """Of pickle: it keeps arrays read-only, which compiled functions tell apart."""
+
+KILL_WITH_PARENT = 1
+"""Request to `prctl` of Linux."""
 
 
 @dataclass
@@ -156,6 +160,7 @@ def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
 def _work(jobs: int, results: int) -> NoReturn:
     """Do what comes in, as long as something comes, and leave without a word whatever happens."""
     try:
+        ctypes.CDLL(None).prctl(KILL_WITH_PARENT, signal.SIGKILL)
         signal.set_wakeup_fd(-1)
         for number in SIGNALS:
             signal.signal(number, signal.SIG_DFL)
