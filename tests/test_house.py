@@ -41,7 +41,7 @@ ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "des
 FLOWS = ["rehearsal", "run", "campaign", "compare", "predict_from", "design_from", "plan", "studies"]
 FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_way", "commands", "cli", "__init__"]
 ORDER = ["left", *ROOMS, *FLOWS, *FACES]
-HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf", "apread", "tkinter"}
+HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf"}
 ONLY_SHOWN = {
     "solve_cycles": "a row of docs/mechanism_speed.md",
     "markdown_rows": "writes the tables of docs/recording_toml.md",
@@ -69,7 +69,7 @@ ONLY_WRITTEN = {
     **dict.fromkeys(("error_label", "cost_label", "note", "given_cost"), "a study is written whole"),
 }
 """Fields that nothing in the package reads by name, and why they are there."""
-LAZY = {"numba", "dask", "distributed", "dask_jobqueue", "emcee", "corner", "pinocchio", "mujoco", "exudyn", *HEAVY}
+LAZY = {"numba", "dask", "distributed", "dask_jobqueue", "pinocchio", "mujoco", *HEAVY}
 """Heavy packages that may be imported inside a function: optional ones, and numba by `camtorque.compiled`."""
 
 

@@ -68,10 +68,8 @@ def _unit(block: Any) -> str:
 
 
 def _library() -> Any:
-    try:
-        import asammdf
-    except ImportError as error:
-        raise Refusal("reading MDF 4 needs asammdf, which is not installed: pip install asammdf") from error
+    import asammdf
+
     # what the library would write to standard error is a refusal here
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     asammdf.set_global_option("raise_on_multiple_occurrences", True)
