@@ -185,7 +185,7 @@ def run(tree: Path, cache: Path, mutant: Mutant | None, room: str) -> str:
     if done.returncode < 0:
         return "no end"
     printed = done.stdout
-    lines = [line for line in printed.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    lines = [line for line in printed.splitlines() if line.startswith(("FAILED tests", "ERROR tests"))]
     return lines[0].split(" - ")[0].split("::", 1)[-1] if lines else printed.strip()[-80:]
 
 
@@ -196,6 +196,7 @@ def _limited() -> None:
 def campaign(mutants: list[Mutant], base: Path) -> Iterator[tuple[Mutant, str]]:
     """Yield every mutant with the test that noticed it."""
     tree, warm, cache = base / "tree", base / "warm", base / "cache"
+    warm.mkdir()  # tests that compile nothing write nothing there
     for name in ("pipeline", "tests"):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tree)
