@@ -100,12 +100,13 @@ _SECOND: ContextVar[Second | None] = ContextVar("the second process of this one"
 
 
 @contextmanager
-def second_process() -> Iterator[None]:
+def second_process(wanted: bool = True) -> Iterator[None]:
     """Let `in_two` use a second process inside the block, where the system is made for it and has a core for it.
 
-    It is for commands, whose process nobody else uses: a fork in the middle of other people's threads is not safe.
+    It is for commands and workers, whose process nobody else uses: a fork in the middle of other people's threads is
+    not safe.
     """
-    second = Second() if _possible() else None
+    second = Second() if wanted and _possible() else None
     token = _SECOND.set(second)
     try:
         if second is None:
@@ -120,13 +121,8 @@ def second_process() -> Iterator[None]:
 
 
 def _possible() -> bool:
-    workers = sys.modules.get("multiprocessing")  # nobody loaded it: this is no worker of a campaign
-    return (
-        sys.platform == "linux"
-        and len(os.sched_getaffinity(0)) > 1
-        and threading.current_thread() is threading.main_thread()
-        and (workers is None or workers.parent_process() is None)
-    )
+    on_main = threading.current_thread() is threading.main_thread()
+    return sys.platform == "linux" and on_main and len(os.sched_getaffinity(0)) > 1
 
 
 def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

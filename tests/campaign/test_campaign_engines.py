@@ -18,7 +18,10 @@ import campaign_words
 import pytest
 from campaign_cases import make
 from camtorque.campaign import cluster
+from camtorque.campaign.flow import with_help
+from camtorque.campaign.task import Task
 from camtorque.records import Refusal
+from camtorque.run import RunOptions
 from camtorque.workers import Lost, on_processes
 
 
@@ -78,6 +81,14 @@ def test_items_are_taken_as_workers_become_free() -> None:
     next(results)
     assert len(taken) <= 4, "a campaign of a hundred thousand must not be held in memory"
     assert len(list(results)) == 5
+
+
+@pytest.mark.parametrize(("workers", "helped"), [
+    (1, [False] * 5), (2, [False] * 4 + [True]), (3, [False] * 3 + [True, False]), (5, [False] * 5), (16, [True] * 5),
+])  # fmt: skip
+def test_recordings_of_the_last_round_use_idle_workers(workers: int, helped: list[bool]) -> None:
+    tasks = [Task(str(k), Path(), Path(), RunOptions()) for k in range(5)]
+    assert [task.helped for task in with_help(tasks, workers)] == helped
 
 
 def test_a_running_scheduler_is_used() -> None:

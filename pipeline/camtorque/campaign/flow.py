@@ -179,7 +179,15 @@ def _outcomes(
         return on_scheduler(run_task, tasks, how.scheduler, progress)
     if how.cluster is not None:
         return on_cluster_file(run_task, tasks, how.cluster, progress)
-    return on_processes(run_task, tasks, min(how.workers or os.cpu_count() or 1, len(tasks)))
+    workers = how.workers or os.cpu_count() or 1
+    return on_processes(run_task, with_help(tasks, workers), min(workers, len(tasks)))
+
+
+def with_help(tasks: Sequence[Task], workers: int) -> list[Task]:
+    """Return tasks of which those of the last round use the workers that have none."""
+    last = len(tasks) % workers
+    first = len(tasks) - last
+    return [replace(task, helped=0 <= k - first < workers - last) for k, task in enumerate(tasks)]
 
 
 def _write_index(

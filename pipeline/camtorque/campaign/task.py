@@ -14,6 +14,7 @@ from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output
 from camtorque.report.torque_figures import thumbnail
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
+from camtorque.second_process import second_process
 from camtorque.stopping import was_stopped
 
 SUMMARY_KEYS = ("explained", "metrics", "effects", "losses", "chamber", "forces")
@@ -21,13 +22,17 @@ SUMMARY_KEYS = ("explained", "metrics", "effects", "losses", "chamber", "forces"
 
 @dataclass(frozen=True)
 class Task:
-    """One recording of a campaign: its name, where it is read, the folder of all results, the user's choices."""
+    """One recording of a campaign: its name, where it is read, the folder of all results, the user's choices.
+
+    ``helped``: a core is idle beside its worker, and may do half of the work
+    """
 
     name: str
     path: Path
     runs: Path
     options: RunOptions
     retry_failed: bool = False
+    helped: bool = False
 
 
 def run_task(task: Task) -> CampaignEntry:
@@ -78,7 +83,8 @@ def _done(task: Task, key: str, folder: Path) -> CampaignEntry:
 
 
 def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
-    result, prepared = analyse(task.path, task.options)
+    with second_process(task.helped):
+        result, prepared = analyse(task.path, task.options)
     doc = write_run(result, folder)
     recording = doc["recording"]
     summary = {name: recording[name] for name in ("speed_rpm", "cycles_found", "cycles_used")}
