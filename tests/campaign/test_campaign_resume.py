@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import pickle
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import campaign_cases
@@ -238,11 +240,14 @@ def test_a_strangers_output_is_no_code(tmp_path: Path, content: bytes) -> None:
         store.read_joint_input(tmp_path)
 
 
-def test_progress_tells_what_is_left(analysed: list[str], tmp_path: Path) -> None:
-    told: list[str] = []
-    run_campaign(make(tmp_path / "raw", a="say", b="refuse it"), tmp_path / "out", OPTIONS, progress=told.append)
-    assert told[0].startswith("1 of 2 done, 0 refused, about 1 s left (a: ok)")
-    assert told[1].startswith("2 of 2 done, 1 refused")
+def test_progress_tells_what_is_left(analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told, clock = list[str](), itertools.count(1000.0, 60.0)
+    monkeypatch.setattr(flow, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    raw = make(tmp_path / "raw", a="say", b="refuse it", c="say")
+    doc = run_campaign(raw, tmp_path / "out", OPTIONS, progress=told.append)
+    assert told[0] == "1 of 3 done, 0 refused, about 2 min left (a: ok)"
+    assert told[1] == "2 of 3 done, 1 refused, about 60 s left (b: refused)"
+    assert doc["timing_s"] == {"recordings": 300.0, "joint": 60.0, "total": 360.0}
     assert [flow.spoken(s) for s in (0.0, 89.0, 600.0, 7200.0)] == [
         "about 1 s",
         "about 89 s",
