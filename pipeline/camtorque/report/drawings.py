@@ -15,6 +15,7 @@ from camtorque.report.chart import Chart, Rows
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.page import Drawing
 from camtorque.report.rows_svg import rows_svg
+from camtorque.second_process import in_two
 
 if TYPE_CHECKING:  # the fit is not needed to draw
     from camtorque.report.bundle import RunResult
@@ -79,5 +80,6 @@ def write_figures(drawings: list[Drawing], folder: Path, wants_png: Callable[[st
     for item in drawings:
         folder.mkdir(exist_ok=True)
         (folder / f"{item.name}.svg").write_text(item.svg, encoding="utf-8")
-        if wants_png(item.name):
-            (folder / f"{item.name}.png").write_bytes(png_of(item.svg))
+    chosen = [item for item in drawings if wants_png(item.name)]
+    for item, image in zip(chosen, in_two(png_of, [str(item.svg) for item in chosen]), strict=True):
+        (folder / f"{item.name}.png").write_bytes(image)
