@@ -18,7 +18,18 @@ import pytest
 from campaign_cases import make
 from camtorque import cli
 from camtorque.align import AlignOptions
-from camtorque.campaign import CampaignOptions, flow, key, list_recordings, prune, run_campaign, run_only, store, task
+from camtorque.campaign import (
+    CampaignOptions,
+    flow,
+    joint,
+    key,
+    list_recordings,
+    prune,
+    run_campaign,
+    run_only,
+    store,
+    task,
+)
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.checksums import verify
@@ -82,6 +93,18 @@ def test_what_changed_is_computed_again(analysed: list[str], tmp_path: Path, mon
     monkeypatch.setattr(key, "code_digest", lambda: "other code")
     run_campaign(raw, out, OPTIONS)
     assert analysed[5:] == ["a", "b"]
+
+
+def test_any_edited_file_of_the_package_is_another_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(key, "__file__", str(tmp_path / "campaign" / "key.py"))
+    law = tmp_path / "laws" / "friction.py"
+    law.parent.mkdir()
+    digests = set()
+    for text in ("a", "b", "b"):
+        law.write_text(text)
+        digests.add(key.code_digest.__wrapped__())
+    law.rename(law.with_name("spring.py"))
+    assert len({*digests, key.code_digest.__wrapped__()}) == 3
 
 
 def test_older_results_are_removed_and_none_that_is_wanted(
@@ -266,6 +289,26 @@ def test_a_page_of_hundreds_has_no_pictures(
     run_campaign(raw, out, OPTIONS)
     assert "<svg></svg>" not in (out / "campaign.html").read_text()
     assert json.loads((out / "campaign.json").read_text())["n_refused"] == 0
+
+
+@pytest.mark.parametrize(
+    ("items", "reason"),
+    [
+        (["a P"], "1 usable recordings"),
+        (["a P", "b Q"], "found pumps P, Q,"),
+        (["a P", "b P", "a P"], "found recording ids that repeat: a,"),
+        (["a P", "b P"], None),
+    ],
+)
+def test_one_pump_and_one_id_per_recording_are_fitted_together(
+    items: list[str], reason: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(joint, "HeldOnce", lambda: lambda item: item.name)
+    monkeypatch.setattr(joint, "fit_joint", lambda known, read, threads: known)
+    inputs = [SimpleNamespace(**dict(zip(("name", "pump_id"), item.split(), strict=True))) for item in items]
+    fitted, findings = joint.joint_fit(len(inputs), inputs.__getitem__, 1)
+    assert fitted == (["a", "b"] if reason is None else None)
+    assert [reason in finding.text for finding in findings] == [True] * (reason is not None)
 
 
 def test_a_joint_fit_takes_recordings_by_their_ids_whatever_their_folders_are_called(tmp_path: Path) -> None:
