@@ -196,3 +196,16 @@ def test_recordings_that_cannot_be_fitted_are_refused():
         mean_cycles(bridged(LAND, 300)[1])
     with pytest.raises(Refusal, match="at least 4 are needed"):
         mean_cycles(replace(cycles, held_out=np.zeros_like(cycles.held_out)))
+
+
+def test_what_the_lift_table_explains_is_no_doubt():
+    found = quick(LAND)
+    modes, residual = found.solution.lifts[0], found.solution.residuals[0]
+    asked = modes.asked(residual)
+    # the whitened square is what is left beside the correction, and what the correction costs
+    left = residual - modes.vectors @ (modes.strength * asked)
+    assert left @ left + asked @ asked == pytest.approx(modes.product(residual, residual), rel=1e-9)
+    assert found.value - found.doubt == pytest.approx(min(asked @ asked, np.sum(modes.shrink)))
+    assert found.value > found.doubt
+    # beyond what the table states the rest stays a doubt
+    assert modes.expected_part(100.0 * residual) == pytest.approx(np.sum(modes.shrink))

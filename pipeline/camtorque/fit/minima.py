@@ -36,6 +36,12 @@ class Candidate:
         """Chi-square with priors."""
         return self.solution.chi_square + self.unseen
 
+    @property
+    def doubt(self) -> float:
+        """Chi-square without what the stated error of the lift table explains: no search takes that away."""
+        lifts, residuals = self.solution.lifts, self.solution.residuals
+        return self.value - sum(lift.expected_part(part) for lift, part in zip(lifts, residuals, strict=True))
+
 
 def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
     """Return a fit, None where it runs to a point at which the tangents of the model overflow."""

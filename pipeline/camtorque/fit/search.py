@@ -29,22 +29,19 @@ from camtorque.fit.starts import (
 )
 from camtorque.fit.swings import expected, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
+from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.records import Array
 from camtorque.second_process import in_two
 
 UNSMOOTHED = (0.0, 0.0)
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
-UNSURE, DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, 40.0, 100.0, 5.0 * INDEPENDENT
-"""Chi-square of the best minimum above which cheap moves are made, all are, it hops on, and nothing is believed.
+UNSURE, DOUBTFUL, DISSATISFYING, UNEXPLAINED = 20.0, 35.0, 100.0, 5.0 * INDEPENDENT
+"""Doubt of the best minimum above which cheap moves are made, all are, it hops on, and nothing is believed.
 
-The parameters take some 20 of the 60 independent values, so that a residual as large as expected leaves 40.
+The parameters take some 20 of the 60 independent values, so that a residual as large as expected leaves 40;
+the weights admit somewhat more than benches show.
 """
-SHAFT = (
-    "shaft_compliance", "shaft_resonance", "shaft_damping_ratio", "coupling_compliance", "coupling_resonance",
-    "coupling_damping", "drive_admittance", "drive_bandwidth", "drive_reset", "drive_lag",
-)  # fmt: skip
-"""Parameters of shaft, hub and drive."""
 FAR = 30.0
 """A structure whose chi-square exceeds the best one's by this factor (and what is unexplained) gets no more starts."""
 POLISHED, OF_A_STRUCTURE = 3, 2
@@ -56,7 +53,7 @@ HELPED, MOST_MOVES = 0.7, 14
 Hops = tuple[tuple[float, int], ...]
 HOPS: Hops = ((DOUBTFUL, 4), (DISSATISFYING, 10))
 HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
-"""Chi-square above which the best start hops, and hops at most; ladder that each walks down."""
+"""Doubt above which the best start hops, and hops at most; ladder that each walks down."""
 REDRAWN = (
     tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
     tuple(row.name for row in valve.ROWS),
@@ -112,6 +109,11 @@ class Found:
         """Chi-square of the best minimum."""
         return self.best[1].value if self.best else np.inf
 
+    @property
+    def doubt(self) -> float:
+        """Chi-square of the best minimum that the lift table's error does not explain."""
+        return self.best[1].doubt if self.best else np.inf
+
 
 def rescanned(start: Start, structure: str) -> list[FitData]:
     """Return a start in the same or another structure with the end of delivery at the best places of a scan."""
@@ -142,7 +144,7 @@ def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]
     Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
     """
     for hop in range(max(count for _, count in most)):
-        if found.best is None or not any(found.value > above and hop < count for above, count in most):
+        if found.best is None or not any(found.doubt > above and hop < count for above, count in most):
             break
         start = found.start
         items = {start.data.structure: [redrawn(start, REDRAWN[hop % len(REDRAWN)], hop)]}
@@ -156,7 +158,7 @@ def load_anew(found: Found, seen: FitData) -> Items:
     A cam that swings at a resonance keeps every start from the load until the swing is known.
     """
     rows = found.start.data.rows
-    known = {name: rows[name].start for name in SHAFT}
+    known = {name: rows[name].start for name in COMPLIANCE_NAMES}
     return {name: [with_starts(item, known) for item in candidates(seen, name)]
             for name in found.starts if name != "line"}  # fmt: skip
 
@@ -183,7 +185,7 @@ class Move:
 
     starts : from what was found so far and the recording on the search's grid
     smoothings : ladder that they walk down
-    above : chi-square of the best minimum above which the move is made
+    above : doubt of the best minimum above which the move is made
     """
 
     starts: Callable[[Found, FitData], Items]
@@ -225,9 +227,9 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
     yield "first starts", found
     pending = dict(MOVES)
     for move_number in range(MOST_MOVES):
-        before = found.value
-        name = next((name for name, move in pending.items() if before > move.above), None)
-        if name is None or not found.best or (move_number and before <= UNSURE):
+        before, doubt = found.value, found.doubt
+        name = next((name for name, move in pending.items() if doubt > move.above), None)
+        if name is None or not found.best or (move_number and doubt <= UNSURE):
             break
         move = pending.pop(name)
         items = {structure: group for structure, group in move.starts(found, halves.rough).items() if group}

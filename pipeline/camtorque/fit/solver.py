@@ -64,9 +64,17 @@ class LiftModes:
                 product -= projected.T @ projected
         return product
 
+    def asked(self, residual: Array) -> Array:
+        """Return what a weighted residual asks of each mode, in standard deviations, (k,)."""
+        return np.asarray(self.strength / (1.0 + self.strength**2) * (self.vectors.T @ residual))
+
     def coefficients(self, residual: Array) -> Array:
         """Return the coefficients of the correction that a weighted residual asks for [m]."""
-        return self.to_lift @ (self.strength / (1.0 + self.strength**2) * (self.vectors.T @ residual))
+        return self.to_lift @ self.asked(residual)
+
+    def expected_part(self, residual: Array) -> float:
+        """Return the part of chi-square that the correction takes up, as far as the table's stated error goes."""
+        return min(float(np.sum(self.asked(residual) ** 2)), float(np.sum(self.shrink)))
 
 
 def no_lift() -> LiftModes:
