@@ -20,7 +20,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config_pump import PumpConfig
 from camtorque.config_toml import load_recording_config
-from camtorque.fit.endings import either, endings_of, if_it_ended_so, the_other
+from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
 from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import Forecast, Load, forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -209,8 +209,8 @@ def predict_from(
     load_of : recording or report whose line pressure is used; neither: that of the fitted recording nearest in speed
     pump, cam : another pump file, another lift table
     clearance : change of the plunger's clearance, such as ``+1um``
-    ending : how delivery ends under that load: ``land``, ``spill`` or ``either``; empty: as in the fitted recordings,
-        ``either`` where these differ
+    ending : how delivery ends under that load: ``land``, ``spill`` or ``either``; empty: as in the fitted recording
+        whose load it is, else as in all of them, ``either`` where these differ
 
     Raises
     ------
@@ -219,8 +219,9 @@ def predict_from(
     known, folder, rows = read_fit(Path(fit))
     factor = leakage_factor(clearance) if clearance else 1.0
     _refuse_leaky(known, clearance, factor)
+    name = Path(pressure or load_of or "").name
     asked = Asked(
-        _given(pressure, load_of), Path(pressure or load_of or "").name, ending, pump, cam, clearance,
+        _given(pressure, load_of), name, ending or own_ending(known, name if load_of else ""), pump, cam, clearance,
         {"leakage": factor} if clearance else {},
     )  # fmt: skip
     if ending and asked.given is None:

@@ -11,7 +11,7 @@ import pytest
 from camtorque import predict_from as flow
 from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so
+from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
 from camtorque.fit.ends import UNKNOWN_STD, Curve, load_for
 from camtorque.fit.forecast import Forecast, Load, _draws
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -60,6 +60,11 @@ def test_an_ending_is_what_was_asked_for_or_seen_and_both_where_the_recordings_d
     structures: dict[str, str], speed: float, asked: str, wanted: list[tuple[str, str]]
 ) -> None:
     assert [(item.id, item.structure) for item in endings_of(known(structures), speed, asked)] == wanted
+
+
+def test_the_load_of_a_fitted_recording_ends_as_that_does() -> None:
+    fit = known({"a": "land", "b": "line", "c": "spill"})
+    assert [own_ending(fit, name) for name in ("a", "b", "c", "d", "")] == ["land", "", "spill", "", ""]
 
 
 def test_an_ending_that_nothing_can_tell_is_refused() -> None:

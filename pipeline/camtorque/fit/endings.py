@@ -50,6 +50,11 @@ def endings_of(known: KnownFit, speed: float, asked: str) -> tuple[FittedAt, ...
     return tuple(_ending_by(known, speed, structure) for structure in wanted)
 
 
+def own_ending(known: KnownFit, name: str) -> str:
+    """Return how delivery of the fitted recording of a name ends, empty where none has it or shows an end."""
+    return next((item.structure for item in known.recordings if item.id == name and item.structure in END_OF), "")
+
+
 def the_other(known: KnownFit, source: FittedAt, speed: float) -> FittedAt:
     """Return a fitted recording to stand in for the ending that ``source`` does not have."""
     return _ending_by(known, speed, next(structure for structure in END_OF if structure != source.structure))
