@@ -24,7 +24,7 @@ from camtorque.laws.driveline import (
     twist_basis,
 )
 from camtorque.laws.sensor import sensor_transfer
-from camtorque.laws.torque import cam_torque
+from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, cam_torque
 from laws_cases import COEFFICIENTS, chain_input, refined, start_values, total_torque
 
 SPEED = 60.0
@@ -187,3 +187,24 @@ def test_torque_is_linear_in_the_coefficients_of_its_columns():
     np.testing.assert_array_equal(plain, other)
     np.testing.assert_array_equal(columns, same)
     np.testing.assert_array_equal(load, also)
+
+
+def test_bins_take_what_is_slow_as_its_mean_and_let_nothing_fast_through():
+    each, bins = 3, 600
+    theta = np.arange(each * bins) * (2.0 * np.pi / (each * bins))
+    taps, restoring = bin_taps(each), bin_restoring(each, bins)
+    assert np.sum(taps) == pytest.approx(1.0)
+
+    def binned_signal(order, phase=0.3):
+        fine = np.cos(order * theta + phase)[:, None]
+        spectrum = np.fft.rfft(binned_by(fine, taps, bins)[:, 0]) * restoring
+        return np.fft.irfft(spectrum, bins), fine.reshape(bins, each).mean(axis=1)
+
+    for order in (1, 20, 115, 280):
+        found, mean = binned_signal(order)
+        np.testing.assert_allclose(found, mean, atol=1e-12)
+    for order, most in ((485, 4e-3), (550, 4e-3), (715, 2e-3)):
+        # as order 115, 50 and 115 of the bins; a mean alone lets 0.24, 0.09 and 0.16 of it through
+        assert np.max(np.abs(binned_signal(order)[0])) < most
+    assert np.array_equal(bin_taps(1), np.ones(1))
+    np.testing.assert_allclose(bin_restoring(1, bins), 1.0)

@@ -15,6 +15,7 @@ import numpy as np
 from camtorque.fit.minima import Candidate, attempted, followed, judged, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, with_starts
+from camtorque.fit.residual import is_explained
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
     RETRACTIONS,
@@ -79,6 +80,16 @@ class Halves:
         """The fitted half as the search sees it."""
         return rough(with_lost_torque(self.fitted, self.lost))
 
+    def doubt(self, minimum: Candidate | None) -> float:
+        """Return the doubt that a minimum leaves, of one that the report would call unexplained all but the largest."""
+        if minimum is None:
+            return np.inf
+        solution, torque = minimum.solution, self.fitted.torque
+        left = solution.lifts[0].beside(solution.residuals[0]) / self.fitted.weight
+        odd_even = float(np.sqrt(np.mean((torque - self.other.torque) ** 2)))
+        explained = is_explained(left, odd_even, float(np.max(torque)))
+        return minimum.doubt if explained else max(minimum.doubt, DISSATISFYING + 1.0)
+
 
 @dataclass(frozen=True)
 class Found:
@@ -110,9 +121,9 @@ class Found:
         return self.best[1].value if self.best else np.inf
 
     @property
-    def doubt(self) -> float:
-        """Chi-square of the best minimum that the lift table's error does not explain."""
-        return self.best[1].doubt if self.best else np.inf
+    def minimum(self) -> Candidate | None:
+        """The best minimum with a chamber, without its start."""
+        return self.best[1] if self.best else None
 
 
 def rescanned(start: Start, structure: str) -> list[FitData]:
@@ -144,7 +155,7 @@ def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]
     Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
     """
     for hop in range(max(count for _, count in most)):
-        if found.best is None or not any(found.doubt > above and hop < count for above, count in most):
+        if found.best is None or not any(halves.doubt(found.minimum) > above and hop < count for above, count in most):
             break
         start = found.start
         items = {start.data.structure: [redrawn(start, REDRAWN[hop % len(REDRAWN)], hop)]}
@@ -227,7 +238,7 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
     yield "first starts", found
     pending = dict(MOVES)
     for move_number in range(MOST_MOVES):
-        before, doubt = found.value, found.doubt
+        before, doubt = found.value, halves.doubt(found.minimum)
         name = next((name for name, move in pending.items() if doubt > move.above), None)
         if name is None or not found.best or (move_number and doubt <= UNSURE):
             break

@@ -72,6 +72,10 @@ class LiftModes:
         """Return the coefficients of the correction that a weighted residual asks for [m]."""
         return self.to_lift @ self.asked(residual)
 
+    def beside(self, residual: Array) -> Array:
+        """Return what a weighted residual leaves beside the correction that it asks for, (BINS,)."""
+        return residual - self.vectors @ (self.strength * self.asked(residual))
+
     def expected_part(self, residual: Array) -> float:
         """Return the part of chi-square that the correction takes up, as far as the table's stated error goes."""
         return min(float(np.sum(self.asked(residual) ** 2)), float(np.sum(self.shrink)))

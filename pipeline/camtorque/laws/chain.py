@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.laws import LINEAR_NAMES, chamber, driveline, sensor
-from camtorque.laws.torque import binned_columns, cam_torque, torque_tangents
+from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, cam_torque, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import Constants, constants_of
@@ -269,13 +269,15 @@ def evaluate(
     shaft, measured, by_filter = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
     through = shaft * measured * gain
-    spectra = np.fft.rfft(binned_columns(plain, columns, BINS), axis=0)
+    each = data.theta.size // BINS
+    taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
+    spectra = np.fft.rfft(binned_by(np.column_stack([plain, columns]), taps, BINS), axis=0) * restoring
     behind = np.fft.irfft(spectra * through[:, None], BINS, axis=0)
     torque, linear = behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
     derivative = None
     if tangents:
-        means = torque_tangents(by, slopes, *motion.shifts, data.speed, len(NONLINEAR_NAMES), BINS)
-        spectrum = np.fft.rfft(means, axis=0) * through[:, None]
+        fine = torque_tangents(by, slopes, *motion.shifts, data.speed, len(NONLINEAR_NAMES))
+        spectrum = np.fft.rfft(binned_by(fine, taps, BINS), axis=0) * (through[:, None] * restoring)
         unfiltered = (spectra[:, 0] + spectra[:, 1:] @ c[:-1]) * gain
         spectrum[:, FILTER_PLACES] += unfiltered[:, None] * by_filter
         derivative = np.fft.irfft(spectrum, BINS, axis=0)
