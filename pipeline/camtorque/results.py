@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from camtorque.hashes import file_digest
 from camtorque.records import Refusal
 from camtorque.schemas import RECORDING_FILE
 
@@ -80,7 +80,7 @@ def recording_of(report: Path) -> Path:
             return path
         for above in () if path.is_absolute() else report.resolve().parents:
             found = above / path
-            if found.is_file() and sha256(found.read_bytes()).hexdigest() == row["sha256"]:
+            if found.is_file() and file_digest(found) == row["sha256"]:
                 return found
     named = rows[0]["path"] if rows else RECORDING_FILE
     raise Refusal(

@@ -62,9 +62,7 @@ def the_other(known: KnownFit, source: FittedAt, speed: float) -> FittedAt:
 
 def _ending_by(known: KnownFit, speed: float, structure: str) -> FittedAt:
     """Return the fitted recording nearest in speed of those that end so, or of all as if it did."""
-    alike = tuple(item for item in known.recordings if item.structure == structure)
-    near = min(alike or known.recordings, key=lambda item: abs(np.log(item.speed / speed)))
-    return replace(near, structure=structure)
+    return replace(known.nearest(speed, structure), structure=structure)
 
 
 def either(one: Forecast, other: Forecast) -> Forecast:

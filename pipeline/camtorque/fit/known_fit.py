@@ -46,9 +46,10 @@ class KnownFit(ReadOnly):
         """The whole covariance, (k, k)."""
         return self.covariance.among(range(len(self.names)))
 
-    def nearest(self, speed: float) -> FittedAt:
-        """Return the recording nearest in speed."""
-        return min(self.recordings, key=lambda item: abs(np.log(item.speed / speed)))
+    def nearest(self, speed: float, structure: str = "") -> FittedAt:
+        """Return the recording nearest in speed, of those of a structure where there are any."""
+        alike = tuple(item for item in self.recordings if item.structure == structure)
+        return min(alike or self.recordings, key=lambda item: abs(np.log(item.speed / speed)))
 
     def own(self, recording: str) -> dict[str, int]:
         """Return the place of every parameter that acts in a recording: shared ones and its own."""

@@ -43,7 +43,7 @@ def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance
     columns = np.column_stack([jacobian * scale, lift.vectors * lift.strength])
     matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
     residual = solution.residuals[index]
-    left = residual - lift.vectors @ (lift.shrink * (lift.vectors.T @ residual))
+    left = lift.beside(residual)
     size = int(BINS * BLOCK_DEG / 360.0)
     errors = []
     for first in range(0, BINS, size):

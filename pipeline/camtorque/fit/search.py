@@ -155,7 +155,8 @@ def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]
     Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
     """
     for hop in range(max(count for _, count in most)):
-        if found.best is None or not any(halves.doubt(found.minimum) > above and hop < count for above, count in most):
+        doubt = halves.doubt(found.minimum)
+        if found.best is None or not any(doubt > above and hop < count for above, count in most):
             break
         start = found.start
         items = {start.data.structure: [redrawn(start, REDRAWN[hop % len(REDRAWN)], hop)]}

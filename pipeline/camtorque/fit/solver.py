@@ -74,7 +74,7 @@ class LiftModes:
 
     def beside(self, residual: Array) -> Array:
         """Return what a weighted residual leaves beside the correction that it asks for, (BINS,)."""
-        return residual - self.vectors @ (self.strength * self.asked(residual))
+        return residual - self.vectors @ (self.shrink * (self.vectors.T @ residual))
 
     def expected_part(self, residual: Array) -> float:
         """Return the part of chi-square that the correction takes up, as far as the table's stated error goes."""

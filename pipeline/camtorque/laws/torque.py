@@ -123,11 +123,11 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
 
 @cache
 def bin_taps(each: int) -> Array:
-    """Return the weights of fine points in a bin of ``each`` of them, (5 each,): its mean behind a low-pass.
+    """Return the weights of fine points in a bin of ``each`` of them, (5 each,) or (1,): its mean behind a low-pass.
 
-    A mean alone lets what is too fast for the bins through as something slow (a fifth of order 485 of 600 bins as order
-    115), and a shaft that rings there answers it tenfold. Windowed sinc; Oppenheim & Schafer, Discrete-Time Signal
-    Processing, ch. 7.
+    A mean alone lets what is too fast for the bins through as something slow (of order 485 a quarter as order 115 of
+    600 bins), and a shaft that rings there answers it twentyfold. Windowed sinc; Oppenheim & Schafer, Discrete-Time
+    Signal Processing, ch. 7.
     """
     if each == 1:
         return np.ones(1)
