@@ -34,8 +34,8 @@ from camtorque.campaign.store import (
     write_entry,
     write_joint_input,
 )
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.run import RunOptions
-from camtorque.schemas import RECORDING_FILE
 
 ROOT = Path(__file__).resolve().parents[1]
 OPTIONS = RunOptions()

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from camtorque import caches
+from camtorque.process import caches
 
 
 @pytest.fixture

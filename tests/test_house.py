@@ -20,23 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(inspect.getfile(camtorque)).parent
 FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 
-CONFIGURATION = {"config", "config_pump", "config_toml", "quantities", "schemas", "toml_schema", "toml_table"}
-PROCESS = {"caches", "second_process", "stopping", "system", "workers"}
-SMALL = {
-    "compiled",
-    "units",
-    "records",
-    "grid_choice",
-    "hashes",
-    "plain",
-    "limits",
-    "progress",
-    "results",
-    "stacks",
-    "threads",
-    "version",
-}
-LEFT = {*SMALL, *CONFIGURATION, *PROCESS}
+LEFT = {"compiled", "config", "grid_choice", "hashes", "limits", "plain", "process", "progress", "records", "results",
+        "stacks", "units", "version"}  # fmt: skip
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
 FLOWS = ["rehearsal", "run", "campaign", "compare", "predict_from", "design_from", "plan", "studies"]
 FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_way", "commands", "cli", "__init__"]

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.process.second_process import in_two, second_process
 from camtorque.records import Array
-from camtorque.second_process import in_two, second_process
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a fork beside threads is safe on Linux alone")
 HOME = os.getpid()
@@ -107,8 +107,8 @@ def test_arrays_stay_read_only() -> None:
 def test_a_stopped_process_leaves_no_second_one(number: int) -> None:
     code = (
         "import os, sys, time\n"
-        "from camtorque.second_process import in_two, second_process\n"
-        "from camtorque.stopping import stoppable\n"
+        "from camtorque.process.second_process import in_two, second_process\n"
+        "from camtorque.process.stopping import stoppable\n"
         "os.sched_getaffinity = lambda _: {0, 1}\n"
         "def told(item):\n"
         "    os.write(1, b'%d\\n' % os.getpid())\n"

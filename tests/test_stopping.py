@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from camtorque.stopping import Stopped, before_leaving, stoppable
+from camtorque.process.stopping import Stopped, before_leaving, stoppable
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 LIMIT = 60
@@ -19,7 +19,7 @@ LIMIT = 60
 BLOCKED = """
 import hashlib, sys, time
 from pathlib import Path
-from camtorque import stopping
+from camtorque.process import stopping
 folder = Path(sys.argv[1])
 folder.mkdir()
 with stopping.stoppable(), stopping.removed_when_stopped(folder):
@@ -84,7 +84,7 @@ def test_a_long_call_of_compiled_code_does_not_hold_the_end_back(tmp_path: Path)
 
 def test_a_second_signal_does_not_interrupt_the_tidying_up() -> None:
     code = (
-        "import os, signal\nfrom camtorque.stopping import Stopped, stoppable\n"
+        "import os, signal\nfrom camtorque.process.stopping import Stopped, stoppable\n"
         "try:\n with stoppable():\n  try:\n   os.kill(os.getpid(), signal.SIGTERM)\n   import time; time.sleep(60)\n"
         "  finally:\n   os.kill(os.getpid(), signal.SIGINT)\n   print('tidy')\n"
         "except Stopped as stop:\n raise SystemExit(stop.status)\n"
@@ -95,7 +95,7 @@ def test_a_second_signal_does_not_interrupt_the_tidying_up() -> None:
 
 def test_what_compiled_code_makes_of_the_signal_is_still_a_stop() -> None:
     code = (
-        "import os, signal\nfrom camtorque import cli\nfrom camtorque.stopping import Stopped\n"
+        "import os, signal\nfrom camtorque import cli\nfrom camtorque.process.stopping import Stopped\n"
         "def execute(parsed):\n try:\n  os.kill(os.getpid(), signal.SIGTERM)\n  import time; time.sleep(60)\n"
         " except Stopped as stop:\n  raise SystemError('returned a result with an exception set') from stop\n"
         "cli.execute = execute\nraise SystemExit(cli.main(['check', 'x']))\n"
@@ -112,7 +112,7 @@ def test_handlers_are_given_back() -> None:
 
 
 def test_a_last_step_is_forgotten_after_its_block() -> None:
-    from camtorque import stopping
+    from camtorque.process import stopping
 
     with before_leaving(print):
         assert stopping._last_steps == [print]

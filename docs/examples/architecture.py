@@ -22,7 +22,7 @@ ROOMS = {
     "report": ("pages, files", "report.html"),
     "design": ("a better cam", "front, lift table"),
 }
-"""Room -> what it does, what it hands on. Left of them: records, units, config; below: flows, then faces."""
+"""Room -> what it does, what it hands on. Left of them: records, units, config, process; below: flows, then faces."""
 FLOWS = {
     "run": "one recording", "campaign": "many recordings", "compare": "before and after",
     "predict_from": "runs not made", "plan": "what to record next", "studies": "speed, stability",
@@ -80,7 +80,7 @@ def drawing() -> str:
     """Return the SVG."""
     places = {room: 20 + number * (WIDTH + GAP) for number, room in enumerate(ROOMS)}
     total = places["design"] + WIDTH + 20
-    left = "records, units, config, TOML schemas, limits"
+    left = "records, units, config, process, limits"
     parts = [box(20, 10, total - 40, left, "frozen records, one statement a fact")]
     for room, (does, hands) in ROOMS.items():
         parts.append(box(places[room], TOP + 40, WIDTH, room, does, ACCENT))

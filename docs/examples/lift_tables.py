@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from camtorque.config_pump import load_pump_config
+from camtorque.config.pump import load_pump_config
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.sections import dwell, flank, section_law

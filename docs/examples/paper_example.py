@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from camtorque.config_pump import load_pump_config
+from camtorque.config.pump import load_pump_config
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.predict import Prediction, predict, sweep_rows
 from camtorque.units import BAR, DEGREE, RPM

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from camtorque.caches import find_caches
+from camtorque.process.caches import find_caches
 from camtorque.version import __version__
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from camtorque import records
 from camtorque.align import AlignOptions
 from camtorque.align import align as _align
 from camtorque.arrays import Mark, Sensor, recording_from_arrays
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.fit.single import FitOptions as FitOptions
 from camtorque.frames import to_pandas, to_xarray
 from camtorque.ingest import read_recording
@@ -27,6 +27,7 @@ from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.limits import Limit as Limit
 from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
+from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import CamCycles
 from camtorque.records import Refusal as Refusal
@@ -36,7 +37,6 @@ from camtorque.report.folder import check_output, output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse_recording
-from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSpec
-from camtorque.config_pump import PumpConfig
+from camtorque.config.pump import PumpConfig
 from camtorque.ingest.pump_file import read_pump
 from camtorque.ingest.raw import ArraySource
 from camtorque.mechanism.predict import cam_of

@@ -16,9 +16,9 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from camtorque.commands import COMMANDS, Outcome
+from camtorque.process.stopping import stoppable
+from camtorque.process.system import forget, no_tracebacks, silence_output, told, usable_streams
 from camtorque.progress import silent
-from camtorque.stopping import stoppable
-from camtorque.system import forget, no_tracebacks, silence_output, told, usable_streams
 from camtorque.version import __version__
 
 REFUSED, UNEXPECTED, STOPPED = 2, 70, 130
@@ -59,7 +59,7 @@ def tell(text: str) -> None:
 
 def execute(parsed: argparse.Namespace) -> int:
     """Have one command done, print what it found and return the exit status."""
-    from camtorque.threads import on_one_thread
+    from camtorque.process.threads import on_one_thread
 
     # progress is for a person who waits; a log file or a pipe gets the result alone
     progress = tell if sys.stderr.isatty() and not parsed.quiet else silent

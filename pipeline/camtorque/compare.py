@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from camtorque.align import align
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import mean_cycles
@@ -20,6 +21,7 @@ from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording
+from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
@@ -28,8 +30,6 @@ from camtorque.report.document import inputs_document
 from camtorque.report.folder import output_folder
 from camtorque.results import NAME, recording_of
 from camtorque.run import now
-from camtorque.schemas import RECORDING_FILE
-from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__
 

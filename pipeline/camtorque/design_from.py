@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.config_pump import PressureCurve
+from camtorque.config.pump import PressureCurve
 from camtorque.design.answer import Answer
 from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
@@ -26,10 +26,10 @@ from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.predict_from import FRICTION_NAMES, Rig, chain_of, curve_of, read_fit, rig_of, with_forces
+from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Estimate, Forces, Refusal
 from camtorque.report.forecast_page import sweep_row
 from camtorque.results import read_result
-from camtorque.threads import on_one_thread
 
 STROKES = np.linspace(0.004, 0.996, 250)
 """Shares of the lift by which angles of one cam are told on another."""

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.config.keys import Band, Key, TableSchema
+from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Refusal
-from camtorque.toml_schema import Band, Key, TableSchema
-from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import did_you_mean
 
 LIMITS_SCHEMA = "camtorque-limits/1"

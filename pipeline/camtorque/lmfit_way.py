@@ -22,15 +22,15 @@ import lmfit
 import numpy as np
 
 from camtorque.align import align
+from camtorque.config.tables import Table, check_schema, read_toml
 from camtorque.fit.problem import Problem
 from camtorque.fit.single import prepare
 from camtorque.fit.solver import LiftModes
 from camtorque.ingest import read_recording
 from camtorque.laws.chain import ChainOutput, evaluate
+from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
-from camtorque.threads import on_one_thread
-from camtorque.toml_table import Table, check_schema, read_toml
 from camtorque.units import did_you_mean
 
 SCHEMA = "camtorque-parameters/1"

@@ -16,8 +16,8 @@ from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, ch
 from camtorque.laws import ROWS
 from camtorque.plain import now as created
 from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
+from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Refusal
-from camtorque.threads import on_one_thread
 from camtorque.units import BAR, RPM, did_you_mean
 from camtorque.version import __version__
 

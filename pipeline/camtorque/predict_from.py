@@ -18,8 +18,8 @@ import h5py
 import numpy as np
 
 from camtorque.align import align
-from camtorque.config_pump import PumpConfig
-from camtorque.config_toml import load_recording_config
+from camtorque.config.pump import PumpConfig
+from camtorque.config.recording import load_recording_config
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
 from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import Forecast, Load, forecast
@@ -38,6 +38,7 @@ from camtorque.mechanism.mounting import Mounting, assumed_roller
 from camtorque.mechanism.solve import forces_of
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.mechanism.torque import closed_form_tables
+from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
 from camtorque.report.forecast_page import forecast_document
@@ -50,7 +51,6 @@ from camtorque.report.forecast_texts import (
     load_text,
 )
 from camtorque.results import read_result, recording_of
-from camtorque.threads import on_one_thread
 from camtorque.units import RPM
 from camtorque.version import __version__
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest
 from camtorque.records import Refusal
-from camtorque.schemas import RECORDING_FILE
 
 NAME = "result.json"
 SCHEMA_STEM = "camtorque.result/"

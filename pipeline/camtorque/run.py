@@ -16,13 +16,13 @@ from camtorque.ingest import read_recording
 from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings
 from camtorque.plain import now
+from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Recording
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.bundle import RunResult
 from camtorque.report.folder import output_folder
 from camtorque.report.write import write_run
-from camtorque.threads import on_one_thread
 
 try:
     import resource

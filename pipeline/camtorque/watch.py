@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.align import AlignOptions, align
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest import read_recording
 from camtorque.ingest.recording import recording_of
+from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, Recording, Refusal
-from camtorque.schemas import RECORDING_FILE
-from camtorque.threads import on_one_thread
 from camtorque.units import DEGREE, RPM
 
 LOOK_SHARE = 0.25

@@ -11,7 +11,7 @@ import pytest
 from align_truth import TWO_PI, Samples, Shaft, pressure_of, torque_of
 from camtorque.align import align
 from camtorque.align.counter import counter_train
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import look_into
 from camtorque.ingest.raw import ArraySource, FileChannel

@@ -20,9 +20,9 @@ from campaign_cases import make
 from camtorque.campaign import cluster
 from camtorque.campaign.flow import with_help
 from camtorque.campaign.task import Task
+from camtorque.process.workers import Lost, on_processes
 from camtorque.records import Refusal
 from camtorque.run import RunOptions
-from camtorque.workers import Lost, on_processes
 
 
 def on_a_scheduler(call: Callable[[str], Any], items: list[str], workers: int) -> Iterator[tuple[str, Any]]:

@@ -30,11 +30,11 @@ from camtorque.campaign import (
     store,
     task,
 )
+from camtorque.process.workers import Lost
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.checksums import verify
 from camtorque.run import RunOptions
-from camtorque.workers import Lost
 
 OPTIONS = RunOptions()
 

@@ -4,9 +4,9 @@ import pickle
 from pathlib import Path
 
 import pytest
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
+from camtorque.config.tables import Refusals
 from camtorque.records import Refusal
-from camtorque.toml_table import Refusals
 from test_ingest_config import TEXT, write
 
 NUMBERS = sorted({line for line in TEXT.splitlines() if line.partition(" = ")[2].replace(".", "").isdigit()})

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.records import Refusal
 from damaged.logs import CALIBRATION

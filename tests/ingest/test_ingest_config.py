@@ -6,10 +6,10 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
+from camtorque.config.schemas import RECORDING_TABLES
 from camtorque.ingest.formats import FORMATS, declared_format
 from camtorque.records import Refusal
-from camtorque.schemas import RECORDING_TABLES
 from camtorque.units import DEGREE, RPM
 from damaged.logs import CALIBRATION, TOML
 

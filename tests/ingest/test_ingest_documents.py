@@ -1,17 +1,17 @@
-"""docs/recording_toml.md shows the tables of camtorque/schemas.py, word for word; run this file to write them."""
+"""docs/recording_toml.md shows the tables of camtorque/config/schemas.py word for word; run this file to write them."""
 
 import re
 from pathlib import Path
 
 import camtorque
+from camtorque.config.keys import TableSchema, markdown_rows
+from camtorque.config.quantities import CHANNEL_QUANTITIES
+from camtorque.config.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
 from camtorque.ingest.formats import FORMATS
-from camtorque.quantities import CHANNEL_QUANTITIES
-from camtorque.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
-from camtorque.toml_schema import TableSchema, markdown_rows
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recording_toml.md"
 FORMATS_PAGE, PACKAGE = PAGE.with_name("formats.md"), Path(camtorque.__file__).parent
-BEGIN, END = "from camtorque/schemas.py -->\n", "<!-- end -->"
+BEGIN, END = "from camtorque/config/schemas.py -->\n", "<!-- end -->"
 HEAD = ["| table | key | meaning | allowed | |", "|---|---|---|---|---|"]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque import cli
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
 from camtorque.ingest import read_recording
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import is_pulse_train, look_into

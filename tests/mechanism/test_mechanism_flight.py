@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.config_pump import load_pump_config
+from camtorque.config.pump import load_pump_config
 from camtorque.mechanism.flight import fly, is_revolution
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.predict import predict

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.commands import arguments
-from camtorque.config_pump import PressureCurve, load_pump_config
+from camtorque.config.pump import PressureCurve, load_pump_config
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
 from camtorque.mechanism.shaft import METHODS

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.config_pump import load_pump_config
+from camtorque.config.pump import load_pump_config
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.predict import predict, sweep_rows

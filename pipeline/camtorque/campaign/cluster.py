@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from camtorque.campaign.key import code_digest
+from camtorque.config.tables import read_toml
+from camtorque.process.stopping import SIGNALS, before_leaving
+from camtorque.process.workers import Lost
 from camtorque.progress import spoken
 from camtorque.records import Refusal
-from camtorque.stopping import SIGNALS, before_leaving
-from camtorque.toml_table import read_toml
 from camtorque.units import did_you_mean
-from camtorque.workers import Lost
 
 T = TypeVar("T")
 R = TypeVar("R")

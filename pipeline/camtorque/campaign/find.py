@@ -6,8 +6,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.records import Finding, Refusal
-from camtorque.schemas import RECORDING_FILE
 
 
 def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:

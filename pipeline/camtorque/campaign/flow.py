@@ -25,8 +25,10 @@ from camtorque.campaign.store import (
     removed,
 )
 from camtorque.campaign.task import Task, refused, run_task
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.joint import CampaignFit
 from camtorque.plain import now
+from camtorque.process.workers import Lost, on_processes
 from camtorque.progress import Progress, silent, spoken
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
@@ -34,8 +36,6 @@ from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
 from camtorque.run import RunOptions
-from camtorque.schemas import RECORDING_FILE
-from camtorque.workers import Lost, on_processes
 
 MOST_THUMBNAILS = 200
 """Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from camtorque.fit.joint import CampaignFit, fit_joint
 from camtorque.fit.joint_input import HeldOnce, JointInput, Known
+from camtorque.process.threads import on_one_thread
 from camtorque.records import Finding, Refusal
-from camtorque.threads import on_one_thread
 
 
 @on_one_thread

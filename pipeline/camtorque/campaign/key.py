@@ -8,12 +8,12 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-from camtorque.config_toml import load_recording_config
+from camtorque.config.recording import load_recording_config
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest
 from camtorque.ingest.sensors import read_sensor
 from camtorque.records import Refusal
 from camtorque.run import RunOptions
-from camtorque.schemas import RECORDING_FILE
 from camtorque.version import __version__
 
 LENGTH = 32

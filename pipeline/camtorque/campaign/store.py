@@ -16,11 +16,11 @@ from types import MappingProxyType
 from typing import Any
 
 from camtorque.fit.joint_input import JointInput
+from camtorque.process.stopping import before_leaving
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.files import write_json
 from camtorque.report.folder import LOCK, check_writable, locked
-from camtorque.stopping import before_leaving
 
 ENTRY, JOINT, THUMBNAIL = "entry.json", "joint.bin", "thumbnail.svg"
 SCHEMA = "camtorque.entry/1"

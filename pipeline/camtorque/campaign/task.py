@@ -8,14 +8,14 @@ from pathlib import Path
 from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import read_entry, write_entry, write_joint_input
 from camtorque.fit.joint_input import joint_input
+from camtorque.process.second_process import second_process
+from camtorque.process.stopping import was_stopped
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
 from camtorque.report.torque_figures import thumbnail
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
-from camtorque.second_process import second_process
-from camtorque.stopping import was_stopped
 
 SUMMARY_KEYS = ("explained", "metrics", "effects", "losses", "chamber", "forces")
 

@@ -10,12 +10,12 @@ import numpy as np
 from camtorque.align import align
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import finding_lines
+from camtorque.config.quantities import CHANNEL_QUANTITIES
+from camtorque.config.tables import Refusals
 from camtorque.ingest import RecordingSummary, read_recording, summarise
 from camtorque.plain import plain
-from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import CamCycles, Finding, Recording, Refusal
 from camtorque.rehearsal import rehearse
-from camtorque.toml_table import Refusals
 from camtorque.units import RPM
 
 SCHEMA = "camtorque.check/1"

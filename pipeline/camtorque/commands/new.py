@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 
 from camtorque.commands import Outcome, Tell
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
 from camtorque.plain import plain
 from camtorque.records import Refusal, printable
-from camtorque.schemas import RECORDING_FILE
 
 SCHEMA = "camtorque.new/1"
 

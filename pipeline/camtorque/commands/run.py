@@ -9,10 +9,10 @@ from camtorque.commands import Outcome, Tell
 from camtorque.commands.options import run_options
 from camtorque.commands.texts import limit_lines, run_table
 from camtorque.limits import PASS
+from camtorque.process.second_process import second_process
 from camtorque.report.folder import seal
 from camtorque.report.write import write_pdf
 from camtorque.run import run_recording
-from camtorque.second_process import second_process
 
 OUTSIDE = 3
 

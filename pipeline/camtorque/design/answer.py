@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.config.schemas import PUMP as PUMP_TABLE
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.explain import Price, prices
 from camtorque.design.front import Front, FrontPoint, find_front
@@ -23,7 +24,6 @@ from camtorque.mechanism.predict import predict, sweep_rows
 from camtorque.plain import plain
 from camtorque.progress import Progress
 from camtorque.records import Array, Refusal
-from camtorque.schemas import PUMP as PUMP_TABLE
 from camtorque.units import BAR, DEGREE
 
 TABLE_STEP_DEG, TABLE_DECIMALS = 0.5, 5

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.config_pump import PumpConfig
+from camtorque.config.pump import PumpConfig
 from camtorque.design.loads import Load
 from camtorque.design.profile import SAMPLES, Family, Lobe
 from camtorque.design.quantities import PUMP_FIELDS, QUANTITIES, phase_name

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.results import read_result

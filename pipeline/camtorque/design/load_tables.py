@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig
+from camtorque.config.tables import Table
 from camtorque.design.fitted import FittedPump
 from camtorque.design.loads import Load
 from camtorque.design.quantities import MILLIMETRE
@@ -16,7 +17,6 @@ from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, Refusal
-from camtorque.toml_table import Table
 from camtorque.units import RPM, did_you_mean
 
 Corners = tuple[Array, Array, Array, Array, Array]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from camtorque.toml_schema import Band, Key, TableSchema
-from camtorque.toml_table import Problems, Table, read_keys
+from camtorque.config.keys import Band, Key, TableSchema
+from camtorque.config.tables import Problems, Table, read_keys
 
 DESIGN_SCHEMA = "camtorque-design/1"
 ANY_SIZE = Band(-1e12, 1e12, "no response is larger")

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.config_pump import PumpConfig
+from camtorque.config.keys import Key
+from camtorque.config.pump import PumpConfig
+from camtorque.config.tables import Table, check_schema, read_toml
 from camtorque.design.fitted import FittedPump, fitted_friction, same_pump
 from camtorque.design.load_tables import loads_of
 from camtorque.design.loads import Load
@@ -19,8 +21,6 @@ from camtorque.design.responses import RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
 from camtorque.ingest.pump_file import read_pump
 from camtorque.records import Refusal
-from camtorque.toml_schema import Key
-from camtorque.toml_table import Table, check_schema, read_toml
 from camtorque.units import DEGREE, expected_one_of
 
 SLIP = 50.0

@@ -26,8 +26,8 @@ from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import lifts_at, solve
 from camtorque.fit.starts import begun, ends_at
 from camtorque.laws.chain import BINS
+from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
-from camtorque.threads import Each, in_turn, side_by_side
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8

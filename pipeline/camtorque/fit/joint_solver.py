@@ -24,9 +24,9 @@ from camtorque.fit.solver import (
     smoother,
 )
 from camtorque.laws.chain import BINS, evaluate
+from camtorque.process.threads import Each, in_turn
 from camtorque.records import Array, ReadOnly
 from camtorque.stacks import Shelf
-from camtorque.threads import Each, in_turn
 
 Smooth = Callable[[Array], Array]
 NOTHING: Array = np.zeros((0, 0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.config_pump import PressureCurve
+from camtorque.config.pump import PressureCurve
 from camtorque.fit.ends import Curve
 from camtorque.fit.prepare import FIT_GRID
 from camtorque.mechanism.predict import pressure_at

@@ -31,8 +31,8 @@ from camtorque.fit.starts import (
 from camtorque.fit.swings import expected, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.laws.driveline import COMPLIANCE_NAMES
+from camtorque.process.second_process import in_two
 from camtorque.records import Array
-from camtorque.second_process import in_two
 
 UNSMOOTHED = (0.0, 0.0)
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))

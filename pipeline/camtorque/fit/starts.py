@@ -19,8 +19,8 @@ from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
+from camtorque.process.second_process import in_two
 from camtorque.records import Array
-from camtorque.second_process import in_two
 from camtorque.units import DEGREE
 
 SEARCH_GRID = 600

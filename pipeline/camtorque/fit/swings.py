@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.starts import CORE, Start, begun, continued
-from camtorque.second_process import in_two
+from camtorque.process.second_process import in_two
 
 HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""

@@ -18,8 +18,8 @@ import numpy as np
 from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.uncertainty import covariance
+from camtorque.process.second_process import in_two
 from camtorque.records import Array, ReadOnly
-from camtorque.second_process import in_two
 from camtorque.units import DEGREE
 
 ANGLE = "trigger_offset"

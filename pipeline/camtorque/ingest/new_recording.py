@@ -1,6 +1,6 @@
 """Text of a first ``recording.toml``: what the logs tell is filled in, what they cannot tell is a "?" to be replaced.
 
-Written from the same `camtorque.schemas` that the reader checks against; a "?" that is left is refused by its name.
+Written from the same `camtorque.config.schemas` that the reader checks against; a "?" that is left is refused by name.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from camtorque.config.keys import UNKNOWN, Key, TableSchema
+from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SHEET_NEEDED
+from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES
+from camtorque.config.tables import read_toml
 from camtorque.ingest.proposal import Proposal
 from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
-from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SHEET_NEEDED
 from camtorque.records import Refusal
-from camtorque.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES
-from camtorque.toml_schema import UNKNOWN, Key, TableSchema
-from camtorque.toml_table import read_toml
 from camtorque.units import BORDER_UNITS, unit_factor
 
 FASTEST = 6000.0

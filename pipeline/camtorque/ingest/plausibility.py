@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
+from camtorque.config.tables import Problems
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
-from camtorque.toml_table import Problems
 from camtorque.units import BAR, STEEL_DENSITY
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)

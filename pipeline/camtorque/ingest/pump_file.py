@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.config_pump import PressureCurve, PumpConfig, load_pump_config
+from camtorque.config.pump import PressureCurve, PumpConfig, load_pump_config
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Finding, Refusal

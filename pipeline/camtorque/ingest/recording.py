@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
-from camtorque.config_toml import load_recording_config
+from camtorque.config.quantities import SHEET_NEEDED, channel_factor
+from camtorque.config.recording import load_recording_config
+from camtorque.config.tables import Problems
 from camtorque.hashes import input_file
 from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
@@ -20,9 +22,7 @@ from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor, with_idle_zero
-from camtorque.quantities import SHEET_NEEDED, channel_factor
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
-from camtorque.toml_table import Problems
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100

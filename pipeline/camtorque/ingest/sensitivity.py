@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
+from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.ingest.certificate import CertificateLine, read_certificate
 from camtorque.ingest.sheet import Sheet
-from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Finding, Refusal
 from camtorque.units import unit_factor
 

@@ -11,10 +11,10 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 
 from camtorque.config import SensorRef
+from camtorque.config.quantities import CHANNEL_QUANTITIES, SENSED
 from camtorque.ingest.certificate import CertificateLine
 from camtorque.ingest.sensitivity import range_of, sensitivity_findings, sensor_line
 from camtorque.ingest.sheet import Sheet, read_sheet
-from camtorque.quantities import CHANNEL_QUANTITIES, SENSED
 from camtorque.records import Finding, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, BORDER_UNITS, UNIT_OFFSETS, tidy_unit, unit_factor
 

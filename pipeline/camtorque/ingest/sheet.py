@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.config import SensorRef
-from camtorque.config_toml import unknown_keys
+from camtorque.config.recording import unknown_keys
+from camtorque.config.schemas import SHEET, SHEET_KEYS
+from camtorque.config.tables import Problems, Table, read_keys, read_toml
 from camtorque.records import Finding, Refusal
-from camtorque.schemas import SHEET, SHEET_KEYS
-from camtorque.toml_table import Problems, Table, read_keys, read_toml
 
 DEFAULTS = {key.attribute: key.default for key in SHEET_KEYS}
 PERCENT = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)\s*%")
@@ -24,7 +24,7 @@ KINDS = {"bessel": 0.866, "butterworth": 0.7071}
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a sheet says: attribute -> value, with `camtorque.schemas.SHEET_KEYS`; ``where`` begins a refusal.
+    """What a sheet says: attribute -> value, with `camtorque.config.schemas.SHEET_KEYS`; ``where`` begins a refusal.
 
     ``certificate`` is None where the sensitivity is stated or the logger has scaled already.
     """

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic

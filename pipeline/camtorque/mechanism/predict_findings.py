@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.flight import Flight
 from camtorque.mechanism.friction import jamming_friction

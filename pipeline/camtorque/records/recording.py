@@ -89,7 +89,7 @@ class Channel:
 
     Attributes
     ----------
-    quantity : one of `camtorque.quantities.CHANNEL_QUANTITIES`: ``torque`` [N m], ``pressure`` [Pa, gauge], ...
+    quantity : one of `camtorque.config.quantities.CHANNEL_QUANTITIES`: ``torque`` [N m], ``pressure`` [Pa, gauge], ...
     logger : id of the logger whose clock the times belong to
     source : raw samples [V]
     start_time : time of sample 0 on the logger's clock [s], as the file says

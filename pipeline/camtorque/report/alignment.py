@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from camtorque.align import alignment_summary
+from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.plain import plain
-from camtorque.quantities import CHANNEL_QUANTITIES
 from camtorque.records import CamCycles, Recording
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.cycles_file import write_aligned

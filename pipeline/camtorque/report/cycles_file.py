@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from camtorque.quantities import CHANNEL_QUANTITIES
+from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
 from camtorque.report.files import whole
 from camtorque.report.folder import reserve

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.config.keys import ZERO_CELSIUS
 from camtorque.laws.fuels import fuel_temperature
 from camtorque.limits import judge, limits_document
 from camtorque.plain import plain
@@ -23,7 +24,6 @@ from camtorque.report.files import findings_document, inputs_document
 from camtorque.report.gaps import gap_shares
 from camtorque.report.measured import measured_document
 from camtorque.report.numbers import typeset
-from camtorque.toml_schema import ZERO_CELSIUS
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import resvg_py
 from markupsafe import Markup
 
+from camtorque.process.second_process import in_two
 from camtorque.report.chart import Chart, Rows
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.page import Drawing
 from camtorque.report.rows_svg import rows_svg
-from camtorque.second_process import in_two
 
 if TYPE_CHECKING:  # the fit is not needed to draw
     from camtorque.report.bundle import RunResult

@@ -16,11 +16,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from camtorque.process.stopping import removed_when_stopped
+from camtorque.process.system import told
 from camtorque.records import Refusal
 from camtorque.report.checksums import visible_files, write_checksums
 from camtorque.report.provenance import write_crate
-from camtorque.stopping import removed_when_stopped
-from camtorque.system import told
 
 try:
     import fcntl

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from camtorque.config_pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import CamLaw

@@ -19,7 +19,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
-from camtorque.stopping import SIGNALS, before_leaving
+from camtorque.process.stopping import SIGNALS, before_leaving
 
 T = TypeVar("T")
 R = TypeVar("R")

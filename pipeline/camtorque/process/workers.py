@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from camtorque.stopping import end_workers
+from camtorque.process.stopping import end_workers
 
 T = TypeVar("T")
 R = TypeVar("R")

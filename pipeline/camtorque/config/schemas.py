@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from camtorque.quantities import CHANNEL_QUANTITIES
-from camtorque.toml_schema import Band, Key, TableSchema
+from camtorque.config.keys import Band, Key, TableSchema
+from camtorque.config.quantities import CHANNEL_QUANTITIES
 
 RECORDING_FILE = "recording.toml"
 RECORDING_SCHEMA = "fip-bench-recording/1"

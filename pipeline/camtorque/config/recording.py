@@ -1,7 +1,7 @@
 """The bench's ``recording.toml`` (schema ``fip-bench-recording/1``) -> `RecordingConfig`, in SI and radians.
 
-What each key may hold stands in `camtorque.schemas`. Everything that is wrong is said at once; a key that the product
-does not know is a finding: benches add keys of their own.
+What each key may hold stands in `camtorque.config.schemas`. Everything that is wrong is said at once; a key that the
+product does not know is a finding: benches add keys of their own.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from camtorque.config import (
     SensorRef,
     TriggerSpec,
 )
-from camtorque.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
+from camtorque.config.keys import TableSchema
+from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
+from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
+from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Finding, Refusal
-from camtorque.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
-from camtorque.toml_schema import TableSchema
-from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
 ONLY_LOGGER = LoggerSpec("logger", "single")

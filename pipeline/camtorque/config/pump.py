@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.config import PumpData
+from camtorque.config.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
+from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Array, CamTable, ReadOnly, Refusal
-from camtorque.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
-from camtorque.toml_table import Problems, Table, check_schema, read_keys, read_toml
 
 ONCE = ("pump", "cam", "mounting", "shaft", "friction")
 """Tables that are there once or not at all."""

@@ -12,8 +12,8 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
+from camtorque.config.keys import UNKNOWN, Key, TableSchema
 from camtorque.records import CONTROL, Refusal
-from camtorque.toml_schema import UNKNOWN, Key, TableSchema
 from camtorque.units import did_you_mean, expected_one_of
 
 LARGEST_FILE = 512 * 1024
