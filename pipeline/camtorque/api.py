@@ -99,8 +99,8 @@ class Recording(records.Recording):
         return cls(record.config, record.channels, record.cam_table, record.inputs, record.findings)
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{c.quantity} {c.duration:.2f} s at {c.sample_rate:g} Hz" for c in self.channels)
-        return f"<Recording {self.config.id}: {told}>"
+        channels = ", ".join(f"{c.quantity} {c.duration:.2f} s at {c.sample_rate:g} Hz" for c in self.channels)
+        return f"<Recording {self.config.id}: {channels}>"
 
     def _repr_html_(self) -> str:
         rows = [[c.quantity, f"{c.n_samples}", f"{c.sample_rate:g} Hz", f"{c.duration:.2f} s"] for c in self.channels]
@@ -157,8 +157,8 @@ def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], findi
 
     warnings = "".join(f"<li>{html.escape(row.text)}</li>" for row in findings if row.severity != "info")
     body = "".join(line("td", row) for row in rows)
-    told = f"<ul>{warnings}</ul>" if warnings else ""
-    return f"<b>{html.escape(title)}</b><table>{line('th', head)}{body}</table>{told}"
+    listed = f"<ul>{warnings}</ul>" if warnings else ""
+    return f"<b>{html.escape(title)}</b><table>{line('th', head)}{body}</table>{listed}"
 
 
 def read(path: Path | str) -> Recording:
@@ -205,7 +205,7 @@ def fit(
     recording : from `read` or `Recording.from_arrays`, or a path
     options : choices of alignment and fit, and limits, those of `camtorque run`:
         ``RunOptions(align=AlignOptions(n_theta=1800), limits=(Limit("parameters.leakage.value", None, 0.6),))``
-    progress : is told what is being done, such as ``print``
+    progress : called with what is being done, such as ``print``
 
     Raises
     ------

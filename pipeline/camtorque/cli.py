@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 from camtorque.commands import COMMANDS, Outcome
 from camtorque.process.stopping import stoppable
-from camtorque.process.system import forget, no_tracebacks, silence_output, told, usable_streams
+from camtorque.process.system import described, forget, no_tracebacks, silence_output, usable_streams
 from camtorque.progress import silent
 from camtorque.version import __version__
 
@@ -116,7 +116,7 @@ def _failed(error: Exception, parsed: argparse.Namespace) -> int:
     refused = isinstance(error, Refusal)
     if parsed.debug and not refused:
         raise error
-    text = str(error) if refused else "; ".join(told(error))
+    text = str(error) if refused else "; ".join(described(error))
     line = " ".join(text.split()).removeprefix(f"{parsed.command}: ")
     with suppress(OSError):
         print(f"camtorque {parsed.command}: {line}", file=sys.stderr)

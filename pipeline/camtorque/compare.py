@@ -58,7 +58,7 @@ class Compared:
 
     @property
     def changed(self) -> tuple[str, ...]:
-        """Names of parameters and losses that are told as changed."""
+        """Names of parameters and losses that are reported as changed."""
         return tuple(row.name for row in (*self.parameters, *self.losses) if row.verdict == "changed")
 
 
@@ -95,10 +95,10 @@ def matched(before: Path, after: Path) -> Matched:
         if distance <= SAME_SPEED and not taken & {first[i], second[j]}:
             pairs.append((first[i], second[j]))
     if not pairs:
-        told = ["; ".join(f"{speed / RPM:.0f}" for speed in side.values()) for side in (one, two)]
+        speeds = ["; ".join(f"{speed / RPM:.0f}" for speed in side.values()) for side in (one, two)]
         raise Refusal(
-            f"compare: {before} holds {told[0]} rpm and {after} {told[1]} rpm, expected some speed in both; compare "
-            "recordings of the same speeds"
+            f"compare: {before} holds {speeds[0]} rpm and {after} {speeds[1]} rpm, expected some speed in both; "
+            "compare recordings of the same speeds"
         )
     pairs.sort(key=lambda pair: first.index(pair[0]))
     paired = {path for pair in pairs for path in pair}
@@ -280,7 +280,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
     ----------
     before, after : recordings, reports of recordings, campaigns, or folders of recordings (paired by speed)
     out : folder to be written; nothing is left of it when a recording is refused
-    progress : is told what is being done
+    progress : called with what is being done
 
     Raises
     ------

@@ -63,7 +63,7 @@ def _not_imported(name: str) -> Iterator[None]:
 
 @cache
 def _numba() -> ModuleType:
-    """Return numba, which is told how to type these functions; importing scipy for it would take 0.15 s."""
+    """Return numba, set up to type these functions; importing scipy for it would take 0.15 s."""
     import numba
     from numba.core.registry import cpu_target
     from numba.extending import typeof_impl

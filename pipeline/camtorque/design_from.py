@@ -32,7 +32,7 @@ from camtorque.report.forecast_page import sweep_row
 from camtorque.results import read_result
 
 STROKES = np.linspace(0.004, 0.996, 250)
-"""Shares of the lift by which angles of one cam are told on another."""
+"""Shares of the lift by which angles of one cam are carried to another."""
 FINE = 7200
 LEAST_FLOW = 0.02
 """Share of the plunger's largest flow below which nothing is said to be delivered by it."""

@@ -136,9 +136,9 @@ def _compared(limit: Limit, value: float, stderr: float | None) -> Verdict:
 
 
 def overall(verdicts: Sequence[Verdict]) -> str:
-    """Return ``fail`` where one failed, else ``cannot tell`` where one could not be told, else ``pass``."""
-    told = {row.verdict for row in verdicts}
-    return next((word for word in (FAIL, CANNOT_TELL) if word in told), PASS)
+    """Return ``fail`` where one failed, else ``cannot tell`` where one could not be judged, else ``pass``."""
+    words = {row.verdict for row in verdicts}
+    return next((word for word in (FAIL, CANNOT_TELL) if word in words), PASS)
 
 
 def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limit]) -> None:

@@ -22,7 +22,7 @@ def spoken(seconds: float) -> str:
     return f"about {seconds / 60.0:.0f} min" if seconds < 5400.0 else f"about {seconds / 3600.0:.1f} h"
 
 
-def told(items: Mapping[str, T], progress: Progress) -> Iterator[T]:
+def announced(items: Mapping[str, T], progress: Progress) -> Iterator[T]:
     """Yield items by name, telling before each which it is and, after the first, how long the rest will take."""
     start = time.perf_counter()
     for number, (name, item) in enumerate(items.items()):

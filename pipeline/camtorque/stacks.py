@@ -35,7 +35,7 @@ def empty_stack(n_cycles: int, n_theta: int, path: str | None = None) -> Stack:
     if size > LARGEST_IN_MEMORY and hasattr(os, "posix_fallocate"):
         try:
             with tempfile.TemporaryFile() as file:
-                # a full disk is told now; later it would kill the process
+                # a full disk is noticed now; later it would kill the process
                 os.posix_fallocate(file.fileno(), 0, size)
                 return np.memmap(file, dtype=np.float64, mode="r+", shape=(n_cycles, n_theta))
         except OSError:

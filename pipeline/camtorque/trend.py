@@ -45,7 +45,7 @@ def _row(document: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-def told_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def informed_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Return parameter -> label of those shared ones that at least one report measured or narrowed."""
     found = {}
     for document in documents.values():

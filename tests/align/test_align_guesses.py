@@ -62,7 +62,8 @@ def test_an_extra_tooth_tells_the_revolution():
 
 def test_an_index_tells_the_lines_of_an_encoder_and_the_turns_of_a_crank():
     plain = true_wheel(teeth=90, missing=0, index=True)
-    assert of(plain, index=channel(index_volts(plain))) == Wheel(pytest.approx(10.0, rel=2e-3), 90, told_by="the index")
+    found = of(plain, index=channel(index_volts(plain)))
+    assert found == Wheel(pytest.approx(10.0, rel=2e-3), 90, known_from="the index")
     crank = true_wheel(turns=2, index=True)
     found = of(crank, index=channel(index_volts(crank)))
     assert found is not None

@@ -10,7 +10,7 @@ def test_each_part_is_told_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> 
     now = iter([0.0, 30.0, 50.0])
     monkeypatch.setattr(progress.time, "perf_counter", lambda: next(now))
     lines: list[str] = []
-    done = [(item, len(lines)) for item in progress.told({"a": 1, "b": 2, "c": 3}, lines.append)]
+    done = [(item, len(lines)) for item in progress.announced({"a": 1, "b": 2, "c": 3}, lines.append)]
     assert done == [(1, 1), (2, 2), (3, 3)]
     assert lines == ["a, 1 of 3", "b, 2 of 3, about 60 s left", "c, 3 of 3, about 25 s left"]
 

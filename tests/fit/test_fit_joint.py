@@ -126,7 +126,7 @@ def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(camp
     assert {row.name for row in campaign.drifts} <= {row.name for row in campaign.shared_parameters}
     assert "dead_volume" in {row.name for row in campaign.drifts}
     told = [finding.where for finding in campaign.findings if finding.code == "shared_parameter_drifts"]
-    assert told == [row.name for row in campaign.drifts if row.told]
+    assert told == [row.name for row in campaign.drifts if row.significant]
 
 
 def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
@@ -139,7 +139,7 @@ def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
     assert row.slope_per_1000_rpm == pytest.approx(40.0, rel=1e-9)  # mm^3
     # equal errors: sigma over the root of the summed squares of speed about its mean, 1.1667 (1000 rpm)^2
     assert row.slope_stderr == pytest.approx(2.0 / np.sqrt(7.0 / 6.0), rel=1e-9)
-    assert row.told
+    assert row.significant
 
 
 def test_every_recording_is_predicted_by_the_others_in_both_ways(prepared, campaign):

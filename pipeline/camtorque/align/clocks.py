@@ -34,7 +34,7 @@ CLEAR_EVIDENCE = Threshold(
 )  # fmt: skip
 
 STAIRS_FROM, STAIR_FACTOR = 20, 1.5
-"""Changes from which on stairs are told from jumps (fewer than one in ten), and height of a jump over a stair."""
+"""Changes from which on stairs are kept apart from jumps (fewer than one in ten), and height of a jump over a stair."""
 
 
 @dataclass(frozen=True)

@@ -182,9 +182,9 @@ def _fit_lines(
     mean_a, mean_t = sums(a) / count, sums(t) / count
     a, t = a - mean_a[which], t - mean_t[which]
     spread = sums(a * a)
-    told = (n >= 3) & (spread > 0.0)
-    divisor = np.where(told, spread, 1.0)
+    known = (n >= 3) & (spread > 0.0)
+    divisor = np.where(known, spread, 1.0)
     slope = sums(a * t) / divisor
     rest = sums((t - slope[which] * a) ** 2) / np.maximum(n - 2, 1)
     error = np.sqrt(rest * (1.0 / count + mean_a**2 / divisor))
-    return np.where(told, coarse + mean_t - slope * mean_a, coarse), np.where(told, error, 0.0)
+    return np.where(known, coarse + mean_t - slope * mean_a, coarse), np.where(known, error, 0.0)

@@ -67,7 +67,7 @@ def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow
 
 
 def _hum(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
-    """Return what is told of mains hum on the torque."""
+    """Return the findings on mains hum on the torque."""
     table = recording.lift_table
     if found.torque is None or table is None:
         return ()

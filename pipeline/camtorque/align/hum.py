@@ -1,9 +1,9 @@
 """Mains hum on the torque: 50 or 60 Hz that rides on the voltage, whatever the cam does.
 
-Where the speed drifts against the mains, the hum's phase differs from cycle to cycle: it is told by regression of each
+Where the speed drifts against the mains, the hum's phase differs from cycle to cycle: it is found by regression of each
 cycle's deviation from the mean on sine and cosine of the mains, and it averages out of the mean. Where the speed is an
-even fraction of the mains, it stands still on the cam angle and stays in the mean: it is told on the base circle, where
-nothing else happens, as a sine of just that frequency.
+even fraction of the mains, it stands still on the cam angle and stays in the mean: it is found on the base circle,
+where nothing else happens, as a sine of just that frequency.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PIECE = 1024
 """Cycles worked on at a time."""
 SIGNIFICANT = Threshold(
     6.0, "1", "statistics",
-    "Standard errors that the amplitude of the mains has to exceed before it is told."
+    "Standard errors that the amplitude of the mains has to exceed before it is reported."
 )  # fmt: skip
 SMALLEST_SHARE = Threshold(
     1.0e-4, "1", "convention",

@@ -71,7 +71,7 @@ def _numbered(time: Array, pulse_width: float, spec: TriggerSpec, where: str, in
 
 
 def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
-    """Return the pulses of an encoder whose two tracks told every step; where it stood the way is not proven."""
+    """Return the pulses of an encoder whose two tracks show every step; where it stood the way is not proven."""
     time = forward(time, where)
     if index is None:
         raise _without_mark(spec, where)

@@ -1,7 +1,7 @@
 """Which turn of the wheel is which turn of the cam, where the wheel turns several times per cycle and no index tells.
 
 The torque of a pump follows line pressure times lift velocity, and the pressure rises with the lift. So each possible
-turn is tried on the mean cycle; the one that fits is taken, and it is told where none fits clearly better.
+turn is tried on the mean cycle; the one that fits is taken, and a finding says where none fits clearly better.
 """
 
 from __future__ import annotations

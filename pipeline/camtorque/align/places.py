@@ -26,7 +26,7 @@ LEAST_TURNS = Count(
 )  # fmt: skip
 LEAST_PULSES = Count(
     4, "pulses", "statistics",
-    "Pulses per turn from which on tooth and speed can be told apart at all."
+    "Pulses per turn from which on tooth and speed can be separated at all."
 )  # fmt: skip
 MOST_ORDERS = 30
 """Orders of the deviation, at most; fewer on a wheel with fewer teeth."""

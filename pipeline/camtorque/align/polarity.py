@@ -77,11 +77,11 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
         return Checked({})
     stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
     typical = {}
-    told = _repeating(next(iter(rows.values())), sound, stride, recording)
+    repeating = _repeating(next(iter(rows.values())), sound, stride, recording)
     for quantity, values in rows.items():
-        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0], told)
+        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0], repeating)
     if len(typical) < 2 or recording.lift_table is None:
-        return Checked(typical, told)
+        return Checked(typical, repeating)
     torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
@@ -89,9 +89,9 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
     # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
     work = float(np.mean(torque) - at_rest(torque, velocity))
     if straight > INVERTED_CORRELATION or work > 0.0:
-        return Checked(typical, told)
+        return Checked(typical, repeating)
     rows["torque"][...] *= -1.0
-    return Checked({**typical, "torque": -torque}, (*told, _turned(recording, float(np.mean(torque)), straight)))
+    return Checked({**typical, "torque": -torque}, (*repeating, _turned(recording, float(np.mean(torque)), straight)))
 
 
 def _repeating(rows: Array, sound: NDArray[np.bool_], stride: int, recording: Recording) -> tuple[Finding, ...]:
@@ -141,7 +141,7 @@ def _wrapped(theta: Array) -> Array:
 
 
 def _typical(
-    rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, told: tuple[Finding, ...] = ()
+    rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, repeating: tuple[Finding, ...] = ()
 ) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound, SAMPLED_CYCLES), ::stride]
@@ -151,8 +151,8 @@ def _typical(
     least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
     if swing > max(LEAST_SWING * scatter, least):
         return middle
-    if told:
-        raise Refusal(f"{channel.path.name}, channel {channel.name!r}: {told[0].text}")
+    if repeating:
+        raise Refusal(f"{channel.path.name}, channel {channel.name!r}: {repeating[0].text}")
     unit, size = {"torque": ("N m", 1.0), "pressure": ("bar", BAR)}[channel.quantity]
     reason = (
         f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {LEAST_SWING:.0f} times that"

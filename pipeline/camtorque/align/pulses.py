@@ -45,7 +45,7 @@ class PulseTrain:
     offset : steps from the pulse of step 0 to where the nominal angle is passed (an index between two pulses)
     offset_std : its standard error [steps]
     by_index : True where the nominal angle is that of an index pulse
-    phase_open : True where the wheel turns several times per cycle and nothing told which turn is which
+    phase_open : True where the wheel turns several times per cycle and nothing shows which turn is which
     """
 
     time: Array

@@ -132,7 +132,7 @@ def read_cluster_file(file: Path) -> tuple[str, int, dict[str, Any]]:
 
 @contextmanager
 def _quiet(*more: str) -> Iterator[Any]:
-    """Give the package, its settings made and its log silent: what matters is told by the campaign.
+    """Give the package, its settings made and its log silent: what matters is reported by the campaign.
 
     Raises
     ------

@@ -58,7 +58,7 @@ class Outcome:
     text : for a person at a terminal
     document : the same for a program (`--json`); empty where the command has none
     status : exit status
-    stream : text and document of things that are told as they happen, before ``text``
+    stream : text and document of things that are printed as they happen, before ``text``
     """
 
     text: str

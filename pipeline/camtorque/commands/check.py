@@ -38,12 +38,12 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     tell("aligning to the cam angle")
     cycles, refusal = _aligned(recording)
     lacks = missing_for_run(recording, cycles) if cycles else []
-    told = (*summary.findings, *(cycles.findings if cycles else ()))
+    rows = (*summary.findings, *(cycles.findings if cycles else ()))
     if cycles and not lacks:
         tell("trying what a run does before its fit")
-        told = (*told, *_rehearsed(recording, cycles))
-        lacks = [row.text for row in told if row.code == RUN_REFUSED]
-    findings = [asdict(row) for row in told]
+        rows = (*rows, *_rehearsed(recording, cycles))
+        lacks = [row.text for row in rows if row.code == RUN_REFUSED]
+    findings = [asdict(row) for row in rows]
     found = "\n".join(finding_lines(findings)) or "  nothing wrong was found"
     doc = {
         "schema": SCHEMA,

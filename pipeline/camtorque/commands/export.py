@@ -15,7 +15,7 @@ from camtorque.export import report_tables, write_tables
 from camtorque.report.folder import check_writable
 from camtorque.report.plots import trend_figure
 from camtorque.results import read_results
-from camtorque.trend import AXES, told_parameters, trend_table
+from camtorque.trend import AXES, informed_parameters, trend_table
 
 PACKAGES = {"xlsx": ("openpyxl",), "parquet": ("pyarrow",)}
 DRAWN = {"fitted_rms_percent": "fitted RMS / % of peak", "chamber_peak_bar": "chamber peak / bar"}
@@ -55,8 +55,8 @@ def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
 def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any]) -> list[Path]:
     table, out = trend_table(documents), arguments.out
     paths = write_tables({"trend": table}, out / "reports", arguments.format)
-    told = dict(list(told_parameters(documents).items())[:MOST_PARAMETERS])
-    drawn = {name: label for name, label in {**DRAWN, **told}.items() if table[name].notna().any()}
+    chosen = dict(list(informed_parameters(documents).items())[:MOST_PARAMETERS])
+    drawn = {name: label for name, label in {**DRAWN, **chosen}.items() if table[name].notna().any()}
     figure = trend_figure(table, AXES, drawn)
     for suffix in ("svg", "png"):
         paths.append(out / f"trend.{suffix}")

@@ -45,5 +45,5 @@ def _document(result: Any, intervals: Any) -> dict[str, Any]:
                "vary": item.vary, "expr": item.expr}
         for name, item in result.params.items()
     }  # fmt: skip
-    told = {"chi_square": result.chisqr, "evaluations": result.nfev, "message": result.message}
-    return {"schema": "camtorque.fit/1", **told, "parameters": rows, "intervals": intervals}
+    summary = {"chi_square": result.chisqr, "evaluations": result.nfev, "message": result.message}
+    return {"schema": "camtorque.fit/1", **summary, "parameters": rows, "intervals": intervals}

@@ -28,9 +28,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         write_pdf(page)
         seal(out, out.name)
     judged = doc.get("limits")
-    told = "" if judged is None else "\n" + "\n".join(limit_lines(judged["rows"]))
+    judged_lines = "" if judged is None else "\n" + "\n".join(limit_lines(judged["rows"]))
     status = 0 if judged is None or judged["verdict"] == PASS else OUTSIDE
-    return Outcome(f"{run_table(doc)}{told}\n\n{page}", {**doc, "report": str(page)}, status)
+    return Outcome(f"{run_table(doc)}{judged_lines}\n\n{page}", {**doc, "report": str(page)}, status)
 
 
 def default_out(recording: Path) -> Path:

@@ -13,15 +13,15 @@ from camtorque.watch import Block, Waiting, WatchOptions, watch
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
-    """Follow a test; each block is told when it is there."""
+    """Follow a test; each block is printed when it is there."""
     options = WatchOptions(
         every=arguments.every, block_cycles=arguments.block, enough_percent=arguments.enough,
         until_enough=arguments.until_enough, seconds=arguments.seconds,
     )  # fmt: skip
-    return Outcome("", {}, stream=_told(watch(arguments.folder, options)))
+    return Outcome("", {}, stream=_printed(watch(arguments.folder, options)))
 
 
-def _told(items: Iterator[Block | Waiting]) -> Iterator[tuple[str, dict[str, Any]]]:
+def _printed(items: Iterator[Block | Waiting]) -> Iterator[tuple[str, dict[str, Any]]]:
     for item in items:
         kind = "block" if isinstance(item, Block) else "waiting"
         text = block_line(item) if isinstance(item, Block) else f"{item.name}  waiting: {item.reason}"

@@ -51,7 +51,7 @@ ANGLE_QUANTITIES = ("trigger", "index", "encoder_a", "angle")
 SENSOR_QUANTITIES = tuple(name for name, quantity in CHANNEL_QUANTITIES.items() if not quantity.is_pulse)
 """Quantities that a sensor with a sheet may measure."""
 SHEET_NEEDED = ("torque", "pressure", "chamber_pressure")
-"""Quantities whose delay and accuracy the model needs: without a sheet they are assumed, and told."""
+"""Quantities whose delay and accuracy the model needs: without a sheet they are assumed, and a finding says so."""
 SENSED = ("voltage", "bridge output")
 """Dimensions of what a sensor gives before anything scales it."""
 

@@ -124,10 +124,10 @@ def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
     bounds = [label.replace(" ", " bound of ", 1) for label in found if label.split(" ")[0] in ("lower", "upper")
               and not label.endswith("shape")]  # fmt: skip
     design = problem.evaluated(nearest.variables)
-    told = [_missed(limit, RESPONSES[limit.response].value(design)) for limit in colliding[:3] or problem.limits[:1]]
-    against = " and ".join(told)
+    missed = [_missed(limit, RESPONSES[limit.response].value(design)) for limit in colliding[:3] or problem.limits[:1]]
+    against = " and ".join(missed)
     within = f" within the {', '.join(bounds)}" if bounds else " within the bounds of [free]"
-    verb = "collide" if len(told) > 1 else "cannot be met"
+    verb = "collide" if len(missed) > 1 else "cannot be met"
     raise Refusal(
         f"{problem.task.path} [limits]: no design keeps all limits; {against} {verb}{within}: the best compromise "
         "misses each by that much; loosen one of them, or widen those bounds"

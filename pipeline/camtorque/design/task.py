@@ -176,12 +176,12 @@ def _refuse_slip(free: Table, name: str, bounds: tuple[float, float], start: flo
     low, high = bounds
     largest = max(abs(low), abs(high))
     far = largest < abs(start) / SLIP or (min(abs(low), abs(high)) > SLIP * abs(start) > 0.0)
-    told = f"the pump has {start:g} in this unit; expected bounds near it"
+    reason = f"the pump has {start:g} in this unit; expected bounds near it"
     if name == "follower_offset_mm":
         far = largest < LEAST_OFFSET * radius
-        told = f"the base circle has {radius:g} in this unit; expected bounds of {LEAST_OFFSET:g} of it or more"
+        reason = f"the base circle has {radius:g} in this unit; expected bounds of {LEAST_OFFSET:g} of it or more"
     if far and name != "spring_preload_N" and not name.startswith("phase"):
-        raise Refusal(f"{free.where(name)}: found bounds {low:g} to {high:g}, but {told}; check the unit")
+        raise Refusal(f"{free.where(name)}: found bounds {low:g} to {high:g}, but {reason}; check the unit")
 
 
 def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:

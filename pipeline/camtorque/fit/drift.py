@@ -33,7 +33,7 @@ class Drift:
     slope_stderr: float
 
     @property
-    def told(self) -> bool:
+    def significant(self) -> bool:
         """Whether the slope stands out of its standard error."""
         return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_TOLD * self.slope_stderr
 
@@ -63,7 +63,7 @@ def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift]) -> Array:
     spread = np.zeros(problem.size)
     for drift in drifts:
         k = problem.index(drift.name)
-        if drift.told and k >= 0:
+        if drift.significant and k >= 0:
             weight = 1.0 / np.array(drift.stderrs) ** 2
             mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.parameters[k].row.per_unit
             spread[k] = abs(mean - z[k])
@@ -78,5 +78,5 @@ def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
             f"{drift.name} should be the same in every recording but drifts by {drift.slope_per_1000_rpm:+.3g} +- "
             f"{drift.slope_stderr:#.2g} {drift.unit} per 1000 rpm fitted alone: a law may be missing", drift.name,
         )
-        for drift in drifts if drift.told
+        for drift in drifts if drift.significant
     )  # fmt: skip

@@ -15,7 +15,7 @@ from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
 ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
-"""Share of the stroke above which the lowest lift is told, and refused."""
+"""Share of the stroke above which the lowest lift is reported, and refused."""
 FINEST = 1.0e-9
 """A spreadsheet writes sixteen digits whatever was measured [m]."""
 

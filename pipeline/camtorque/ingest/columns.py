@@ -36,14 +36,14 @@ def raw_file(
     """Return the channels of columns that were read; ``sources`` holds them by number, the time column too."""
     channels: list[RawChannel] = []
     findings: list[Finding] = []
-    told: set[int | None] = set()
+    seen: set[int | None] = set()
     for spec, time in zip(specs, time_columns_of(path, layout, specs), strict=True):
         column = column_of(path, layout, spec.channel)
         source, stamps, cut = _without_footer(sources[column], sources.get(time) if time is not None else None, path)
         base, stamp = _times(path, layout, stamps, time, spec)
         channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
-        findings += (*base.findings, *cut) if time not in told else ()
-        told.add(time)
+        findings += (*base.findings, *cut) if time not in seen else ()
+        seen.add(time)
     return RawFile(tuple(channels), tuple(findings))
 
 
@@ -82,8 +82,8 @@ def _without_footer(
 def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -> tuple[FileChannel, ...]:
     """Return every column but the times as a channel; the time's usual step tells the rate."""
     columns = {number: layout.time_column("", (), number) for number in sources}
-    told = any(time is not None for time in columns.values())
-    unnamed = 0 if not told and layout.header_rate is None and 0 in sources and _rises_evenly(sources[0]) else None
+    has_times = any(time is not None for time in columns.values())
+    unnamed = 0 if not has_times and layout.header_rate is None and 0 in sources and _rises_evenly(sources[0]) else None
     if unnamed is not None:
         columns = dict.fromkeys(columns, unnamed)
     times = {time for time in columns.values() if time is not None}

@@ -307,11 +307,11 @@ def _hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, .
     words = hint.lower()
     separators = {name for name in NAMES.values() if re.search(rf"(?<!decimal ){name}", words)}
     decimals = {sign for word, sign in (("decimal point", "."), ("decimal comma", ",")) if word in words}
-    told = f"{NAMES[layout.separator]}, decimal {'comma' if layout.decimal == ',' else 'point'}"
+    found = f"{NAMES[layout.separator]}, decimal {'comma' if layout.decimal == ',' else 'point'}"
     wrong = (separators and NAMES[layout.separator] not in separators) or (decimals and layout.decimal not in decimals)
     if not wrong:
         return ()
-    text = f"csv_dialect says {hint!r}, the file is {told}; the file decides"
+    text = f"csv_dialect says {hint!r}, the file is {found}; the file decides"
     return (Finding("csv_dialect_differs", "warning", text, where),)
 
 

@@ -79,7 +79,7 @@ FORMATS: dict[str, Format] = {
     "csv": Format("CSV or ASCII text", ("ascii", "txt"), "csv_log",
                   lambda head: b"\x00" not in head or bool(utf16(head))),
 }  # fmt: skip
-"""Name of a format -> how it is told and what reads it; the first that fits a file's beginning is its format."""
+"""Name of a format -> how it is recognised and what reads it; the first that fits a file's beginning is its format."""
 
 UNREADABLE = {
     "MDF 2 or 3": lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] < b"4",

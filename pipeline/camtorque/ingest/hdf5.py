@@ -286,11 +286,11 @@ def _scale_findings(path: Path, data: h5py.Dataset) -> list[Finding]:
         for name, value in data.attrs.items()
         if _plain(name) in SCALE_NAMES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu"
     }
-    told = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))
-    if not told:
+    unused = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))
+    if not unused:
         return []
     text = (
-        f"data set {data.name} holds {data.dtype} and the attribute {told}, which is not applied: write the values "
+        f"data set {data.name} holds {data.dtype} and the attribute {unused}, which is not applied: write the values "
         "scaled, or name it scale_factor (and add_offset)"
     )
     if data.dtype.kind in "iu":

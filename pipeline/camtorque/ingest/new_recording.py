@@ -70,8 +70,8 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"])
     if trigger is None:
         writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
-    if wheel is not None and wheel.told_by:
-        writer.line(f"# what follows of the wheel is told by: {wheel.told_by}")
+    if wheel is not None and wheel.known_from:
+        writer.line(f"# what follows of the wheel is told by: {wheel.known_from}")
     writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]})
     for quantity, item in _sensed(used, named).items():
         _sensor(writer, quantity, item, known["sensors"].get(quantity))
@@ -128,7 +128,7 @@ class Writer:
             elif key.required:
                 self._key(key, UNKNOWN)
             elif key.name in asked:
-                self.lines.append(f"# {key.name} =   # {_told(key)}")
+                self.lines.append(f"# {key.name} =   # {_meaning(key)}")
         for name in values:
             if name not in schema.names:
                 self.lines.append(f"{name} = {toml_value(values[name])}")
@@ -136,12 +136,12 @@ class Writer:
     def _key(self, key: Key, value: Any) -> None:
         if value == UNKNOWN:
             self.unknown.append(key.name)
-            self.lines.append(f"{key.name} = {toml_value(value)}  # {_told(key)}")
+            self.lines.append(f"{key.name} = {toml_value(value)}  # {_meaning(key)}")
             return
         self.lines.append(f"{key.name} = {toml_value(value)}  # {key.meaning}")
 
 
-def _told(key: Key) -> str:
+def _meaning(key: Key) -> str:
     allowed = f"; {key.band}" if key.band is not None else f"; {', '.join(key.choices)}" if key.choices else ""
     return key.meaning + allowed
 

@@ -2,7 +2,7 @@
 
 `PUMP_RATIOS` compares sizes of one pump with each other, `check_loads` the largest torque with what the largest
 pressure can cause. The limits come from 46 pumps of three makers, for which the ratios lie in ``seen``, and from sizes
-of built ones (fuel pumps of cars to ships); what lies well outside is told, what lies far outside is refused.
+of built ones (fuel pumps of cars to ships); what lies well outside is reported, what lies far outside is refused.
 """
 
 from __future__ import annotations
@@ -213,8 +213,8 @@ def check_loads(recording: Recording) -> list[Finding]:
     )
     low, high = measured / (by_pressure + other), measured / by_pressure
     if not is_loaded:
-        told = low > LOAD_POSSIBLE[1]
-        return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * told
+        beyond = low > LOAD_POSSIBLE[1]
+        return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * beyond
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
         raise Refusal(f"{where}: {text}; {_implied(pump, slope, measured / by_pressure)}")
     if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:

@@ -21,15 +21,15 @@ from camtorque.units import ATMOSPHERE, BORDER_UNITS, UNIT_OFFSETS, tidy_unit, u
 DELAY_TOLERANCE = 0.10
 """Relative half width assumed for a delay whose sheet states no tolerance; printed as a finding."""
 USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
-"""A delay that no sheet states: this +/- 100 %, which holds the amplifiers on the market [s]; told as a warning."""
+"""A delay that no sheet states: this +/- 100 %, which holds the amplifiers on the market [s]; reported as a warning."""
 USUAL_ACCURACY = 0.01
-"""Share of the range assumed where nothing states the accuracy; told as a warning."""
+"""Share of the range assumed where nothing states the accuracy; reported as a warning."""
 READING_STEP = 1.0e-4
 """Standstill readings are noted to a tenth of a millivolt, those of a bridge to a tenth of a uV/V [V, mV/V]."""
 READING_SHARE = READING_STEP / 10.0
 """Scaled ones are noted to the same part of the range as a tenth of a millivolt is of 10 V."""
 CERTIFICATE_DAYS = 366
-"""A certificate older than this is told; sensors are calibrated once a year."""
+"""A certificate older than this is reported; sensors are calibrated once a year."""
 MILLIVOLTS = 0.1
 """A zero is noted in volts below this; millivolts written as volts lie above [V]."""
 LOW_PASS_DELAYS = {1: 1.0, 2: 1.41421, 3: 2.0, 4: 2.61313}

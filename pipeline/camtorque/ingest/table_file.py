@@ -69,8 +69,8 @@ def _names(path: Path, fields: list[str], units: list[str]) -> tuple[list[str], 
     """Return the names of the columns and the units that stand in brackets or in a row of their own."""
     plain = [name_and_unit(field) for field in fields]
     names = [name for name, _ in plain]
-    told = [name for name in names if name]
-    if len(set(told)) != len(told):
+    given_names = [name for name in names if name]
+    if len(set(given_names)) != len(given_names):
         raise Refusal(f"{path}: two columns have one name, the header says {', '.join(names)}; rename one")
     below = (units + [""] * len(names))[: len(names)]
     return names, {name: unit or row for (name, unit), row in zip(plain, below, strict=True) if unit or row}

@@ -68,17 +68,17 @@ def members_of(variables: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
 
 def beside(members: Members, group: str) -> dict[str, Any]:
     """Return rate and unit that stand beside a channel in its struct (or, the rate, beside all variables)."""
-    told: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     for place in dict.fromkeys(("", group)):
         for (other, name), value in members.items():
             array, plain = np.asarray(value), re.sub(r"[ _]", "", name).lower()
             if other != place or array.size != 1:
                 continue
             if plain in hdf5.RATE_NAMES and array.dtype.kind in "fiu" and float(array.ravel()[0]) > 0.0:
-                told["rate"] = float(array.ravel()[0])
+                found["rate"] = float(array.ravel()[0])
             if plain in hdf5.UNIT_NAMES and place and array.dtype.kind == "U":
-                told["unit"] = str(array.ravel()[0])
-    return told
+                found["unit"] = str(array.ravel()[0])
+    return found
 
 
 def channel_of(

@@ -29,7 +29,7 @@ class Wheel:
     """What the pulses show.
 
     ``speed`` of the cam [1/s]; teeth a revolution with the missing ones, missing ones, an extra one; revolutions of
-    the wheel per turn of the cam, and what told them ("" for nothing).
+    the wheel per turn of the cam, and what showed them ("" for nothing).
     """
 
     speed: float
@@ -37,7 +37,7 @@ class Wheel:
     missing_teeth: int = 0
     double_tooth: bool = False
     revolutions_per_cycle: int = 1
-    told_by: str = ""
+    known_from: str = ""
 
 
 def pulse_times(channel: FileChannel, sensor: str = "digital") -> Array:
@@ -115,7 +115,7 @@ def _by_index(wheel: Wheel, times: Array, marks: Array) -> Wheel:
         shown = wheel.pulses_per_rev - wheel.missing_teeth + int(wheel.double_tooth)
         turns = max(1, round(count / shown))
         return Wheel(speed, wheel.pulses_per_rev, wheel.missing_teeth, wheel.double_tooth, turns, "the index")
-    return Wheel(speed, max(count, 1), told_by="the index")
+    return Wheel(speed, max(count, 1), known_from="the index")
 
 
 def _revolutions(load: FileChannel, turns: Array) -> Array:
@@ -141,5 +141,5 @@ def angle_wheel(channel: FileChannel, factor: float) -> Wheel | None:
         return None
     every = max(1, round(reach / (2.0 * np.pi))) if wraps.any() else 1
     seconds = np.sum(~wraps) / channel.sample_rate
-    told = "the angle that starts again after so many turns" if every > 1 else ""
-    return Wheel(float(turned / seconds / every), 0, revolutions_per_cycle=every, told_by=told)
+    known_from = "the angle that starts again after so many turns" if every > 1 else ""
+    return Wheel(float(turned / seconds / every), 0, revolutions_per_cycle=every, known_from=known_from)

@@ -52,7 +52,7 @@ def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
 
 
 def modulus_prior(name: str, temperature: float | None) -> ModulusPrior | None:
-    """Return what is known of the bulk modulus beforehand; None where neither a known fuel nor its warmth is told.
+    """Return what is known of the bulk modulus beforehand; None where neither fuel nor temperature is known.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from camtorque.records import CamCycles, Finding, RigidTorque
 LOADED_SHARE = 0.7
 """Share of the largest rigid torque above which an angle counts."""
 USUAL = (0.95, 1.9)
-"""Measured over rigid torque that is not told; 28 pumps gave 1.01 to 1.67."""
+"""Measured over rigid torque that is no finding; 28 pumps gave 1.01 to 1.67."""
 BY_PRESSURE = 0.5
 """Share of the rigid torque that pressure has to make; below it the spring is compared, not the pump."""
 

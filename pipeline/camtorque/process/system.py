@@ -27,7 +27,7 @@ ADVICE = {
 OTHERWISE = "check the path and its permissions"
 
 
-def told(error: Exception) -> tuple[str, str]:
+def described(error: Exception) -> tuple[str, str]:
     """Return what an error says, and what to do.
 
     HDF5 names the reason in its text alone, so the text is searched for the system's words.

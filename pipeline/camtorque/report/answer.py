@@ -115,8 +115,8 @@ def closing_text(doc: Document) -> str:
         named = ", ".join(f"{words(row['cause'])} {plus(row[key])}" for row in rows[:3])
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
         parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
-    for told, text in (("needed", "The data need"), ("cannot tell", "They cannot tell whether they need")):
-        names = [words(name) for name, row in doc["evidence"].items() if row["verdict"] == told]
+    for verdict_word, text in (("needed", "The data need"), ("cannot tell", "They cannot tell whether they need")):
+        names = [words(name) for name, row in doc["evidence"].items() if row["verdict"] == verdict_word]
         if names:
             parts.append(f"{text} {', '.join(names)}.")
     return " ".join(parts)
@@ -135,7 +135,7 @@ def sureness_text(doc: Document) -> str:
             f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
             f"certificate), which no residual shows."
         )
-    counts = {told: sum(row["knowledge"] == told for row in rows) for told in ("measured", "narrowed")}
+    counts = {word: sum(row["knowledge"] == word for row in rows) for word in ("measured", "narrowed")}
     text += (
         f" Of {len(rows)} parameters {counts['measured']} are measured, {counts['narrowed']} narrowed; the others "
         f"stand as the sheet or the literature had them."
@@ -166,10 +166,10 @@ def alternatives_text(doc: Document) -> str:
 def _differs(row: Document, doc: Document) -> bool:
     """Return whether an alternative says anything else of trigger or chamber than the chosen one."""
     first = doc["alternatives"][0]
-    told = ((doc["alignment"]["trigger_angle_deg"], "trigger_angle_deg"),
+    shown = ((doc["alignment"]["trigger_angle_deg"], "trigger_angle_deg"),
             ((doc["chamber"] or {}).get("peak_bar"), "chamber_peak_bar"))  # fmt: skip
     return row["name"] != first["name"] or any(
-        abs((row[key] or 0.0) - (first[key] or 0.0)) > NOTICED * (estimate["stderr"] or 0.0) for estimate, key in told
+        abs((row[key] or 0.0) - (first[key] or 0.0)) > NOTICED * (estimate["stderr"] or 0.0) for estimate, key in shown
         if estimate
     )  # fmt: skip
 
@@ -237,5 +237,5 @@ def cards(doc: Document) -> list[dict[str, str]]:
 def _value(doc: Document, estimate: Document) -> str:
     """Return a value with its standard error, if that can be relied on."""
     text = near(estimate["value"], estimate["stderr"])
-    told = doc["explained"] and (estimate["stderr"] or 0.0) > 0.0
-    return f"{text} ± {plus_minus(estimate['stderr'])}" if told else text.replace("-", MINUS)
+    has_interval = doc["explained"] and (estimate["stderr"] or 0.0) > 0.0
+    return f"{text} ± {plus_minus(estimate['stderr'])}" if has_interval else text.replace("-", MINUS)

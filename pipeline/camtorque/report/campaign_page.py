@@ -49,7 +49,7 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
         add("predictions", "How well a recording is predicted", "Left out: predicted with parameters fitted to the "
             "others.", "held_out", predictions(joint, speeds))  # fmt: skip
     for drift in joint.drifts if joint is not None else ():
-        section = "drifting" if drift.told else "shared"
+        section = "drifting" if drift.significant else "shared"
         add(f"drift_{drift.name}", words(drift.name), "", section, drift_chart(joint, drift), wide=False)  # type: ignore[arg-type]
     return found
 

@@ -99,7 +99,7 @@ def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignVi
     quantities = [_column(label, unit, path, found) for label, unit, path in NUMBERS]
     return CampaignView(
         tuple(entry.name for entry in used), tuple(f"{quote(place)}/report.html" for place in places),
-        _told(conditions), _told([*quantities, *_losses(found), *_parameters(found)]),
+        _shared_by_enough(conditions), _shared_by_enough([*quantities, *_losses(found), *_parameters(found)]),
         np.arange(points) * 2.0 * np.pi / points, curves[:, 0], curves[:, 1], _budget(found),
     )  # fmt: skip
 
@@ -145,7 +145,7 @@ def _column(label: str, unit: str, path: Sequence[str], documents: Sequence[Mapp
     return Column(label, unit, pairs[:, 0], pairs[:, 1])
 
 
-def _told(columns: Sequence[Column]) -> tuple[Column, ...]:
+def _shared_by_enough(columns: Sequence[Column]) -> tuple[Column, ...]:
     return tuple(column for column in columns if np.count_nonzero(np.isfinite(column.values)) >= FEWEST)
 
 

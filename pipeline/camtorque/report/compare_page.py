@@ -157,7 +157,7 @@ def _moved(row: Mapping[str, Any]) -> str:
 
 
 def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return the rows of one table: those that changed first, then those that cannot be told."""
+    """Return the rows of one table: those that changed first, then those that cannot be decided."""
     order = {"changed": 0, "cannot tell": 1, "not changed": 2}
     rows = sorted(part.items(), key=lambda item: order[item[1]["verdict"]])
     return [
@@ -181,9 +181,9 @@ def compare_drawings(page: ComparePage, document: Mapping[str, Any]) -> list[Dra
                            "Difference = after − before, with twice its standard uncertainty; errors that both "
                            "share are left out."))  # fmt: skip
     rows = {**document["losses"], **document["parameters"]}
-    told = {name: row for name, row in rows.items() if row["difference"] is not None and row["stderr"]}
-    if told:
-        found.append(drawn("changes", _changes(told), "Changes in standard errors",
+    known = {name: row for name, row in rows.items() if row["difference"] is not None and row["stderr"]}
+    if known:
+        found.append(drawn("changes", _changes(known), "Changes in standard errors",
                            "Bars of ±1.96 standard errors: a change is stated where the whole list of names would "
                            "rarely do so by chance.", "changes"))  # fmt: skip
     return found

@@ -124,12 +124,12 @@ def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
 
 def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
     """Return what is known in combination only and the budget of a fit by parameter, in the units of the parameters."""
-    told = fitted.details.get("combinations", ())
+    combinations = fitted.details.get("combinations", ())
     budget = {
         row.name.split("__")[0]: {typeset(source): value for source, value in row.contributions.items()}
         for row in fitted.details.get("budget", ())
     }
-    return {"combinations": [{**asdict(item), "text": item.text} for item in told], "budget": budget}
+    return {"combinations": [{**asdict(item), "text": item.text} for item in combinations], "budget": budget}
 
 
 def _recording(result: RunResult) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def shown(rows: tuple[GapShare, ...]) -> list[GapShare]:
 def budget(result: RunResult) -> Rows | None:
     """Show the share of each source in the variance of every parameter that the data say something about."""
     source_of = {row.name: row.source for row in result.fitted.parameters}
-    told = {row.name for row in result.fitted.parameters if row.knowledge != KNOWLEDGE[-1]}
-    rows = [row for row in result.fitted.details.get("budget", ()) if row.total > 0.0 and row.name in told]
+    informed = {row.name for row in result.fitted.parameters if row.knowledge != KNOWLEDGE[-1]}
+    rows = [row for row in result.fitted.details.get("budget", ()) if row.total > 0.0 and row.name in informed]
     table = {row.name: shares(row.contributions, source_of) for row in rows}
     return source_chart(table, "share of the variance [%]")

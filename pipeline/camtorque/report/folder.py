@@ -17,14 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.process.stopping import removed_when_stopped
-from camtorque.process.system import told
+from camtorque.process.system import described
 from camtorque.records import Refusal
 from camtorque.report.checksums import visible_files, write_checksums
 from camtorque.report.provenance import write_crate
 
 try:
     import fcntl
-except ImportError:  # not on Windows: two runs into one folder are then not told apart
+except ImportError:  # not on Windows: two runs into one folder are then not kept apart
     fcntl = None  # type: ignore[assignment]
 
 MARKERS = ("result.json", "align.json", "predict.json", "design.json", "compare.json", "plan.json", "entry.json")
@@ -196,7 +196,7 @@ def cannot_write(what: str, error: Exception) -> str:
     """Return one line on an error of the system while ``what`` (an option and its path) was written."""
     if isinstance(error, FileNotFoundError):
         return f"{what}: the folder that was being written went away; run again when nothing removes it"
-    reason, advice = told(error)
+    reason, advice = described(error)
     return f"{what}: cannot be written ({reason}); {advice}; an earlier report there is kept"
 
 

@@ -44,7 +44,7 @@ class GapShare:
 def gap_curves(result: RunResult) -> dict[str, Array]:
     """Return cause -> (n_theta,) [N m]; they sum to the mean of all used cycles minus the rigid torque.
 
-    Pressure is told apart by its two reasons: the power balance of a frictionless mechanism makes its torque
+    Pressure is split by its two reasons: the power balance of a frictionless mechanism makes its torque
     ``p A y'`` whatever the offset is, so that line pressure at the true cam angle needs no new solution.
     """
     assert result.cycles.torque is not None

@@ -107,8 +107,8 @@ def explorer_data(view: CampaignView) -> Markup:
         return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
 
     def column(item: Column) -> dict[str, str | None]:
-        told = few and np.isfinite(item.stderr).any()
-        error = floats(item.stderr) if told else None
+        has_error = few and np.isfinite(item.stderr).any()
+        error = floats(item.stderr) if has_error else None
         return {"label": item.label, "unit": item.unit, "v": floats(item.values), "e": error}
 
     return as_data({

@@ -72,7 +72,7 @@ def alignment_text(doc: Document) -> str:
 
 
 def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[dict[str, Any]]:
-    """Return the angle error budget with both columns; a source that neither fit nor sheet puts a number to is told.
+    """Return the angle error budget with both columns; None where neither fit nor sheet gives a number.
 
     Sources go by the name of the parameter that stands for them after the fit, so that none is listed twice.
     """
@@ -90,15 +90,15 @@ def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[d
 
 def by_size(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the sources of angle error that matter before or after the fit, the largest first, and the small ones."""
-    told = [row for row in rows if row["before"] is not None or row["after"] is not None]
-    told.sort(key=lambda row: -(row["after"] or 0.0))
-    largest = max((max(row["before"] or 0.0, row["after"] or 0.0) for row in told), default=0.0)
+    known = [row for row in rows if row["before"] is not None or row["after"] is not None]
+    known.sort(key=lambda row: -(row["after"] or 0.0))
+    largest = max((max(row["before"] or 0.0, row["after"] or 0.0) for row in known), default=0.0)
     small = [
         row
-        for row in told
+        for row in known
         if row["after"] is not None and max(row["before"] or 0.0, row["after"]) < SMALL_ERROR * largest
     ]
-    return [row for row in told if row not in small], small
+    return [row for row in known if row not in small], small
 
 
 def parameter_groups(doc: Document) -> list[dict[str, Any]]:
@@ -118,13 +118,13 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
 
 def parameter_row(name: str, row: Document, explained: bool = True) -> dict[str, Any]:
     """Return one parameter as the texts of a table; no interval where the model does not explain the data."""
-    told = explained and row["stderr"] is not None
+    has_interval = explained and row["stderr"] is not None
     ends = [near(end, row["stderr"]) for end in row["ci95"]]
     prior = f"{num(row['prior'][0])} ± {num(row['prior'][1], 2)}" if row["prior"] else UNKNOWN
     return {
         "name": words(name), "meaning": row["meaning"], "unit": unit_text(row["unit"]), "knowledge": row["knowledge"],
-        "value": near(row["value"], row["stderr"]), "error": plus_minus(row["stderr"]) if told else UNKNOWN,
-        "interval": f"{ends[0]} … {ends[1]}" if told else UNKNOWN, "prior": prior, "at_bound": row["at_bound"],
+        "value": near(row["value"], row["stderr"]), "error": plus_minus(row["stderr"]) if has_interval else UNKNOWN,
+        "interval": f"{ends[0]} … {ends[1]}" if has_interval else UNKNOWN, "prior": prior, "at_bound": row["at_bound"],
         "assumed": row["role"] == "assumed", "mixed": [words(other) for other in row["confounded_with"]],
         "source": row["source"],
     }  # fmt: skip

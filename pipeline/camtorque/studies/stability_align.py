@@ -144,13 +144,13 @@ def aligned_error(damage: Damage) -> Outcome:
     exact = torque_on(cycles.theta, study_law())
     error = rms_error(cycles.torque.mean(axis=0), exact)
     at_pressure = rms_error(cycles.pressure.mean(axis=0), study_pressure(cycles.theta))
-    # the note on ripple says how large an error it may be: it is told where ripple is what is wrong
-    told = [item.text for item in cycles.findings if item.severity != "info"]
-    if damage.ripple and not told:
-        told = [item.text for item in cycles.findings if item.code == "ripple_unseen"]
+    # the note on ripple says how large an error it may be: it counts where ripple is what is wrong
+    reported = [item.text for item in cycles.findings if item.severity != "info"]
+    if damage.ripple and not reported:
+        reported = [item.text for item in cycles.findings if item.code == "ripple_unseen"]
     lost = cycles.cycles_found - cycles.speed.size
-    told += [f"cut-flow: {lost} of {cycles.cycles_found} cycles left out"] if lost else []
-    return max(error, at_pressure if damage.own_clock else 0.0), "; ".join(told)
+    reported += [f"cut-flow: {lost} of {cycles.cycles_found} cycles left out"] if lost else []
+    return max(error, at_pressure if damage.own_clock else 0.0), "; ".join(reported)
 
 
 CONDITIONS: dict[str, Damage] = {
@@ -210,5 +210,5 @@ def align_map(quick: bool) -> StabilityMap:
         for name in names
         for method, (run, default) in METHODS.items()
     ]
-    note = "rms error of the mean torque over its peak: up to 1 % works, up to 5 % or told degrades"
+    note = "rms error of the mean torque over its peak: up to 1 % works, up to 5 % or reported degrades"
     return StabilityMap("alignment", "Trigger, clock, noise and length of a record", tuple(cells), note)

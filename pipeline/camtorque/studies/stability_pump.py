@@ -94,8 +94,8 @@ def _run(config: PumpConfig, speed: float, exact: CamLaw) -> Outcome:
     path = kinematics(config.pump, exact, found.theta)
     # where the model does not hold, the number cannot be trusted, whatever its error against the same model
     broken = bool(np.any(path.undercut) or np.any(tables.evaluate("contact_normal", found.pressure, speed) <= 0.0))
-    told = "; ".join(item.text for item in found.findings if item.severity != "info")
-    return (1.0 if broken else error), told
+    reported = "; ".join(item.text for item in found.findings if item.severity != "info")
+    return (1.0 if broken else error), reported
 
 
 def running_map(quick: bool) -> StabilityMap:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from camtorque.progress import Progress, silent, told
+from camtorque.progress import Progress, announced, silent
 from camtorque.report.files import write_json
 from camtorque.report.folder import output_files
 from camtorque.report.plots import save_study_figure
@@ -43,7 +43,7 @@ STUDIES: dict[str, Parts] = {"speed-accuracy": CHARTS, "stability": MAPS}
 def run_study(name: str, out: Path, quick: bool = False, progress: Progress = silent) -> list[Path]:
     """Measure every part, write them as JSON, PNG and SVG, and return the paths; ``quick``: below a minute."""
     with output_files(out) as folder:
-        parts = [part for build in told(STUDIES[name], progress) for part in build(quick)]
+        parts = [part for build in announced(STUDIES[name], progress) for part in build(quick)]
         content = document(name, parts, quick)
         paths = [folder / f"{name.replace('-', '_')}.json"]
         write_json(paths[0], content)

@@ -136,7 +136,7 @@ def document(study: str, parts: Sequence[Chart | StabilityMap], quick: bool) -> 
 
 
 Outcome = float | tuple[float, str]
-"""Error on a scale that the caller chooses; with what the user is told beside the number, if anything."""
+"""Error on a scale that the caller chooses; with what the findings say beside the number, if anything."""
 
 
 def judge(error: float, told: str, good: float, bad: float, shown: str) -> tuple[str, str]:
