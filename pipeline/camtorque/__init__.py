@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         to_pandas,
         to_xarray,
     )
-    from camtorque.lmfit_way import own_fit
+    from camtorque.lmfit_fit import own_fit
 
 # before numba is imported: it looks for the folder of its cache once
 find_caches(Path(__file__).parent)
@@ -70,7 +70,7 @@ __all__ = [
 ]
 
 
-ELSEWHERE = {"own_fit": "camtorque.lmfit_way"}
+ELSEWHERE = {"own_fit": "camtorque.lmfit_fit"}
 """Names that are not of `camtorque.api`: lmfit takes longer to import than all the rest."""
 ROOMS_OF_THAT_NAME = ("align", "fit", "report")
 """Functions of the face that share their name with a room; ``camtorque.fit`` is the function, ``camtorque.fit.x`` in an

@@ -18,7 +18,7 @@ import pandas as pd
 from scipy.io import savemat
 
 from camtorque.records import Array, Refusal
-from camtorque.report.files import whole
+from camtorque.report.files import atomic_file
 from camtorque.units import BAR, DEGREE, RPM
 
 BORDER = {
@@ -164,7 +164,7 @@ def _column(values: pd.Series) -> Any:
 
 
 def _written(path: Path, write: Callable[[Path], Any]) -> Path:
-    with whole(path) as unfinished:
+    with atomic_file(path) as unfinished:
         write(unfinished)
     return path
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, chamber_peak, plan, point_of, weighed
+from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
-from camtorque.plain import now as created
 from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Refusal

@@ -13,9 +13,9 @@ from camtorque.align import AlignOptions, align
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.ingest import read_recording
+from camtorque.jsonable import now
 from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings
-from camtorque.plain import now
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Recording

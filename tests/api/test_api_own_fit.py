@@ -16,7 +16,7 @@ from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.solver import lifts_at, try_at
 from camtorque.fit.starts import refined
-from camtorque.lmfit_way import OwnFit, changed, read_changes
+from camtorque.lmfit_fit import OwnFit, changed, read_changes
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Refusal
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.plain import clean
+from camtorque.jsonable import clean
 from camtorque.records import ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.numbers import exponents, fixed, named, near, num, plus, plus_minus, typeset, unit_text
-from camtorque.report.payload import book, packed, unpacked
+from camtorque.report.payload import chart_data, packed, unpacked
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
 from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
@@ -89,10 +89,10 @@ def test_a_gap_in_a_curve_stays_a_gap() -> None:
 
 
 def test_texts_of_a_drawing_and_of_its_data_are_escaped() -> None:
-    for text in (curves_svg(curves(NASTY), NASTY), rows_svg(rows(NASTY), NASTY), str(book({"a": curves(NASTY)}))):
+    for text in (curves_svg(curves(NASTY), NASTY), rows_svg(rows(NASTY), NASTY), str(chart_data({"a": curves(NASTY)}))):
         assert "<script" not in text
         assert "alert" in text
-    assert "\x1b" not in str(book({"a": curves("\x1b[31m")}))
+    assert "\x1b" not in str(chart_data({"a": curves("\x1b[31m")}))
 
 
 def rows(label: str) -> Rows:

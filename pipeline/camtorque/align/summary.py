@@ -11,7 +11,7 @@ import numpy as np
 from camtorque.align.channels import AlignedChannel
 from camtorque.align.options import RULES, AlignOptions
 from camtorque.align.timebase import TimeBase
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles
 from camtorque.units import RPM
 
@@ -31,12 +31,12 @@ def alignment_summary(cycles: CamCycles) -> dict[str, Any]:
         "speed_rpm": cycles.mean_speed / RPM,
         "speed_ripple_percent": cycles.speed_ripple_percent,
         "trigger_jitter_s": cycles.trigger_jitter_s,
-        "torque_delay_s": plain(asdict(cycles.torque_delay)),
-        "clock": [plain(asdict(clock)) for clock in cycles.clocks],
-        "angle_error_budget_deg": [plain(asdict(row)) for row in cycles.angle_errors],
+        "torque_delay_s": jsonable(asdict(cycles.torque_delay)),
+        "clock": [jsonable(asdict(clock)) for clock in cycles.clocks],
+        "angle_error_budget_deg": [jsonable(asdict(row)) for row in cycles.angle_errors],
         "cut_flow": [asdict(row) for row in cycles.cut_flow],
         "findings": [asdict(finding) for finding in cycles.findings],
-        **{key: plain(value) for key, value in cycles.details.items() if not isinstance(value, np.ndarray)},
+        **{key: jsonable(value) for key, value in cycles.details.items() if not isinstance(value, np.ndarray)},
     }
 
 

@@ -27,7 +27,7 @@ from camtorque.campaign.store import (
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.joint import CampaignFit
-from camtorque.plain import now
+from camtorque.jsonable import now
 from camtorque.process.workers import Lost, on_processes
 from camtorque.progress import Progress, silent, spoken
 from camtorque.records import Finding, Refusal

@@ -10,7 +10,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import loud_findings
 from camtorque.ingest import read_recording
-from camtorque.plain import now
+from camtorque.jsonable import now
 from camtorque.report.alignment import write_alignment
 from camtorque.report.folder import output_folder
 

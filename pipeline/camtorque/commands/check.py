@@ -13,7 +13,7 @@ from camtorque.commands.texts import finding_lines
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.tables import Refusals
 from camtorque.ingest import RecordingSummary, read_recording, summarise
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Finding, Recording, Refusal
 from camtorque.rehearsal import rehearse
 from camtorque.units import RPM
@@ -56,7 +56,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     status = ERRORS if any(row["severity"] == "error" for row in findings) else 0
     end = cut_flow_lines(cycles, lacks) if cycles else [f"refused   {refusal}"]
     text = "\n".join([_head(summary, cycles), found, *end])
-    return Outcome(text, plain(doc), REFUSED if refusal else status)
+    return Outcome(text, jsonable(doc), REFUSED if refusal else status)
 
 
 def _aligned(recording: Recording) -> tuple[CamCycles | None, str]:

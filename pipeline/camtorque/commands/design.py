@@ -13,7 +13,7 @@ from camtorque.design.answer import TABLE
 from camtorque.design.page import fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design_from import Known, as_fitted, fitted_pump, read_known
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import check_output, output_folder
 
@@ -25,7 +25,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     task = read_task(arguments.task, None if known is None else fitted_pump(known))
     answer = solve_task(task, tell)
     with output_folder(arguments.out) as folder:
-        document = plain(_written(answer, known, folder))
+        document = jsonable(_written(answer, known, folder))
     fitted = fitted_lines(document["as_fitted"])
     return Outcome("\n".join([*_table(answer), *fitted, str(arguments.out / "design.html")]), document)
 
@@ -37,7 +37,7 @@ def _written(answer: Answer, known: Known | None, folder: Path) -> dict[str, Any
     fitted = [] if known is None else as_fitted(known, answer, folder / TABLE)
     document = answer_document(answer, read_back, fitted)
     write_page(folder / "design.html", design_page(answer, read_back, fitted))
-    write_json(folder / "design.json", plain(document))
+    write_json(folder / "design.json", jsonable(document))
     return document
 
 

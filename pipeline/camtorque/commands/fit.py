@@ -8,8 +8,8 @@ from typing import Any
 import lmfit
 
 from camtorque.commands import Outcome, Tell
-from camtorque.lmfit_way import changed, own_fit, read_changes
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
+from camtorque.lmfit_fit import changed, own_fit, read_changes
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
 
@@ -29,7 +29,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         tell("seeking the intervals")
         intervals = lmfit.conf_interval(minimizer, result, p_names=arguments.intervals)
         text += f"\n\n{lmfit.ci_report(intervals)}"
-    return Outcome(text, plain(_document(result, intervals)))
+    return Outcome(text, jsonable(_document(result, intervals)))
 
 
 def _refuse_unknown(names: list[str], parameters: lmfit.Parameters) -> None:

@@ -9,7 +9,7 @@ from camtorque.commands import Outcome, Tell
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import Refusal, printable
 
 SCHEMA = "camtorque.new/1"
@@ -32,7 +32,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     )
     text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {folder}"])
     document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}
-    return Outcome(text, plain(document))
+    return Outcome(text, jsonable(document))
 
 
 def _line(item: Proposal) -> str:

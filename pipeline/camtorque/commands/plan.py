@@ -8,7 +8,7 @@ from typing import Any
 
 from camtorque.commands import Outcome, Tell
 from camtorque.fit.planning import MOST_RUNS
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.plan import plan_runs
 from camtorque.report.folder import check_output, output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
@@ -20,7 +20,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     if arguments.out is not None:
         check_output(arguments.out)
     tell("weighing runs that could be made")
-    doc = plain(
+    doc = jsonable(
         plan_runs(
             arguments.fit, arguments.target, tooth=not arguments.no_tooth, speeds_rpm=sorted(set(arguments.speed))
         )

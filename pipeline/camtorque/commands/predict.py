@@ -10,8 +10,8 @@ from camtorque.commands.arguments import METHODS
 from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.jsonable import jsonable
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
-from camtorque.plain import plain
 from camtorque.predict_from import predict_from
 from camtorque.records import Refusal
 from camtorque.report.folder import check_output, output_folder
@@ -36,7 +36,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     if arguments.out is not None:
         write_prediction(prediction, arguments.pump.stem, arguments.out)
         lines.append(str(arguments.out / "predict.html"))
-    return Outcome("\n".join(lines), plain(prediction_document(prediction)))
+    return Outcome("\n".join(lines), jsonable(prediction_document(prediction)))
 
 
 def _refuse_mixed(arguments: argparse.Namespace) -> None:

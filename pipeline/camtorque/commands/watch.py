@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.watch import Block, Waiting, WatchOptions, watch
 
 
@@ -25,7 +25,7 @@ def _printed(items: Iterator[Block | Waiting]) -> Iterator[tuple[str, dict[str, 
     for item in items:
         kind = "block" if isinstance(item, Block) else "waiting"
         text = block_line(item) if isinstance(item, Block) else f"{item.name}  waiting: {item.reason}"
-        yield text, plain({"schema": "camtorque.watch/1", "kind": kind, **asdict(item)})
+        yield text, jsonable({"schema": "camtorque.watch/1", "kind": kind, **asdict(item)})
 
 
 def block_line(block: Block) -> str:

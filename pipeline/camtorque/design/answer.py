@@ -18,10 +18,10 @@ from camtorque.design.task import Task
 from camtorque.design.tolerances import Spread, spreads
 from camtorque.ingest.new_recording import toml_value
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.jsonable import jsonable
 from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import predict, sweep_rows
-from camtorque.plain import plain
 from camtorque.progress import Progress
 from camtorque.records import Array, Refusal
 from camtorque.units import BAR, DEGREE
@@ -101,7 +101,7 @@ def pump_text(design: Evaluated) -> str:
         "friction": {"guide": guide, "bearing_arm_um": 1e6 * bearing, "pin_arm_um": 1e6 * pin},
     }  # fmt: skip
     blocks = ['schema = "camtorque-pump/1"']
-    for name, values in plain(rows).items():
+    for name, values in jsonable(rows).items():
         lines = [f"{key} = {toml_value(value)}" for key, value in values.items() if value is not None]
         blocks.append("\n".join([f"[{name}]", *lines]))
     return "\n\n".join(blocks) + "\n"

@@ -9,11 +9,11 @@ import numpy as np
 
 from camtorque.align import alignment_summary
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Recording
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.cycles_file import write_aligned
-from camtorque.report.drawings import drawn, write_figures
+from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import findings_document, inputs_document, write_json, write_page
 from camtorque.report.page import align_page
 from camtorque.stacks import mean_of, std_of
@@ -26,12 +26,12 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
     write_aligned(folder / "aligned.h5", recording, cycles)
     summary = alignment_summary(cycles)
     findings = findings_document(dict.fromkeys((*recording.findings, *cycles.findings)))
-    doc = plain({
+    doc = jsonable({
         "schema": "camtorque.align/1", "version": __version__, "created": created, "name": recording.config.id,
         "inputs": inputs_document(recording), **summary, "findings": findings,
     })  # fmt: skip
     caption = "Mean over the used cycles and their scatter."
-    drawings = [drawn("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]
+    drawings = [drawing_of("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]
     write_figures(drawings, folder / "figures", lambda name: True)
     write_page(folder / "align.html", align_page(doc, drawings, recording.config.text))
     write_json(folder / "align.json", doc)

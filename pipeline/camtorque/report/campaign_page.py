@@ -12,7 +12,7 @@ from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
 from camtorque.report.campaign_view import MANY, CampaignView
 from camtorque.report.chart import Chart
-from camtorque.report.drawings import drawn
+from camtorque.report.drawings import drawing_of
 from camtorque.report.numbers import fixed, named, num, plus, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
@@ -34,7 +34,7 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
 
     def add(name: str, title: str, text: str, section: str, chart: Chart | None, wide: bool = True) -> None:
         if chart is not None:
-            found.append(drawn(name, chart, title, text, section, wide))
+            found.append(drawing_of(name, chart, title, text, section, wide))
 
     add("overlay", "All recordings", "From slow (dark) to fast (bright). The nearest curve is named; a click opens its "
         "report.", "overlay", overlay(view))  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint import JointRecording
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
 from camtorque.report.campaign_view import MANY, campaign_view
@@ -43,7 +43,7 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
     """Return the content of campaign.json."""
     joint = result.joint
     fitted = dict(zip(joint.names, joint.fitted, strict=True)) if joint else {}
-    return plain({
+    return jsonable({
         "schema": "camtorque.campaign/1", "version": __version__, "created": result.created,
         "n_refused": sum(entry.status != "ok" for entry in result.entries),
         "recordings": [_entry(entry, fitted.get(entry.id)) for entry in result.entries],

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.uncertainty import COVERAGE
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.drawings import drawn, write_figures
+from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, unit_text, words
 from camtorque.report.page import Drawing, live_charts, render
@@ -88,7 +88,7 @@ class ComparePage:
 
 def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
     """Write compare.json, compare.html and figures/ into an existing folder; return the content of the first."""
-    document = plain(page.document)
+    document = jsonable(page.document)
     drawings = compare_drawings(page, document)
     write_figures(drawings, folder / "figures", lambda name: True)
     title = f"{document['before']['name']} against {document['after']['name']}"
@@ -177,13 +177,13 @@ def compare_drawings(page: ComparePage, document: Mapping[str, Any]) -> list[Dra
     found = []
     for number, pair in enumerate(page.curves):
         title = "Torque, difference and pressure" + (f": {pair.name}" if len(page.curves) > 1 else "")
-        found.append(drawn(f"overlay_{number + 1}", _overlay(pair, document), title,
+        found.append(drawing_of(f"overlay_{number + 1}", _overlay(pair, document), title,
                            "Difference = after − before, with twice its standard uncertainty; errors that both "
                            "share are left out."))  # fmt: skip
     rows = {**document["losses"], **document["parameters"]}
     known = {name: row for name, row in rows.items() if row["difference"] is not None and row["stderr"]}
     if known:
-        found.append(drawn("changes", _changes(known), "Changes in standard errors",
+        found.append(drawing_of("changes", _changes(known), "Changes in standard errors",
                            "Bars of ±1.96 standard errors: a change is stated where the whole list of names would "
                            "rarely do so by chance.", "changes"))  # fmt: skip
     return found

@@ -12,7 +12,7 @@ import numpy as np
 
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
-from camtorque.report.files import whole
+from camtorque.report.files import atomic_file
 from camtorque.report.folder import reserve
 from camtorque.stacks import mean_of, pieces
 from camtorque.version import __version__
@@ -52,7 +52,7 @@ def write_aligned(path: Path, recording: Recording, cycles: CamCycles) -> None:
 
 
 def _write(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
-    with whole(path) as partial:
+    with atomic_file(path) as partial:
         reserve(partial, sum(np.asarray(variable.values).nbytes for variable in variables) + ROOM_FOR_THE_REST)
         # from format 1.8 on an attribute (the configuration text) may be longer than 64 kB
         with h5py.File(partial, "w", libver=("v108", "v110")) as file:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from camtorque.config.keys import ZERO_CELSIUS
+from camtorque.jsonable import jsonable
 from camtorque.laws.fuels import fuel_temperature
 from camtorque.limits import judge, limits_document
-from camtorque.plain import plain
 from camtorque.records import (
     Alternative,
     Estimate,
@@ -35,7 +35,7 @@ SENTENCES = ("text", "meaning", "source", "next_measurement")
 def result_document(result: RunResult) -> dict[str, Any]:
     """Return the content of result.json."""
     fitted = result.fitted
-    doc = plain(
+    doc = jsonable(
         {
             "schema": SCHEMA,
             "version": __version__,

@@ -67,7 +67,7 @@ def _font() -> Path:
     return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
 
 
-def drawn(
+def drawing_of(
     name: str, chart: Chart, title: str, caption: str = "", section: str = "curves", wide: bool = True
 ) -> Drawing:
     """Return a chart as a figure of a page, see `FigureSpec`."""

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import Finding, Recording
 from camtorque.report.numbers import typeset
 
@@ -19,7 +19,7 @@ ESCAPED = "backslashreplace"
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a name beside a path to write to, which is renamed when all is written and gone where that failed."""
     partial = path.with_name(f".{path.name}.partial")
     try:
@@ -36,16 +36,16 @@ def write_page(path: Path, html: str) -> None:
 
 def write_json(path: Path, document: Mapping[str, Any], lines: bool = True) -> None:
     """Write a document that appears whole; NaN is never written. ``lines``: one for each value."""
-    text = json.dumps(plain(document), indent=1 if lines else None, ensure_ascii=False, allow_nan=False)
-    with whole(path) as partial:
+    text = json.dumps(jsonable(document), indent=1 if lines else None, ensure_ascii=False, allow_nan=False)
+    with atomic_file(path) as partial:
         partial.write_text(text + "\n", encoding="utf-8", errors=ESCAPED)
 
 
 def write_rows(path: Path, document: Mapping[str, Any]) -> None:
     """Write a document of many rows: one line each, numbers of 7 digits; the reports of the rows have all of them."""
-    with whole(path) as partial, partial.open("w", encoding="utf-8", errors=ESCAPED) as stream:
+    with atomic_file(path) as partial, partial.open("w", encoding="utf-8", errors=ESCAPED) as stream:
         stream.write("{")
-        for place, (key, value) in enumerate(plain(document).items()):
+        for place, (key, value) in enumerate(jsonable(document).items()):
             stream.write(f"{',' if place else ''}\n {json.dumps(key)}: ")
             if isinstance(value, list) and value and isinstance(value[0], dict | list):
                 stream.write("[\n  " + ",\n  ".join(map(_line, value)) + "\n ]")

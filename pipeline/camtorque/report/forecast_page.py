@@ -12,10 +12,10 @@ import numpy as np
 from camtorque.fit.endings import holding
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.uncertainty import COVERAGE
-from camtorque.plain import now, plain
+from camtorque.jsonable import jsonable, now
 from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
-from camtorque.report.drawings import drawn
+from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.forecast_texts import ENDED_BY, ending_text
 from camtorque.report.numbers import near, num, plus_minus, words
@@ -96,7 +96,7 @@ def forecast_document(
     forces : of each run, of both where nobody knows how its delivery ends
     source : where the values come from: ``fit``, ``recordings``, ``inputs``
     """
-    return plain({
+    return jsonable({
         "schema": SCHEMA, "version": __version__, "created": now(), **source,
         "assumed": sorted({text for item in items for text in item.assumed}),
         "sweep": [sweep_row(item, force) for item, force in zip(items, forces, strict=True)],
@@ -173,4 +173,4 @@ def _drawing(name: str, item: Forecast) -> Drawing:
         Panel("other causes [N m]", causes, height=140.0),
         panel("chamber [bar]", "pressure on the plunger", item.pressure / BAR, item.pressure_std / BAR, 120.0),
     )
-    return drawn(name, Curves(item.theta / DEGREE, CAM_ANGLE, panels), f"Torque at {num(item.speed / RPM, 4)} rpm")
+    return drawing_of(name, Curves(item.theta / DEGREE, CAM_ANGLE, panels), f"Torque at {num(item.speed / RPM, 4)} rpm")

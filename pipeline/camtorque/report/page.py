@@ -15,11 +15,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from camtorque.plain import clean
+from camtorque.jsonable import clean
 from camtorque.report.answer import answer, cards, verdict
 from camtorque.report.chart import Chart, Curves, Span
 from camtorque.report.numbers import FILTERS
-from camtorque.report.payload import book
+from camtorque.report.payload import chart_data
 from camtorque.report.texts import (
     METRIC_NAMES,
     alignment_text,
@@ -148,7 +148,7 @@ def render(
     scripts = [_text(name) for name in names]
     return _environment().get_template(template).render(
         css=Markup(css), versions=versions(), scripts=[Markup(text) for text in scripts], policy=policy(css, scripts),
-        data=book(charts, phases) if scripts else "", explorer=explorer, zoom_hint=ZOOM_HINT, **values,
+        data=chart_data(charts, phases) if scripts else "", explorer=explorer, zoom_hint=ZOOM_HINT, **values,
     )  # fmt: skip
 
 

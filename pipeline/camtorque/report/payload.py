@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from camtorque.plain import clean
+from camtorque.jsonable import clean
 from camtorque.records import Array
 from camtorque.report.campaign_view import MANY, CampaignView, Column
 from camtorque.report.chart import Band, Curves, Line, Panel, Span
@@ -86,7 +86,7 @@ def _span(span: Span) -> dict[str, Any]:
     return {"a": span.low, "b": span.high, "l": span.label, "loud": span.loud}
 
 
-def book(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> Markup:
+def chart_data(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> Markup:
     """Return the data of all charts of a page for its script."""
     data = {
         "charts": [curves_payload(name, chart) for name, chart in charts.items()],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.drawings import drawn
+from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import near, plus_minus, unit_text, words
 from camtorque.report.page import Drawing, render
@@ -106,7 +106,7 @@ def _inside(speed: float, fitted: Sequence[float]) -> bool:
 
 def plan_drawings(document: Mapping[str, Any]) -> list[Drawing]:
     """Return what is expected after each run, and what each run on offer would bring alone."""
-    found, figure = [], partial(drawn, section="plan", wide=False)
+    found, figure = [], partial(drawing_of, section="plan", wide=False)
     if document["runs"]:
         found.append(
             figure("expected", _expected(document), "Expected uncertainty after each run", "Shaded: as wanted.")

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.jsonable import jsonable
 from camtorque.mechanism.predict import Prediction, prediction_document, sweep_rows
-from camtorque.plain import plain
 from camtorque.report.chart import CAM_ANGLE, HALF, WIDE, Curves, Line, Panel
-from camtorque.report.drawings import drawn
+from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import output_folder
 from camtorque.report.numbers import fixed, num, words
@@ -138,7 +138,7 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     """Return the page as HTML."""
     rows = sweep_rows(prediction)
     drawings = [
-        drawn(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide, _) in FIGURES.items()
+        drawing_of(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide, _) in FIGURES.items()
     ]
     steep, back = (value / DEGREE for value in prediction.flat_pressure_angles)
     return render(
@@ -154,4 +154,4 @@ def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
     """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
     with output_folder(target) as folder:
         write_page(folder / "predict.html", prediction_page(prediction, title))
-        write_json(folder / "predict.json", plain(prediction_document(prediction)))
+        write_json(folder / "predict.json", jsonable(prediction_document(prediction)))

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from markupsafe import escape
 
-from camtorque.plain import clean
+from camtorque.jsonable import clean
 from camtorque.records import Array
 from camtorque.report.chart import Band, Line, Marks
 from camtorque.report.numbers import MINUS

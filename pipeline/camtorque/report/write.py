@@ -7,14 +7,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.cycles_file import write_cycles
 from camtorque.report.document import result_document
-from camtorque.report.drawings import drawn, write_figures
+from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.figures import FIGURES
-from camtorque.report.files import whole, write_json, write_page
+from camtorque.report.files import atomic_file, write_json, write_page
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.page import run_page
@@ -26,7 +26,7 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     start = time.perf_counter()
     write_cycles(folder / "cycles.h5", result)
     drawings = [
-        drawn(name, chart, spec.title, spec.caption, spec.section, spec.wide)
+        drawing_of(name, chart, spec.title, spec.caption, spec.section, spec.wide)
         for name, spec in FIGURES.items()
         if (chart := spec.draw(result)) is not None
     ]
@@ -38,8 +38,8 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     write_page(folder / "report.html", page)
     spent = time.perf_counter() - start
     timing = {**result.timing, "report": spent, "total": sum(result.timing.values()) + spent}
-    doc["timing_s"] = plain(timing)
-    write_json(folder / FIT_NAME, plain(run_fit_document(result)))
+    doc["timing_s"] = jsonable(timing)
+    write_json(folder / FIT_NAME, jsonable(run_fit_document(result)))
     write_json(folder / "result.json", doc)
     return doc
 
@@ -59,6 +59,6 @@ def write_pdf(page: Path) -> Path:
         ) from error
     logging.getLogger("weasyprint").setLevel(logging.ERROR)  # it warns of every rule for screens
     target = page.with_suffix(".pdf")
-    with whole(target) as partial:
+    with atomic_file(target) as partial:
         HTML(string=page.read_text(encoding="utf-8"), base_url=None).write_pdf(partial)
     return target

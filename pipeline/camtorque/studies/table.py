@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from camtorque.plain import plain
+from camtorque.jsonable import jsonable
 from camtorque.records import Refusal
 from camtorque.report.files import short
 
@@ -132,7 +132,7 @@ def _duration(function: Callable[[], Any], count: int) -> float:
 
 def document(study: str, parts: Sequence[Chart | StabilityMap], quick: bool) -> dict[str, Any]:
     """Return a study as plain data."""
-    return {"study": study, "quick": quick, "parts": [short(plain(asdict(part)), 4) for part in parts]}
+    return {"study": study, "quick": quick, "parts": [short(jsonable(asdict(part)), 4) for part in parts]}
 
 
 Outcome = float | tuple[float, str]

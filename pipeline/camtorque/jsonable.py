@@ -20,12 +20,12 @@ def clean(text: str) -> str:
     return UNPRINTABLE.sub("\ufffd", text.replace("\r\n", "\n").encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
-def plain(value: Any) -> Any:
+def jsonable(value: Any) -> Any:
     """Return JSON-ready values: numpy to Python, tuples to lists, numbers that are not finite to None, texts clean."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [plain(item) for item in value]
+        return [jsonable(item) for item in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
