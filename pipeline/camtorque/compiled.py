@@ -50,7 +50,7 @@ LINEAR_ALGEBRA = "scipy.linalg.cython_blas"
 
 @contextmanager
 def _not_imported(name: str) -> Iterator[None]:
-    """Let a module that nobody has imported yet be missing for a while."""
+    """Make a module that is not imported yet look missing for a while."""
     if name in sys.modules:
         yield
         return

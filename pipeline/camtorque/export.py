@@ -1,4 +1,4 @@
-"""A finished report -> tables that other programs read: CSV, Excel, MATLAB, Parquet.
+"""A finished report -> tables for other programs: CSV, Excel, MATLAB, Parquet.
 
 Numbers in border units, named by the end of the column. A text that a spreadsheet would take for a formula gets an
 apostrophe in front: names and notes come from files of strangers.

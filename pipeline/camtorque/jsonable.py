@@ -1,4 +1,4 @@
-"""What a program reads: JSON-ready values of any record, and the time."""
+"""JSON-ready values of any record, texts without control characters, and the time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\
 
 
 def clean(text: str) -> str:
-    """Return a text from a file without what would steer a terminal or turn a line around; lost bytes are escaped."""
+    """Return a text without control characters and marks of writing direction; lost bytes are escaped."""
     return UNPRINTABLE.sub("\ufffd", text.replace("\r\n", "\n").encode("utf-8", "backslashreplace").decode("utf-8"))
 
 

@@ -120,7 +120,7 @@ def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
 
 
 def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
-    """Return the pump of a report's recording, or another pump or cam in its place.
+    """Return the pump of a report's recording, with another pump or cam if one is given.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How far a long job is, for a person who waits."""
+"""Progress of a long job, for a person who waits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def silent(text: str) -> None:
 
 
 def spoken(seconds: float) -> str:
-    """Return a remaining time as a person says it."""
+    """Return a remaining time in words."""
     if seconds < 90.0:
         return f"about {max(seconds, 1.0):.0f} s"
     return f"about {seconds / 60.0:.0f} min" if seconds < 5400.0 else f"about {seconds / 3600.0:.1f} h"

@@ -1,4 +1,4 @@
-"""What a run does between alignment and search: the rigid model, the mean cycles, the priors; `check` does it alone."""
+"""The steps of a run between alignment and search (rigid model, mean cycles, priors), which `check` tries too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays that are too many to be held: stacks of aligned cycles (n_cycles, n_theta), and shelves of any arrays.
+"""Arrays that may not fit into memory: stacks of aligned cycles (n_cycles, n_theta), and shelves of any arrays.
 
 What is too large lies in a nameless file; what was read of a stack is given back to the system after each piece.
 """

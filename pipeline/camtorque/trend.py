@@ -1,4 +1,4 @@
-"""Many reports -> one table: what a pump did over date, speed, load and temperature."""
+"""Many reports -> one table over date, speed, load and temperature."""
 
 from __future__ import annotations
 

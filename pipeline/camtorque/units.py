@@ -63,7 +63,7 @@ SPELLINGS: dict[str, str] = {spelling: unit for unit, spellings in {
 ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$")
 """bara, bar abs, psia, kPa(a): a pressure that counts from vacuum."""
 COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
-"""rev/1024: a counter of so many counts a revolution."""
+"""rev/1024: a counter with that many counts a revolution."""
 
 
 def tidy_unit(unit: str) -> str:
@@ -104,7 +104,7 @@ def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
 
 
 def short(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits, written out between 1e-4 and a million."""
+    """Return a number with ``digits`` significant digits, written out between 1e-4 and a million."""
     text = f"{value:.{digits}g}"
     if "e" in text and 1e-4 <= abs(value) < 1e6:
         return f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"

@@ -27,10 +27,10 @@ from camtorque.units import DEGREE, RPM
 LOOK_SHARE = 0.25
 """Looking takes at most this share of the time: a long file is read from its begin each time."""
 BASE_LIFT, LEAST_BASE = 0.01, 5.0 * DEGREE
-"""The base circle is where the lift is below this share of its largest, at least so many radians."""
+"""The base circle is where the lift is below this share of its largest, at least this many radians."""
 SAME_SPEED = 0.02
 WIDE, DRIFT_SHARE = 3.0, 0.002
-"""A drift is beyond so many standard errors and this share of the peak torque: twice the model error that the fit
+"""A drift is beyond this many standard errors and this share of the peak torque: twice the model error that the fit
 admits. The uncertainty of the zero itself does not count: it is the same at both times."""
 
 
@@ -70,7 +70,7 @@ class Block:
     clipped : cycles with a clipped channel
     noise_percent : of the mean torque of half the cycles so far at this speed, percent of peak; None without torque
     cycles_wanted : cycles at this speed that make it small enough
-    enough : True where there are so many
+    enough : True where there are that many
     """
 
     name: str

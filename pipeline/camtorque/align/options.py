@@ -30,7 +30,7 @@ class AlignOptions:
     repaired_angle_deg : a repaired pulse is used when its expected error is below this
     scratch_dir : folder for aligned arrays on disk; None keeps them in memory
     block_samples : samples read at a time (a block and its results fit into the processor's cache)
-    notes : what whoever chose these options has to say about them; they stand among the findings
+    notes : remarks on how these options were chosen; they stand among the findings
     """
 
     n_theta: int = 3600

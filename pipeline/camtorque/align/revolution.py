@@ -1,6 +1,6 @@
 """Cam angle inside a revolution, rebuilt from the measured torque: what one pulse per revolution cannot see.
 
-A pure law for whoever knows the drive's inertia; the nominal alignment does not use it.
+For those who know the drive's inertia; the nominal alignment does not use it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the alignment did, as plain numbers and texts for a file or a page."""
+"""Summary of the alignment as numbers and texts for a file or a page."""
 
 from __future__ import annotations
 

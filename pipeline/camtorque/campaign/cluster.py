@@ -68,7 +68,7 @@ def on_scheduler(
                     "--nthreads 1` where the recordings can be read"
                 ) from error
             _need_same_code(client, f"--scheduler {address}")
-            with _told_while_alone(client, tell, lambda: f"start `dask worker {address} --nthreads 1`"):
+            with _reported_while_alone(client, tell, lambda: f"start `dask worker {address} --nthreads 1`"):
                 yield from _results(client, call, items)
 
 
@@ -92,7 +92,7 @@ def on_cluster_file(
             raise Refusal(f"--cluster {file}: {kind} refused it ({' '.join(str(error).split())}); see docs") from error
         with before_leaving(lambda: _cancel(cluster)), cluster, distributed.Client(cluster) as client:
             tell(f"{jobs} jobs are asked of {kind}; the first worker may take its time")
-            with _told_while_alone(client, tell, lambda: _where_to_look(cluster, kind)):
+            with _reported_while_alone(client, tell, lambda: _where_to_look(cluster, kind)):
                 client.wait_for_workers(1)
                 _need_same_code(client, f"--cluster {file}")
                 yield from _results(client, call, items)
@@ -160,8 +160,8 @@ def _need_same_code(client: Any, what: str) -> None:
 
 
 @contextmanager
-def _told_while_alone(client: Any, tell: Callable[[str], None], advice: Callable[[], str]) -> Iterator[None]:
-    """Tell every minute without a worker, before the first and after the last: a job that dies at once tells nobody."""
+def _reported_while_alone(client: Any, tell: Callable[[str], None], advice: Callable[[], str]) -> Iterator[None]:
+    """Report every minute without a worker, before the first and after the last: nobody else sees a job die at once."""
     ended = threading.Event()
 
     def watch() -> None:

@@ -1,4 +1,4 @@
-"""What each command does: one module per command, imported when it is asked for, and the table of them all.
+"""The commands: one module each, imported when it is asked for, and the table of all of them.
 
 arguments     every option with its bounds; imports nothing heavy, so that `--help` is instant
 texts         tables for a terminal

@@ -1,4 +1,4 @@
-"""What a TOML key may hold: type, unit, default, allowed band with its reason, meaning. One `Key` per key, said once.
+"""What a TOML key may hold: type, unit, default, allowed band with its reason, meaning. One `Key` per key.
 
 Parsers, "did you mean", `camtorque check`, `camtorque new` and the tables of docs/recording_toml.md derive from it.
 """

@@ -34,13 +34,13 @@ class Refusals(Refusal):
         self.problems = problems
 
     def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...]]]:
-        """Return what builds the refusal anew, so that it comes back whole from a worker process."""
+        """Return how to pickle the refusal, so that it comes back complete from a worker process."""
         return Refusals, (self.problems,)
 
 
 @dataclass
 class Problems:
-    """Refusals that were met while reading one file, to be said together."""
+    """The refusals of one file, raised together."""
 
     texts: list[str] = field(default_factory=list)
 

@@ -1,4 +1,4 @@
-"""What a design leaves behind: the chosen cam as lift table and pump file, read back as `predict` reads them."""
+"""The result of a design: the chosen cam as lift table and pump file, read back as `predict` reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why a task has no answer, and what each limit costs where it has one."""
+"""Why a task has no solution, and what each limit costs where it has one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fit knows of the pump that is to be made better: friction coefficients, chamber pressure under a load."""
+"""What a fit knows of the pump to be improved: friction coefficients, chamber pressure under a load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A load that a design is judged under: one speed, and the pressure on the plunger over lift."""
+"""A load case of a design: one speed, and the pressure on the plunger over lift."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Problem:
         return self._seen[key]
 
     def slopes(self, variables: Array) -> Values:
-        """Return the derivatives of all values, (k, n) in the place of (k,), by forward differences."""
+        """Return the derivatives of all values, (k, n) each, by forward differences."""
         key = variables.tobytes()
         if key not in self._slopes:
             self._slopes.clear()

@@ -1,4 +1,4 @@
-"""What a design can be asked for: every response may be an aim or a limit. A new one is one function and one line.
+"""The responses of a design; each may be an aim or a limit. A new one is one function and one line.
 
 A response that is a peak over the revolution is given as the greatest value of each window of it: the optimiser sees
 all peaks at once, each a smooth function of the design, not only the one that is highest at the moment.

@@ -1,6 +1,6 @@
 """How large a Feather (Arrow IPC) file unpacks to, from the headers of its batches, before anything is unpacked.
 
-Arrow unpacks each buffer to the size that its first eight bytes claim. Where the buffers lie stands in the
+Arrow unpacks each buffer to the size that its first eight bytes claim. Where the buffers lie is stated in the
 flatbuffer of the batch's message (format/Message.fbs of Arrow), of which only four fields are read here.
 """
 

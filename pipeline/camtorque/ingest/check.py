@@ -20,7 +20,7 @@ VACUUM_SHARE = 0.005
 SPEED_TOLERANCE = 0.1
 """Relative difference of pulse count and nominal speed that is worth a finding."""
 PERIOD_TOLERANCE = 0.3
-"""A pulse period that differs so much from the usual one is a missed or an extra pulse."""
+"""A pulse period that differs by this share from the usual one is a missed or an extra pulse."""
 MUCH_CLIPPED = 1.0e-4
 
 

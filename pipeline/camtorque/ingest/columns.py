@@ -25,9 +25,9 @@ FOOTER_ROWS = 100_000
 MOST_ALIKE = 0.9
 """Share of the steps that are alike where stamps have enough digits; the others are gaps."""
 LEAST_STAMPS = 100
-"""So many values that rise evenly are no chance."""
+"""This many values that rise evenly are no coincidence."""
 RATE_SAMPLES = 10_000
-"""Time stamps looked at to tell the rate of a file that nobody has described yet."""
+"""Time stamps used to find the rate of a file that has no recording.toml yet."""
 
 
 def raw_file(

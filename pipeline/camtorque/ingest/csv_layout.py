@@ -41,9 +41,9 @@ LEVELS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "high": 1.0, "low": 
           "ein": 1.0, "aus": 0.0}  # fmt: skip
 """Words for the two levels of a digital line."""
 UNDATED = ("", "clock", "minutes", "seconds")
-"""Kinds, a number among them, that tell no day."""
+"""Kinds of stamps without a day; "" is a number."""
 PERIODS = {"clock": 86_400.0, "minutes": 3600.0}
-"""After so long a stamp without a date starts again [s]."""
+"""Period after which a stamp without a date starts again [s]."""
 THOUSANDS = {
     ".": re.compile(r"^[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"),
     ",": re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?$"),

@@ -94,7 +94,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 
 def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
-    """Read columns of a text whose layout is known."""
+    """Read columns of a text file whose layout is known."""
     columns = [column_of(path, layout, spec.channel) for spec in specs]
     times = {column for column in time_columns_of(path, layout, specs) if column is not None}
     damage = Damage()

@@ -1,6 +1,6 @@
 """HDF5 with h5py; MAT v7.3 is HDF5 and goes the same way.
 
-The rate stands in an attribute of the data set, its group or the file, or the times in a data set of their own.
+The rate is an attribute of the data set, its group or the file; or the times are a data set of their own.
 """
 
 from __future__ import annotations

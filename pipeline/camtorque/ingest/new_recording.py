@@ -26,7 +26,7 @@ FASTEST = 6000.0
 """One pulse a turn at more than this [rpm] is more likely a wheel of several teeth."""
 HIGHEST_VOLTS = 15.0
 MOST_OPEN = 8
-"""Channels that nothing names are asked for where torque, pressure or the angle are missing, at most so many."""
+"""Channels that nothing names are asked for where torque, pressure or the angle are missing, at most this many."""
 NEEDED = ("torque", "pressure")
 PATHS = ("cam_table", "calibration", "file")
 COPIED = ("pump", "trigger", "fluid", "drive")

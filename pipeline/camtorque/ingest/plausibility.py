@@ -1,4 +1,4 @@
-"""Numbers that are each within their band and still cannot belong together: a slip is refused with its place.
+"""Numbers that are each within their band but cannot belong together: such a slip is refused with its place.
 
 `PUMP_RATIOS` compares sizes of one pump with each other, `check_loads` the largest torque with what the largest
 pressure can cause. The limits come from 46 pumps of three makers, for which the ratios lie in ``seen``, and from sizes
@@ -27,7 +27,7 @@ BLOCKS, BLOCK_SAMPLES = 16, 50_000
 MOST_RANKED = 200_000
 """Of these samples, as many are ranked as make the highest 0.1 % a sound choice."""
 SMOOTHED = 5.0
-"""Slopes and bends of a lift table are taken over so many degrees, to quieten its noise."""
+"""Slopes and bends of a lift table are taken over this many degrees, to suppress its noise."""
 LOADED = 30.0 * BAR
 """Below this peak pressure friction and spring rule the torque."""
 LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)

@@ -1,6 +1,6 @@
 """What logs hold and what their channels may be: by unit, by name, by looking at the samples. For `camtorque new`.
 
-A proposal is written into a file for a person to read; nothing is taken over unread.
+Proposals are written into a file for a person to check; nothing is used unread.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ BY_DIMENSION = {
 SUPPLY_NAME = r"exc|suppl|speis|versorg|br.cke.?(sp|u)|bridge.?(v|u)|\bu_?b\b"
 """Names of the supply of a bridge."""
 FASTER = 1.5
-"""A pulse train with so many more pulses than another one is a wheel beside its index."""
+"""A pulse train with this many times the pulses of another one is a wheel beside its index."""
 WAVE_SHARE, LEAST_WAVES = 0.2, 20
 """A coil's wave passes this share of its size to both sides, for this many teeth at least."""
 LEVEL_SHARE, LEVEL_BAND = 0.85, 0.2
@@ -171,7 +171,7 @@ def _is_surely_pulses(item: Proposal) -> bool:
 
 
 def _dropped(item: Proposal) -> Proposal:
-    """Return a channel that another one is more likely than; volts were those of its pulses."""
+    """Return a channel without its quantity, where another channel is more likely."""
     unit = tidy_unit(item.channel.unit or _unit_in(item.channel.name))
     return replace(item, quantity="", unit=unit if unit in BORDER_UNITS else "", sensor="")
 

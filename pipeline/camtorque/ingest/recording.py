@@ -27,7 +27,7 @@ from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_un
 
 LEAST_IDLE_SAMPLES = 100
 CLOCKS_APART = 3600.0
-"""Clocks of two loggers that nobody set may differ by so much [s]."""
+"""Clocks of two loggers that nobody set may differ by this [s]."""
 SPAN_SAMPLES = 1_000_000
 """Samples looked at for the range of a channel whose sheet states none."""
 DURATION_TOLERANCE = 1.0e-4
@@ -120,7 +120,7 @@ def _other_run(config: RecordingConfig) -> list[Finding]:
 
 
 def _without_repeats(*findings: Finding) -> tuple[Finding, ...]:
-    """Drop what channels of one file repeat word for word."""
+    """Drop findings that channels of one file repeat word for word."""
     return tuple({(finding.code, finding.text): finding for finding in reversed(findings)}.values())[::-1]
 
 

@@ -1,4 +1,4 @@
-"""Is a column of time stamps the uniform time base that it should be? Start, rate, jumps, damaged stamps.
+"""Check a column of time stamps: start, rate, jumps, damaged stamps of what should be a uniform time base.
 
 Logged stamps are rounded (1e-6 s in many CSV files), so the rate comes from the whole stretch, never from one step.
 """
@@ -28,7 +28,7 @@ RATE_GROSS = 0.05
 
 @dataclass(frozen=True)
 class Stamps:
-    """What the time stamps of one channel say, or what stands in their place."""
+    """The time base of one channel: from its time stamps, or from what replaces them."""
 
     start: float
     rate: float

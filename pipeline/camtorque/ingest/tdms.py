@@ -37,7 +37,7 @@ from camtorque.units import did_you_mean
 LEAD_IN = 28
 INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
 MOST_SEGMENTS = 100_000
-"""A logger that writes ten times a second fills so many in three hours; beyond it reading takes minutes."""
+"""A logger that writes ten times a second makes this many in three hours; reading more takes minutes."""
 UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
 SCALE_COUNT = "NI_Number_Of_Scales"
 MOST_SCALES = 12

@@ -67,7 +67,7 @@ def members_of(variables: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
 
 
 def beside(members: Members, group: str) -> dict[str, Any]:
-    """Return rate and unit that stand beside a channel in its struct (or, the rate, beside all variables)."""
+    """Return rate and unit stored beside a channel in its struct (or, the rate, beside all variables)."""
     found: dict[str, Any] = {}
     for place in dict.fromkeys(("", group)):
         for (other, name), value in members.items():

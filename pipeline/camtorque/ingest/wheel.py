@@ -16,8 +16,8 @@ LOOKED_AT = 400_000
 """Samples looked at of each channel."""
 LEAST_PULSES = 4
 LONG_PERIOD, SHORT_PERIOD, ONE_PERIOD = 1.5, 0.85, 1.3
-"""A period longer than those beside it by this factor is a gap of the wheel; two shorter ones that make one hold an
-extra tooth."""
+"""A period longer than its neighbours by this factor is a gap of the wheel; two short ones that add up to one hold
+an extra tooth."""
 BESIDE = 2
 """Periods on either side that one is compared with."""
 POINTS = 48

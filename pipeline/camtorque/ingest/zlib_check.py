@@ -1,4 +1,4 @@
-"""A zlib stream inside a file, unpacked in pieces only to hear what its Adler-32 says."""
+"""Limits of unpacking, and the checksum (Adler-32) of a zlib stream inside a file."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from camtorque.compiled import njit
 
 
 class At(NamedTuple):
-    """Where the pump stands at one cam angle; ``_by`` is the derivative by angle.
+    """State of the pump at each cam angle; ``_by`` is the derivative by angle.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ class ModulusPrior:
 
 
 def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
-    """Return the temperature of the fuel as measured, else as stated, None where nobody knows [K]."""
+    """Return the temperature of the fuel as measured, else as stated, None where unknown [K]."""
     if "fuel_temperature" in cycles.channels:
         measured = cycles.channels["fuel_temperature"]
         if np.isfinite(measured).any():

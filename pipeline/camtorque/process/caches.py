@@ -1,4 +1,4 @@
-"""Where numba and matplotlib keep their caches: without a writable place the one does not load, the other warns."""
+"""Writable places for the caches of numba (which else does not load) and of matplotlib (which else warns)."""
 
 from __future__ import annotations
 

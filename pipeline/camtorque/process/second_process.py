@@ -103,8 +103,7 @@ _SECOND: ContextVar[Second | None] = ContextVar("the second process of this one"
 def second_process(wanted: bool = True) -> Iterator[None]:
     """Let `in_two` use a second process inside the block, where the system is made for it and has a core for it.
 
-    It is for commands and workers, whose process nobody else uses: a fork in the middle of other people's threads is
-    not safe.
+    It is for commands and workers, which own their process: a fork beside the threads of other code is not safe.
     """
     second = Second() if wanted and _possible() else None
     token = _SECOND.set(second)
@@ -154,7 +153,7 @@ def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 
 def _work(jobs: int, results: int) -> NoReturn:
-    """Do what comes in, as long as something comes, and leave without a word whatever happens."""
+    """Run the jobs that come in until the pipe closes, then exit silently."""
     try:
         ctypes.CDLL(None).prctl(KILL_WITH_PARENT, signal.SIGKILL)
         signal.set_wakeup_fd(-1)

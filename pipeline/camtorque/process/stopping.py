@@ -97,7 +97,7 @@ def stoppable() -> Iterator[None]:
 
 
 def was_stopped() -> bool:
-    """Tell whether a signal came: whatever error is seen then may be its consequence."""
+    """Tell whether a signal came: any error after it may be its consequence."""
     return bool(_heard)
 
 

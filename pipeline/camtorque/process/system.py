@@ -1,4 +1,4 @@
-"""What the operating system refuses, in words; and standard streams that can be written whatever the caller left."""
+"""Errors of the operating system in words; standard streams that can always be written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OTHERWISE = "check the path and its permissions"
 
 
 def described(error: Exception) -> tuple[str, str]:
-    """Return what an error says, and what to do.
+    """Return the text of an error and what to do about it.
 
     HDF5 names the reason in its text alone, so the text is searched for the system's words.
     """

@@ -20,7 +20,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Lost:
-    """Stands for a result: the worker died on it, and so did the next one."""
+    """In place of a result: two workers died on this item, one after the other."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 """What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
 ABOVE_NOISE = 2.0
-"""A residual above so many times the repeatability is a shape, not noise."""
+"""A residual above this multiple of the repeatability is a shape, not noise."""
 LIKELY = 0.05
 """An alternative this probable is named in the answer."""
 CHECKS = {
@@ -26,7 +26,7 @@ CHECKS = {
 """Phase of the pump -> what to look at where the model fails in it."""
 SAME_RESONANCE = 0.05
 NOTICED = 0.5
-"""A second minimum is named where it moves trigger or chamber peak by more than so many standard uncertainties."""
+"""A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
 Document = Mapping[str, Any]
 
 

@@ -1,4 +1,4 @@
-"""What a run and a campaign hand to the report."""
+"""The input of the report: the results of a run and of a campaign."""
 
 from __future__ import annotations
 

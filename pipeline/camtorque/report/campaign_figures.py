@@ -13,7 +13,7 @@ from camtorque.report.tones import RAMP
 from camtorque.units import DEGREE
 
 DRIFT_SIGMA = 2.5
-"""A slope beyond so many standard errors is drawn in the colour of a warning, as the fit's finding says it."""
+"""A slope beyond this many standard errors is drawn in the colour of a warning, as the fit's finding says it."""
 THIRD = 380.0
 MOST_ROWS = 40
 """Recordings beyond which predictions are drawn over speed, not as one row each."""

@@ -1,4 +1,4 @@
-"""What a drawing shows, apart from how it is drawn: the same record becomes SVG for print and curves for the screen."""
+"""What a figure shows, independent of how it is drawn: SVG for print, interactive curves for the screen."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Line(ReadOnly):
 
 @dataclass(frozen=True)
 class Band(ReadOnly):
-    """The stretch between two curves, each (n,)."""
+    """The area between two curves, each (n,)."""
 
     label: str
     low: Array
@@ -58,7 +58,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Span:
-    """A named stretch of the abscissa; ``loud`` for one that asks for attention."""
+    """A named range of the abscissa; ``loud`` for one that asks for attention."""
 
     low: float
     high: float
@@ -77,7 +77,7 @@ class Curves(ReadOnly):
     full_turn : True for cam angle over one revolution
     x_range : what is shown, None for all
     spans : stretches named above the first panel and shaded in all
-    live : False for a drawing that only stands in for zooming: print, and pages without a script
+    live : False for a drawing that the script leaves alone (shown in print and on pages without a script)
     links : page that each curve of a panel opens; empty for none
     """
 

@@ -1,4 +1,4 @@
-"""SHA-256 of every file of an output, in the format of sha256sum, and what has become of them."""
+"""SHA-256 of every file of an output, in the format of sha256sum, and the check of them."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ EVENTS: dict[str, str] = {
     "shaft": "stiffness or damping of the shaft",
     "drive": "inertia or control of the drive",
 }
-"""Event -> what it is to somebody at the rig."""
+"""Event -> its name for somebody at the rig."""
 TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
 
 

@@ -55,7 +55,7 @@ def curves_svg(chart: Curves, label: str) -> str:
 
 
 def _shaded(chart: Curves, across: Scale, y: float, height: float, first: bool, above: float) -> list[str]:
-    """Return the named stretches behind a panel; names stand above the first one."""
+    """Return the named spans behind a panel; names stand above the first panel."""
     parts = []
     for span in chart.spans:
         start, stop = across(max(span.low, across.low)), across(min(span.high, across.high))

@@ -50,7 +50,7 @@ def svg_of(chart: Chart, label: str) -> str:
 
 
 def png_of(svg: str) -> bytes:
-    """Return a drawing as a PNG image on white, with a font that comes with a package: the same on every machine."""
+    """Return a drawing as a PNG image on white, with the font of matplotlib: the same on every machine."""
     return bytes(
         resvg_py.svg_to_bytes(
             svg_string=svg, width=PNG_WIDTH, background="#ffffff", skip_system_fonts=True, font_files=[str(_font())],

@@ -15,12 +15,12 @@ from camtorque.records import Finding, Recording
 from camtorque.report.numbers import typeset
 
 ESCAPED = "backslashreplace"
-"""A path may hold bytes that are no text; what is written shows them escaped."""
+"""A path may hold bytes that are not text; they are written escaped."""
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a name beside a path to write to, which is renamed when all is written and gone where that failed."""
+    """Yield a temporary name beside a path: renamed to it when all is written, removed where writing failed."""
     partial = path.with_name(f".{path.name}.partial")
     try:
         yield partial
@@ -42,7 +42,7 @@ def write_json(path: Path, document: Mapping[str, Any], lines: bool = True) -> N
 
 
 def write_rows(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document of many rows: one line each, numbers of 7 digits; the reports of the rows have all of them."""
+    """Write a document of many rows: one line each, numbers to 7 digits; each row's own report has all digits."""
     with atomic_file(path) as partial, partial.open("w", encoding="utf-8", errors=ESCAPED) as stream:
         stream.write("{")
         for place, (key, value) in enumerate(jsonable(document).items()):
@@ -59,7 +59,7 @@ def _line(value: Any) -> str:
 
 
 def short(value: Any, digits: int) -> Any:
-    """Return plain values with numbers of so many digits."""
+    """Return JSON-ready values with numbers rounded to ``digits`` significant digits."""
     if isinstance(value, float):
         return float(f"{value:.{digits}g}")
     if isinstance(value, dict):

@@ -176,7 +176,7 @@ def is_about(error: Exception, partial: Path) -> bool:
 
 
 def reserve(path: Path, size: int) -> None:
-    """Make sure that the disk takes a file of so many bytes: HDF5 cannot end in good order after a write that failed.
+    """Make sure that the disk takes a file of ``size`` bytes: HDF5 cannot recover from a write that failed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a prediction from a fit took for granted, in sentences."""
+"""The assumptions of a prediction from a fit, in sentences."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def load_text(source: FittedAt, name: str, given: Curve | None, speed: float) ->
 
 
 def _rounded(step_deg: float) -> float:
-    """Return a step that one can type, not larger."""
+    """Return a round step that is not larger."""
     return next((step for step in (1.0, 0.5, 0.25, 0.2) if step <= step_deg), 0.1)
 
 
@@ -81,7 +81,7 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
 
 
 def ending_text(item: Forecast) -> tuple[str, ...]:
-    """Return what was taken for granted of the way in which delivery ends under a given load."""
+    """Return the assumption on how delivery ends under a given load."""
     if item.ending == EITHER:
         return (
             f"{NOT_TOLD}: the bands hold both, the curves lie midway; --ending {' or --ending '.join(ENDED_BY)} "

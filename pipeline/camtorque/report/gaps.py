@@ -20,7 +20,7 @@ MEANINGS = {
     "torque_zero": "zero of the transducer within its prior",
     RESIDUAL: "left over by the fitted model",
 }
-"""What a row stands for where its name alone does not tell."""
+"""What a row means where its name alone does not say it."""
 
 
 @dataclass(frozen=True)

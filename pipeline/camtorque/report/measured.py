@@ -16,7 +16,7 @@ LOADED_SHARE = 0.3
 
 
 def measured_mean(result: RunResult, quantity: str) -> Array | None:
-    """Return the mean cycle of a channel beside torque and pressure (n_theta,) [SI], None where it is not there."""
+    """Return the mean cycle of a channel beside torque and pressure (n_theta,) [SI], None where it was not recorded."""
     values = result.cycles.channels.get(quantity)
     if values is None:
         return None

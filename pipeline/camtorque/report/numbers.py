@@ -27,7 +27,7 @@ SIGNS = (
 
 UNITS = "%|rpm|bar|GPa|deg|Hz|kHz|s|ms|min|minutes|mm|mm\u00b2|mm\u00b3|\u00b5m|N|N m|kN|J"
 TIES = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w\u00b2\u00b3]))|(?<=\u00b1) ")
-"""Spaces between a number and its unit, and after a sign of uncertainty."""
+"""Spaces between a number and its unit, and after ±."""
 
 
 def typeset(text: str) -> str:
@@ -44,7 +44,7 @@ def exponents(text: str) -> str:
 
 
 def tied(text: str) -> str:
-    """Return a sentence whose numbers are not parted from their units at the end of a line."""
+    """Return a sentence with hard spaces between numbers and units, so that no line breaks there."""
     return TIES.sub("\u00a0", text)
 
 
@@ -70,7 +70,7 @@ def _known(value: float | None) -> bool:
 
 
 def num(value: float | None, digits: int = 3) -> str:
-    """Return a number with so many significant digits."""
+    """Return a number with ``digits`` significant digits."""
     if value is None or not _known(value):
         return UNKNOWN
     return exponents(short(value, digits)).replace("-", MINUS)
@@ -84,13 +84,13 @@ def signed(value: float | None, digits: int = 2) -> str:
 
 
 def plus(value: float | None, decimals: int = 2) -> str:
-    """Return a number with its sign and so many decimals."""
+    """Return a number with its sign and ``decimals`` decimals."""
     text = fixed(value, decimals)
     return f"+{text}" if _known(value) and value > 0.0 and float(text) else text  # type: ignore[operator]
 
 
 def fixed(value: float | None, decimals: int = 2) -> str:
-    """Return a number with so many decimals."""
+    """Return a number with ``decimals`` decimals."""
     if value is None or not _known(value):
         return UNKNOWN
     text = f"{value:.{decimals}f}"
@@ -103,7 +103,7 @@ def scaled(value: float | None, factor: float) -> str:
 
 
 def near(value: float | None, stderr: float | None) -> str:
-    """Return a value with as many decimals as two digits of its standard error ask for."""
+    """Return a value with the decimals that show two digits of its standard error."""
     if value is None or stderr is None or not _known(value) or not _known(stderr) or stderr <= 0.0:
         return num(value, 4)
     decimals = 1 - math.floor(math.log10(stderr))

@@ -42,7 +42,7 @@ ZOOM_HINT = (
     "revolution, click a name to switch it off."
 )
 STAND_IN = "strokes"
-"""Section of a page whose curves one sees by zooming where the script runs."""
+"""Section whose curves are seen by zooming where the script runs."""
 STYLES = ("vendor/uPlot.min.css", "page.css")
 
 
@@ -95,7 +95,7 @@ class Drawing:
 
     @property
     def stand_in(self) -> bool:
-        """True for curves that only stand in for zooming where no script runs."""
+        """True for curves shown only where no script runs and one cannot zoom."""
         return self.section == STAND_IN
 
 

@@ -56,7 +56,7 @@ def _first(share: Array, limit: float) -> int:
 
 
 def _within_turn(name: str, low: float, high: float) -> list[Span]:
-    """Return a stretch, cut in two where it passes the end of the revolution."""
+    """Return a span, cut in two where it passes the end of the revolution."""
     turn = 360.0 * np.floor(low / 360.0)
     low, high = low - turn, high - turn
     if high <= 360.0:
@@ -65,7 +65,7 @@ def _within_turn(name: str, low: float, high: float) -> list[Span]:
 
 
 def bump_spans(bumps: tuple[ResidualBump, ...]) -> tuple[Span, ...]:
-    """Return where the residual stands out, as loud stretches in degrees."""
+    """Return where the residual stands out, as loud spans in degrees."""
     return tuple(
         span
         for k, bump in enumerate(bumps)

@@ -18,7 +18,7 @@ from camtorque.report.tones import CYCLE
 
 TOOTH = "a second tooth on the wheel"
 MOST_CURVES = 6
-"""Lines of the chart of runs on offer; so many can be told apart."""
+"""Lines of the chart of runs on offer: more cannot be distinguished."""
 
 
 def write_plan(document: Mapping[str, Any], title: str, folder: Path) -> None:
@@ -79,7 +79,7 @@ def run_rows(document: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what the plan takes for granted."""
+    """Return the assumptions of the plan."""
     durations = ", ".join(f"{value:.0f}" for value in document["durations_s"])
     speeds = sorted({run["speed_rpm"] for run in document["on_offer"]})
     beyond = [f"{v:.0f}" for v in speeds if not _inside(v, document["fitted_speeds_rpm"])]

@@ -70,7 +70,7 @@ def _action(doc: Mapping[str, Any], title: str, inputs: Sequence[Entity], output
 
 
 def _input(item: Mapping[str, str]) -> Entity:
-    """Return a file that was read, named by its content: where it lies now is nobody's business."""
+    """Return a file that was read, named by its content, not by its place on this disk."""
     digest = base64.urlsafe_b64encode(bytes.fromhex(item["sha256"])).decode().rstrip("=")
     name = PurePath(item["path"]).name
     return {"@id": f"ni:///sha-256;{digest}", "@type": "File", "name": name, "encodingFormat": media_type(name),

@@ -11,7 +11,7 @@ from camtorque.report.numbers import words
 from camtorque.report.tones import CYCLE
 
 MOST_SOURCES = 9
-"""Sources that are told apart in a chart; more have no colours that one can tell apart."""
+"""Sources shown in a chart: more colours cannot be distinguished."""
 OTHERS = "other sources"
 LUMPED = ("others", OTHERS)
 """What a budget itself calls the sum of small sources, and what a chart does."""

@@ -1,4 +1,4 @@
-"""The parts of an SVG drawing: numbers, ticks, texts and paths as strings, every text escaped."""
+"""The elements of an SVG drawing as strings: ticks, texts, lines, paths; every text escaped."""
 
 from __future__ import annotations
 

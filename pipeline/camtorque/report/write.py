@@ -1,4 +1,4 @@
-"""Everything of one run into a folder, and its page as PDF (WeasyPrint, extra `pdf`) for those who need paper."""
+"""Everything of one run into a folder, and its page as PDF (WeasyPrint, extra `pdf`)."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ LEAST_HEIGHT = Threshold(
     "Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read again."
 )  # fmt: skip
 HIGHEST = 3
-"""The third highest pulse stands for the highest: two may be disturbances."""
+"""The third highest pulse counts as the highest: two may be disturbances."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The pulses of a pick-up, whatever it is: the one finder of edges for `check` and for `align`."""
+"""The pulses of any pick-up: the one finder of edges for `check` and for `align`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`camtorque study NAME`: all charts or maps of a study, measured, written and drawn."""
+"""`camtorque study NAME`: all charts or maps of a study: measured, written, drawn."""
 
 from __future__ import annotations
 
