@@ -21,6 +21,7 @@ import numpy as np
 from camtorque.fit.single import Prepared
 from camtorque.predict_from import Rig
 from rigs.rig import RigRun
+from rigs.truth import RigTruth, change
 from rigs.write import write_recording
 
 MISS_COST = 2.0 / 0.05
@@ -70,6 +71,16 @@ def rig_of(item: Prepared) -> Rig:
     """Return the sheets of a recording as a prediction takes them."""
     config = item.recording.config
     return Rig(config.pump, item.recording.cam_table, config.rotation, config.trigger.nominal_angle)
+
+
+def as_declared(truth: RigTruth) -> RigTruth:
+    """Return a rig whose sensors err as their sheets say: certificates and standstill readings narrow what is drawn."""
+    torque, pressure = truth.torque_sensor, truth.pressure_sensor
+    return change(
+        truth, torque_sensor__gain_error=0.4 * torque.gain_error, pressure_sensor__gain_error=0.5 * pressure.gain_error,
+        torque_sensor__zero_residual=0.25 * torque.zero_residual,
+        pressure_sensor__zero_residual=0.25 * pressure.zero_residual,
+    )  # fmt: skip
 
 
 def interval_table(found: Mapping[str, Sequence[tuple[float, float, float, float]]]) -> list[str]:

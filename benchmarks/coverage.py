@@ -17,7 +17,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from benches import bench_parser, interval_table, outcomes, run_from_files, tell
+from benches import as_declared, bench_parser, interval_table, outcomes, run_from_files, tell
 from rigs.families import FAMILIES
 from rigs.rig import RigRun, end_angle, lift_of, simulate
 from rigs.truth import RigTruth, change
@@ -80,16 +80,6 @@ def true_values(truth: RigTruth, load: float) -> dict[str, float]:
     else:
         values["end_of_delivery"] = float(np.rad2deg(ends + chamber.close_width))
     return values
-
-
-def as_declared(truth: RigTruth) -> RigTruth:
-    """Return a rig whose sensors err as their sheets say: certificates and standstill readings narrow what is drawn."""
-    torque, pressure = truth.torque_sensor, truth.pressure_sensor
-    return change(
-        truth, torque_sensor__gain_error=0.4 * torque.gain_error, pressure_sensor__gain_error=0.5 * pressure.gain_error,
-        torque_sensor__zero_residual=0.25 * torque.zero_residual,
-        pressure_sensor__zero_residual=0.25 * pressure.zero_residual,
-    )  # fmt: skip
 
 
 def one_rig(family: str, draw: int, cycles: int) -> Outcome:

@@ -2,7 +2,8 @@
 
     python benchmarks/predict_left_out.py OUT.csv [CAMPAIGN_DIR ...] [--family closed_volume spill ...] [--step 0]
 
-Campaigns are folders of recordings, or simulated rigs of some families at five speeds, each speed with its own load.
+Campaigns are folders of recordings, or simulated rigs of some families at five speeds, each speed with its own load,
+written as files.
 
 The line pressure is taken as the recording has it (`--load-of`), and from a file as a user would type or export it
 (`--pressure`), with a point every so many degrees. The constant zero is that of the angles where the prediction is
@@ -15,30 +16,34 @@ too, and where none does with either.
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from benches import plain_parser, rig_of, write_rows
+from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
 from camtorque.fit.endings import EITHER, either, endings_of
 from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
+from camtorque.fit.joint_fit import shown_covariance
 from camtorque.fit.joint_input import joint_input
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid
+from camtorque.fit.shared_lift import shared_lift
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.predict_from import chain_of, file_curve
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.units import BAR, RPM
-from compare_twins import compared_side, recorded
+from compare_twins import recorded
 from rigs.families import FAMILIES
+from rigs.write import write_recording
 
 STEPS_DEG = (0.0, 0.25, 1.0, 2.0, 3.0)
 """Steps of the file of the load; 0: as the recording has it."""
@@ -63,7 +68,9 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
         FittedAt(item.recording.config.id, item.cycles.mean_speed, data.structure, held[item.recording.config.id], True)
         for item, data in zip(used, problem.data, strict=True)
     ]
-    return KnownFit(problem.names, solution.z, fit.covariance.arrow, tuple(recordings))
+    cov = fit.covariance
+    lift = shared_lift(problem, solution.z, cov.inflation)
+    return KnownFit(problem.names, solution.z, cov.arrow, tuple(recordings), shown_covariance(solution, cov), lift)
 
 
 def from_file(left: Prepared, step_deg: float) -> Curve:
@@ -155,15 +162,20 @@ def read_campaign(folder: Path) -> list[Prepared]:
 
 
 def simulated_campaign(family: str, seed: int) -> list[Prepared]:
-    """Return recordings of a simulated rig at five speeds, each with its own load, with their minima."""
+    """Return recordings of a simulated rig at five speeds, each with its own load, as a bench leaves them in files.
+
+    Lift table and sensor sheets are written once; each recording has its own zero readings and drift.
+    """
     rng = np.random.default_rng(7000 + seed)
-    truth, slowest = FAMILIES[family](rng), float(rng.uniform(300.0, 450.0))
-    prepared = []
-    for k in range(SPEEDS):
-        run = recorded(truth, slowest * SPEED_RATIO**k, float(rng.uniform(0.55, 0.9)), 100 * seed + k)
-        side = compared_side(run, run, f"{family}_{seed}_{k}")
-        prepared.append(prepare(side.recording, side.cycles, side.rigid))
-    return prepared
+    truth, slowest = as_declared(FAMILIES[family](rng)), float(rng.uniform(300.0, 450.0))
+    with tempfile.TemporaryDirectory() as temporary:
+        folders = [Path(temporary) / f"{family}_{seed}_{k}" for k in range(SPEEDS)]
+        for k, folder in enumerate(folders):
+            run = recorded(truth, slowest * SPEED_RATIO**k, float(rng.uniform(0.55, 0.9)), 100 * seed + k)
+            write_recording(run, folder, "tdms", seed=100 * seed + k)
+            if k:
+                shutil.copytree(folders[0] / "calibration", folder / "calibration", dirs_exist_ok=True)
+        return read_campaign(Path(temporary))
 
 
 def main() -> None:

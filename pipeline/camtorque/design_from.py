@@ -61,6 +61,7 @@ def read_known(path: Path) -> Known:
     Refusal : see `camtorque.predict_from.read_fit`
     """
     fit, folder, rows = read_fit(path)
+    fit = replace(fit, lift=None)  # the errors of another cam are its own: both cams are run without
     return Known(fit, folder, {row["id"]: folder / row["folder"] for row in rows})
 
 

@@ -40,7 +40,7 @@ from camtorque.mechanism.spectral import spectral_law
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
-from camtorque.report.fit_file import NAME, SCHEMA, known_covariance
+from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.report.forecast_page import forecast_document
 from camtorque.report.forecast_texts import (
     CLEARANCE,
@@ -108,7 +108,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
         )
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
     values = np.array(doc["values"], dtype=np.float64)
-    known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings)
+    known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings, known_shown(doc), known_lift(doc))
     return known, folder, doc["recordings"]
 
 
@@ -217,6 +217,7 @@ def predict_from(
     Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
     """
     known, folder, rows = read_fit(Path(fit))
+    known = known if pump is None and cam is None else replace(known, lift=None)  # it belongs to the fitted cam
     factor = leakage_factor(clearance) if clearance else 1.0
     _refuse_leaky(known, clearance, factor)
     name = Path(pressure or load_of or "").name
@@ -297,7 +298,7 @@ def _at_speed(
     load = load_text(sources[0], asked.name, given, speed)
     texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
-    assumed = assumptions(sources[0], load, asked.clearance, asked.pump or asked.cam)
+    assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
     return replace(item, assumed=(*assumed, *texts, *ending_text(item), *constant_text(item))), tuple(
         one[1] for one in runs
     )

@@ -22,19 +22,21 @@ from camtorque.fit.joint import (
     started_at,
     with_common_rows,
 )
-from camtorque.fit.joint_fit import values_of_each
+from camtorque.fit.joint_fit import shown_covariance, values_of_each
 from camtorque.fit.joint_input import HeldOnce, joint_input
 from camtorque.fit.joint_solver import joint_task, solve_many, try_at
 from camtorque.fit.known_fit import KnownFit
 from camtorque.fit.leftout import MODES, ends_of, left_out_values, predicted_end, shares
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import SEPARATOR, build_problem
+from camtorque.fit.shared_lift import shared_lift
 from camtorque.fit.solver import solve
 from camtorque.fit.uncertainty import covariance, covariance_of
-from camtorque.laws.chain import BINS
+from camtorque.laws.chain import BINS, binned, evaluate, filtered, transfer
+from camtorque.laws.lift import LiftCorrection
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
-from camtorque.report.fit_file import campaign_fit_document, known_covariance
+from camtorque.report.fit_file import campaign_fit_document, known_covariance, known_lift, known_shown
 from fit_cases import quick_prepared, rig
 
 SPEEDS = (700.0, 900.0, 1200.0)
@@ -304,6 +306,62 @@ def test_the_file_of_a_joint_fit_grows_with_its_recordings_and_not_with_their_sq
     assert {name.split(SEPARATOR)[1] for name in only.names if SEPARATOR in name} == {campaign.names[2]}
     kept = [names.index(name) for name in only.names]
     np.testing.assert_allclose(only.covariance.matrix, found.among(kept))
+
+
+def test_what_a_wrong_lift_table_does_in_all_recordings_is_found_as_one_correction(solved):
+    """A bump of 3 um in the middle of the rise, put into the measured torque of all three; a table good to 3 um."""
+    problem, solution = solved
+    basis = replace(problem.data[0].lift_basis, prior_std=3e-6)
+    problem = replace(problem, data=tuple(replace(item, lift_basis=basis) for item in problem.data))
+    middle = basis.knots[0] + 0.35 * (basis.knots[-1] - basis.knots[0])
+    bump = 3e-6 * np.exp(-0.5 * ((basis.knots[2:-2] - middle) / np.radians(2.0)) ** 2)
+    moved = []
+    for index, item in enumerate(problem.data):
+        values = problem.values(solution.z, index)[0]
+        output, (shaft, measured, _) = evaluate(item.chain, values), transfer(item.chain, values, BINS)
+        cam = binned(output.load * basis.correction(output.motion.theta, bump, 1))
+        moved.append(replace(item, torque=item.torque + filtered(cam, shaft * measured)))
+    plain, found = (shared_lift(replace(problem, data=tuple(data)), solution.z, 1.0) for data in (problem.data, moved))
+    lift = LiftCorrection(basis.knots, 0.0, 0.0)
+    theta = middle + np.radians(np.linspace(-8.0, 8.0, 60))
+    wanted, told = lift.correction(theta, bump, 1), found.slope(theta) - plain.slope(theta)
+    assert np.sqrt(np.mean((told - wanted) ** 2)) < 0.25 * np.sqrt(np.mean(wanted**2))
+    before = basis.prior_std / (basis.knots[1] - basis.knots[0])
+    assert 0.02 * before < np.median(found.slope_stderr(theta)) < before
+    beside = np.array([basis.knots[-1] + 0.5])
+    assert (found.slope(beside), found.slope_stderr(beside)) == (0.0, 0.0)
+
+
+def test_a_residual_smaller_than_the_weights_admit_narrows_predictions_and_no_parameter(joint, solved):
+    problem, solution = solved
+    cov = joint.covariance
+    small = replace(solution, data_chi_square=0.25 * cov.freedom)
+    shown = shown_covariance(small, cov)
+    data = dense(replace(solution.hessian, diagonal=np.zeros(problem.size)))
+    wanted = np.linalg.inv(data / 0.25 + np.diag(cov.prior_std**-2.0))
+    scale = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(shown.among(range(problem.size)) / np.outer(scale, scale),
+                               wanted / np.outer(scale, scale), atol=1e-4)  # fmt: skip
+    assert shown_covariance(replace(solution, data_chi_square=1.1 * cov.freedom), cov) is None
+    rows = replace(KnownFit(problem.names, solution.z, cov.arrow, ()), shown=shown)
+    assert rows.predictive is cov.arrow, "no left-out recordings tell what the laws get wrong"
+
+
+def test_lift_correction_and_shown_covariance_are_read_back_from_the_file(campaign):
+    entries = [CampaignEntry(name, name, "ok", "", {"speed_rpm": 900.0}, folder=name) for name in campaign.names]
+    told = replace(campaign, shown=campaign.covariance)
+    doc = json.loads(json.dumps(campaign_fit_document(CampaignResult(tuple(entries), told, (), {}, ""))))
+    everything = range(len(doc["names"]))
+    scale = np.outer(campaign.covariance.std, campaign.covariance.std)
+    np.testing.assert_allclose(
+        known_shown(doc).among(everything) / scale, campaign.covariance.among(everything) / scale, atol=1e-5
+    )
+    theta = np.linspace(0.0, 2.0 * np.pi, 300)
+    largest = np.max(np.abs(campaign.lift.slope(theta)))
+    np.testing.assert_allclose(known_lift(doc).slope(theta), campaign.lift.slope(theta), atol=1e-5 * largest)
+    np.testing.assert_allclose(known_lift(doc).slope_stderr(theta), campaign.lift.slope_stderr(theta), rtol=1e-5)
+    old = {name: value for name, value in doc.items() if name not in ("shown", "lift_correction")}
+    assert (known_shown(old), known_lift(old)) == (None, None)
 
 
 def test_the_error_of_the_laws_does_not_average_out(prepared):

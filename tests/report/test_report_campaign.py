@@ -15,6 +15,7 @@ from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint import CampaignFit, JointRecording
 from camtorque.fit.leftout import HeldOut
+from camtorque.fit.shared_lift import SharedLift
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page, verdict_text
@@ -156,7 +157,8 @@ def joint_of(view: CampaignView) -> CampaignFit:
     drifts = tuple(Drift(f"parameter_{k}", "bar", ids, speeds, values, errors, 0.1, 0.2) for k in range(45))
     one = JointRecording((), "land", found, True)
     cov = ArrowCovariance.whole(np.zeros((0, 0)))
-    return CampaignFit(ids, (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), ())
+    lift = SharedLift(np.arange(8.0), np.zeros(4), np.zeros(4))
+    return CampaignFit(ids, (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), (), None, lift)
 
 
 def page_of_many(count: int) -> str:

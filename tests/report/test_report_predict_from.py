@@ -19,9 +19,11 @@ from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, found_end, load_for, matched_end, width_of
 from camtorque.fit.forecast import DRAWS, Load, _draws, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
+from camtorque.fit.shared_lift import SharedLift
 from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
+from camtorque.report.forecast_texts import assumptions
 from report_cases import run_result
 
 
@@ -164,7 +166,7 @@ def test_a_step_of_the_model_is_not_scaled_up(
                    ArrowCovariance.whole(np.diag([1e-34, 1.0])), (source,) * 3)  # fmt: skip
     names = ("torque", "mean", "pressure", "contact", "angle", "flow", "delivered")
 
-    def parts(chain: object, values: dict[str, float]) -> dict[str, np.ndarray]:
+    def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
         return {name: np.full(4, 1.0 + curve(values["leakage"])) * (1.0 if name == "torque" else 0.0) for name in names
                 } | {"mean": np.array(0.0), "delivered": np.array(0.0)}  # fmt: skip
 
@@ -174,6 +176,36 @@ def test_a_step_of_the_model_is_not_scaled_up(
     found = forecast_module.forecast(fit, chain, source, Load({}), {})  # type: ignore[arg-type]
     assert found.torque_std == pytest.approx(np.full(4, wanted), rel=0.25)
     assert np.max(found.shape_std) < 1e-9, "all of it is one constant"
+
+
+def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing else of the chain is real here: 1 kN and 10 um over a spline of 0.1 rad."""
+    knots = 0.1 * np.arange(14)
+    lift = SharedLift(knots, 1e-5 * (np.arange(10) == 4), np.full(10, 2e-4))
+    theta = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    output = SimpleNamespace(torque=np.zeros(400), load=np.full(400, 1e3), motion=SimpleNamespace(theta=theta),
+                             linear=np.zeros((400, 1)), pressure=np.zeros(400), flows=np.zeros((400, 4)))  # fmt: skip
+    monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
+    monkeypatch.setattr(forecast_module, "evaluate", lambda chain, values: output)
+    monkeypatch.setattr(forecast_module, "cam_torques", lambda chain, values, output, linear, slope: {
+        "pressure": np.full(400, 20.0), "lift_table": output.load * slope})  # fmt: skip
+    monkeypatch.setattr(forecast_module, "measured_torques", lambda chain, values, cam, zero: {
+        **cam, "torque_zero": np.zeros(400)})  # fmt: skip
+    monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
+    chain = SimpleNamespace(speed=50.0, theta=theta)
+
+    def run(lift: SharedLift | None) -> forecast_module.Forecast:
+        fit = replace(known([1e-9] * 3), values=np.array([1e-15, 2.0]), lift=lift)
+        return forecast_module.forecast(fit, chain, fit.recordings[1], Load({}), {})  # type: ignore[arg-type]
+
+    plain, moved = run(None), run(lift)
+    bump = np.trapezoid((moved.torque - plain.torque)[theta < 0.6], theta[theta < 0.6]) / 1e3
+    assert bump == pytest.approx(1e-5 * 2.0 / 3.0, rel=0.02), "the height of the spline in its middle"
+    assert np.max(np.abs(moved.torque - plain.torque)[theta > 0.8]) < 1e-9
+    assert moved.by_cause["lift_table"] == pytest.approx(moved.torque - plain.torque)
+    assert "lift_table" not in plain.by_cause
+    assert moved.torque_std[(theta > 0.2) & (theta < 1.1)] == pytest.approx(0.2, rel=1e-3)
+    assert np.max(moved.torque_std[theta > 1.3]) < 1e-6
 
 
 def test_a_constant_of_the_band_is_no_part_of_its_shape() -> None:
@@ -276,6 +308,24 @@ def test_two_loads_and_a_leakage_that_no_pump_has_are_refused(
     monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
     with pytest.raises(Refusal, match=text):
         predict_flow.predict_from(tmp_path, [500.0], **options)
+
+
+@pytest.mark.parametrize(("options", "kept"), [
+    ({}, True), ({"cam": Path("cam.csv")}, False), ({"pump": Path("pump.toml")}, False), ({"clearance": "+1um"}, True),
+])  # fmt: skip
+def test_the_lift_correction_goes_with_the_fitted_cam_and_with_no_other(
+    options: dict[str, Any], kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lift = SharedLift(np.arange(8.0), np.full(4, 2e-6), np.zeros(4))
+    fit = replace(known([0.1]), values=np.array([1e-15, 2.0]), recordings=(), lift=lift)
+    taken: list[KnownFit] = []
+    monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
+    monkeypatch.setattr(predict_flow, "_at_speed", lambda known, *rest: taken.append(known) or (None, ()))
+    monkeypatch.setattr(predict_flow, "forecast_document", lambda *parts: {})
+    predict_flow.predict_from(tmp_path, [500.0], **options)
+    assert (taken[0].lift is lift) == kept
+    texts = assumptions(taken[0], FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)
+    assert any("corrected by up to 2 µm, as all fitted recordings ask for" in text for text in texts) == kept
 
 
 def test_a_fit_of_another_version_is_refused(tmp_path: Path) -> None:

@@ -197,7 +197,7 @@ def _end_of_another_kind(
     """Return where delivery ends in a way that no fitted recording shows, found by ends of ``structure`` [rad]."""
     places = [known.own(item)[END_OF[structure]] for item in near]
     per = 1.0 if structure == "land" else float(np.interp(end.value, rising, np.gradient(lift, rising)))
-    left_open = float(np.mean(known.covariance.among(places))) / per**2
+    left_open = float(np.mean(known.predictive.among(places))) / per**2
     return Estimate(end.value, float(np.sqrt(end.stderr**2 + UNKNOWN_STD**2 + left_open)))
 
 
@@ -221,7 +221,7 @@ def width_of(known: KnownFit, name: str, recordings: Sequence[FittedAt]) -> tupl
     n = len(set(places))
     if n < 2:
         return None
-    values, left_open = known.values[places], known.covariance.among(places)
+    values, left_open = known.values[places], known.predictive.among(places)
     apart = np.eye(n) - 1.0 / n
     spread = (np.var(values, ddof=1) - np.trace(apart @ left_open) / (n - 1)) * (1.0 + 1.0 / n)
     between = max(float(spread), 0.0)
@@ -279,7 +279,7 @@ def found_end(
 
 def _difference_variance(known: KnownFit, name: str, recording: str, others: Sequence[str]) -> float:
     """Return the variance of a fitted end less the mean of some others [SI^2]."""
-    cov = known.covariance.among([known.own(item)[name] for item in (recording, *others)])
+    cov = known.predictive.among([known.own(item)[name] for item in (recording, *others)])
     away = np.r_[1.0, np.full(len(others), -1.0 / len(others))]
     return float(away @ cov @ away)
 

@@ -8,14 +8,16 @@ growing beyond the fitted speeds as they grew. The twist needs the torque itself
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.problem import END_NAMES, NEUTRAL, SPILL_NAMES
+from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
@@ -29,6 +31,7 @@ FRACTIONS = (0.2, 1.0)
 one counts: small draws make too much of a step of the model, large ones of the bounds."""
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
+Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
 SEAT = 2
 """Column of the chain's flows that is the one past the delivery valve."""
 
@@ -126,15 +129,19 @@ def forecast(
     mean.update({"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in load.ends.items()}})
     best = values_of(mean, source, changes)
     chain = settled(chain, best)
-    center = _parts(chain, best)
+    parts = partial(_parts, lift=known.lift)
+    center = parts(chain, best)
     scatters = []
     for fraction in FRACTIONS:
         drawn = [values_of(item, source, changes) for item in _draws(known, places, mean, load, fraction)]
-        scatters.append(_scatter(chain, center, drawn, best, fraction * load.pressure_std, fraction))
+        scatters.append(_scatter(parts, chain, drawn, best, fraction * load.pressure_std, fraction))
     std = {name: np.minimum(*(item.std[name] for item in scatters)) for name in center}
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
     law = law_std(torque, share)
+    if known.lift is not None:
+        std["cause lift_table"] = np.abs(center["contact"]) * known.lift.slope_stderr(center["angle"])
+        law = np.hypot(law, std["cause lift_table"])
     total = np.hypot(std["torque"], law)
     shape = np.minimum(*(shape_of(item.torque, total) for item in scatters))
     causes = [name for name in center if name.startswith("cause ")]
@@ -159,14 +166,14 @@ class Scatter:
 
 
 def _scatter(
-    chain: ChainInput, center: Mapping[str, Array], drawn: Sequence[Mapping[str, float]], best: Mapping[str, float],
+    parts: Parts, chain: ChainInput, drawn: Sequence[Mapping[str, float]], best: Mapping[str, float],
     pressure: Array, fraction: float,
 ) -> Scatter:  # fmt: skip
     """Return how far drawn values, and a line pressure moved by ``pressure`` (n,), move the curves."""
-    found = [_parts(chain, item) for item in drawn]
+    center, found = parts(chain, best), [parts(chain, item) for item in drawn]
     moved = {name: np.array([item[name] - middle for item in found]) / fraction for name, middle in center.items()}
     if pressure.size:
-        other = _parts(replace(chain, line_pressure=chain.line_pressure + pressure), best)
+        other = parts(replace(chain, line_pressure=chain.line_pressure + pressure), best)
         weight = np.sqrt(len(found)) / fraction  # one more draw that counts as much as all others
         moved = {name: np.vstack([rows.reshape(len(found), -1), weight * (other[name] - center[name])])
                  for name, rows in moved.items()}  # fmt: skip
@@ -200,7 +207,7 @@ def _draws(
     parts = [load.means.get(name, {place: 1.0}) for name, place in places.items()]
     index = sorted({place for part in parts for place in part})
     mixing = np.array([[part.get(place, 0.0) for place in index] for part in parts])
-    block = mixing @ known.covariance.among(index) @ mixing.T
+    block = mixing @ known.predictive.among(index) @ mixing.T
     scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
     values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]
@@ -209,7 +216,7 @@ def _draws(
     result = []
     for k, step in enumerate(fraction * normal @ root.T):
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
-        item["torque_zero"], item["pressure_zero"] = 0.0, item["pressure_zero"]
+        item["torque_zero"] = 0.0
         for (name, end), away in zip(load.ends.items(), found[k].tolist(), strict=True):
             item[name] = item.get(name, mean[name]) + fraction * end.stderr * away
         result.append(
@@ -240,13 +247,14 @@ def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:
     return chain
 
 
-def _parts(chain: ChainInput, values: Mapping[str, float]) -> dict[str, Array]:
+def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | None) -> dict[str, Array]:
     """Return torque, causes, pressure, contact force and cam angle of one set of values, (n,) each."""
     linear = np.array([values[name] for name in COLUMN_NAMES])
     output: ChainOutput = evaluate(chain, values)
-    cam = cam_torques(chain, values, output, linear, np.zeros(chain.theta.size))
-    causes = measured_torques(chain, values, cam, 0.0)
-    named = {f"cause {name}": part for name, part in causes.items() if name not in ("torque_zero", "lift_table")}
+    slope = np.zeros(chain.theta.size) if lift is None else lift.slope(output.motion.theta)
+    causes = measured_torques(chain, values, cam_torques(chain, values, output, linear, slope), 0.0)
+    left_out = ("torque_zero", "lift_table") if lift is None else ("torque_zero",)
+    named = {f"cause {name}": part for name, part in causes.items() if name not in left_out}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
     return {
         **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,

@@ -14,7 +14,14 @@ import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.drift import Drift, drift_findings, drift_spread, shared_drifts
-from camtorque.fit.joint_fit import JointFit, JointRecording, joint_covariance, joint_recording, values_of_each
+from camtorque.fit.joint_fit import (
+    JointFit,
+    JointRecording,
+    joint_covariance,
+    joint_recording,
+    shown_covariance,
+    values_of_each,
+)
 from camtorque.fit.joint_input import JointInput, Known
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, left_out, predicted
@@ -22,6 +29,7 @@ from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_SHARES
+from camtorque.fit.shared_lift import SharedLift, shared_lift
 from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import lifts_at, solve
 from camtorque.fit.starts import begun, ends_at
@@ -55,7 +63,8 @@ COMPARED = (
 class CampaignFit:
     """The joint fit: shared parameters, every recording's result, predictions of left-out recordings.
 
-    ``covariance`` is that of the free parameters ``free``, at ``values`` (k,) [SI].
+    ``covariance`` is that of the free parameters ``free``, at ``values`` (k,) [SI]; ``shown`` and ``lift`` are as in
+    `known_fit.KnownFit`.
     """
 
     names: tuple[str, ...]
@@ -68,6 +77,8 @@ class CampaignFit:
     drifts: tuple[Drift, ...]
     excluded: tuple[str, ...]
     findings: tuple[Finding, ...]
+    shown: ArrowCovariance | None
+    lift: SharedLift
 
 
 def common_error(item: FitData, count: int) -> FitData:
@@ -248,6 +259,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     return CampaignFit(
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(excluded), findings,
+        shown_covariance(solution, fit.covariance), shared_lift(problem, solution.z, fit.covariance.inflation),
     )  # fmt: skip
 
 

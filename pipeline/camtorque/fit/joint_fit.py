@@ -94,6 +94,20 @@ def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovarian
     return JointCovariance(found, found.std, before, inflation, freedom)
 
 
+def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
+    """Return the covariance that the residual alone shows, None where the weights admit no more than that.
+
+    The weights admit an error of the laws, the same in all recordings, even where the residual is smaller. It counts in
+    what the parameters truly are. In another run the same laws are wrong again: what that leaves is told by left-out
+    recordings and must not be counted twice.
+    """
+    shown = solution.data_chi_square / covariance.freedom
+    if shown >= 1.0:
+        return None
+    information = tuple(block / shown for block in solution.hessian.blocks)
+    return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / covariance.prior_std**2))
+
+
 def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:
     """Return the number of values that parameters take: the sum of the products of both matrices' elements."""
     total = 0.0

@@ -9,10 +9,13 @@ import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.problem import SEPARATOR
+from camtorque.fit.shared_lift import SharedLift
 from camtorque.records import Array, ReadOnly
 
 GROWTH = 0.02
 """Error as a share of the peak per unit of ln speed away from the fitted speeds, where no left-out run teaches it."""
+LEAST_LEFT_OUT = 3
+"""Left-out recordings that tell an error within the fitted speeds and its growth beyond them."""
 FLOOR = 0.15
 """Share of the law's error that is spread over the revolution whatever the torque is."""
 
@@ -34,12 +37,28 @@ class FittedAt:
 
 @dataclass(frozen=True)
 class KnownFit(ReadOnly):
-    """Values and covariance of a fit [SI], and the recordings behind it."""
+    """Values and covariance of a fit [SI], and the recordings behind it.
+
+    shown : the covariance as the residual alone has it (`joint_fit.shown_covariance`), None where it is the same
+    lift : correction of the lift table that all recordings ask for, None where it is not known or the cam is another
+    """
 
     names: tuple[str, ...]
     values: Array
     covariance: ArrowCovariance
     recordings: tuple[FittedAt, ...]
+    shown: ArrowCovariance | None = None
+    lift: SharedLift | None = None
+
+    @property
+    def taught(self) -> bool:
+        """Whether left-out recordings tell what the laws get wrong in another run, beyond the fitted speeds as well."""
+        return len(self.recordings) >= LEAST_LEFT_OUT and all(item.left_out for item in self.recordings)
+
+    @property
+    def predictive(self) -> ArrowCovariance:
+        """The covariance that goes into bands: where left-out runs tell the laws' error it need not hold that, too."""
+        return self.shown if self.taught and self.shown is not None else self.covariance
 
     @property
     def matrix(self) -> Array:
@@ -73,7 +92,7 @@ def law_share(known: KnownFit, speed: float) -> tuple[float, float]:
     speeds = np.log([item.speed for item in ordered])
     shares = np.array([item.share for item in ordered])
     beyond = float(max(speeds[0] - np.log(speed), np.log(speed) - speeds[-1], 0.0))
-    if len(ordered) < 3 or not all(item.left_out for item in ordered):
+    if not known.taught:
         return float(
             np.sqrt(np.mean(shares**2)) + GROWTH * max(beyond, abs(np.log(speed / known.nearest(speed).speed)))
         ), beyond

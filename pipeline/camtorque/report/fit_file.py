@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
 from camtorque.records import Array
 from camtorque.report.bundle import CampaignResult, RunResult
@@ -48,16 +49,46 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
         row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], about)
         modes = {mode: left.get((name, mode)) for mode in ("own_zero_and_end", "blind")}
         rows.append({**row, "left_out_rms_percent": modes})
-    arrow, std = joint.covariance, joint.covariance.std
+    document = _document(joint.free, joint.values, *_told(joint.free, rows, joint.covariance), rows)
+    if joint.shown is not None:
+        owns: list[dict[str, Any]] = [{} for _ in rows]
+        std, correlation = _told(joint.free, owns, joint.shown)
+        document["shown"] = {"stderr": std.tolist(), "correlation": correlation.tolist(), "recordings": owns}
+    lift = joint.lift
+    document["lift_correction"] = {
+        "first_knot": float(lift.knots[0]), "knot_step": float(lift.knots[1] - lift.knots[0]),
+        "coefficients": _rounded(lift.values[None])[0], "slope_stderr": _rounded(lift.slope_std[None])[0],
+    }  # fmt: skip
+    return document
+
+
+def _told(names: Sequence[str], rows: Sequence[dict[str, Any]], arrow: ArrowCovariance) -> tuple[Array, Array]:
+    """Return standard errors and the correlations of the shared parameters; each recording's own go into its row."""
+    std = arrow.std
     scale = std[arrow.shared]
     for row, place, through, rest in zip(rows, arrow.own, arrow.through, arrow.rest, strict=True):
         own = std[place]
         row["own"] = {
-            "names": [joint.free[k] for k in place], "through": _rounded(through * scale / own[:, None]),
+            "names": [names[k] for k in place], "through": _rounded(through * scale / own[:, None]),
             "rest": _rounded(rest / np.outer(own, own)),
         }  # fmt: skip
-    correlation = arrow.matrix / np.outer(scale, scale)
-    return _document(joint.free, joint.values, std, correlation, rows)
+    return std, arrow.matrix / np.outer(scale, scale)
+
+
+def known_lift(document: Mapping[str, Any]) -> SharedLift | None:
+    """Return the correction of the lift table that a fit.json states, None where it states none."""
+    stated = document.get("lift_correction")
+    if stated is None:
+        return None
+    values = np.array(stated["coefficients"], dtype=np.float64)
+    knots = stated["first_knot"] + stated["knot_step"] * np.arange(values.size + 4)
+    return SharedLift(knots, values, np.array(stated["slope_stderr"], dtype=np.float64))
+
+
+def known_shown(document: Mapping[str, Any]) -> ArrowCovariance | None:
+    """Return the covariance that the residual alone shows, None where a fit.json states no other."""
+    shown = document.get("shown")
+    return None if shown is None else known_covariance({**document, **shown})
 
 
 def known_covariance(document: Mapping[str, Any]) -> ArrowCovariance:

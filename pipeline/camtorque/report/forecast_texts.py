@@ -47,7 +47,7 @@ def _rounded(step_deg: float) -> float:
     return next((step for step in (1.0, 0.5, 0.25, 0.2) if step <= step_deg), 0.1)
 
 
-def assumptions(source: FittedAt, load: str, clearance: str, other: Path | None) -> tuple[str, ...]:
+def assumptions(known: KnownFit, source: FittedAt, load: str, clearance: str, other: Path | None) -> tuple[str, ...]:
     """Return what load, error of the model, clearance and pump were taken to be; ``other`` pump file or lift table."""
     laws = "as large as predictions of left-out recordings were off" if source.left_out else (
         "what the fit left over on its own held-out cycles, and 2 % of the peak torque more for each factor of 2.7 in "
@@ -58,6 +58,9 @@ def assumptions(source: FittedAt, load: str, clearance: str, other: Path | None)
     if clearance:
         base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
         texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
+    if known.lift is not None:
+        largest = float(np.max(np.abs(known.lift.values)))
+        texts.append(f"The lift table is corrected by up to {1e6 * largest:.1g} µm, as all fitted recordings ask for.")
     if other is not None:
         texts.append(f"Pump or cam of {other.name}; losses and chamber are those of the fitted pump.")
     return tuple(texts)
