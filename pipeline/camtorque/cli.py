@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from camtorque.commands import COMMANDS, Outcome
+from camtorque.commands.arguments import add_arguments
 from camtorque.process.stopping import stoppable
 from camtorque.process.system import described, forget, no_tracebacks, silence_output, usable_streams
 from camtorque.progress import silent
@@ -43,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, command in COMMANDS.items():
         arguments = commands.add_parser(name, help=command.help, description=command.help)
-        command.arguments(arguments)
+        add_arguments(arguments, name)
         if command.json:
             arguments.add_argument("--json", action="store_true", help="one JSON object on standard output")
         arguments.add_argument("--quiet", action="store_true", help="no progress lines on standard error")

@@ -7,41 +7,38 @@ run, ...      ``execute(arguments, tell) -> Outcome``, one module per command
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from camtorque.commands import arguments as takes
 from camtorque.progress import Progress
 
 
 @dataclass(frozen=True)
 class Command:
-    """One command: its help, its arguments; ``json``: True where it has a document."""
+    """One command: its help; ``json``: True where it has a document. Its options: `camtorque.commands.arguments`."""
 
     help: str
-    arguments: Callable[[argparse.ArgumentParser], None]
     json: bool = True
 
 
 COMMANDS: dict[str, Command] = {
-    "new": Command("look into logs and write a first recording.toml", takes.new),
-    "check": Command("what a recording holds and what is wrong with it", takes.check),
-    "align": Command("logs to cam angle without a model (torque not needed)", takes.align),
-    "run": Command("one recording: align, model, fit, report", takes.run),
-    "campaign": Command("every recording below a folder, then one joint fit", takes.campaign),
-    "fit": Command("one recording fitted with your own bounds and ties, by lmfit", takes.fit),
-    "compare": Command("two recordings of one pump, before and after: what changed", takes.compare),
-    "plan": Command("the cheapest next recordings for one number", takes.plan),
-    "watch": Command("a look at each block of a test while it runs", takes.watch),
-    "limits": Command("reports held against bands: pass or fail", takes.limits),
-    "export": Command("tables of a report for other programs; trends", takes.export),
-    "verify": Command("whether the files of an output are as they were written", takes.verify),
-    "predict": Command("torque and forces of a pump from its sheet", takes.predict),
-    "design": Command("a better cam for a pump: Pareto front, lift table", takes.design),
-    "study": Command("speed charted against accuracy; stability where methods fail", takes.study, False),
-    "completion": Command("lines that teach a shell to complete commands", takes.completion, False),
+    "new": Command("look into logs and write a first recording.toml"),
+    "check": Command("what a recording holds and what is wrong with it"),
+    "align": Command("logs to cam angle without a model (torque not needed)"),
+    "run": Command("one recording: align, model, fit, report"),
+    "campaign": Command("every recording below a folder, then one joint fit"),
+    "fit": Command("one recording fitted with your own bounds and ties, by lmfit"),
+    "compare": Command("two recordings of one pump, before and after: what changed"),
+    "plan": Command("the cheapest next recordings for one number"),
+    "watch": Command("a look at each block of a test while it runs"),
+    "limits": Command("reports held against bands: pass or fail"),
+    "export": Command("tables of a report for other programs; trends"),
+    "verify": Command("whether the files of an output are as they were written"),
+    "predict": Command("torque and forces of a pump from its sheet"),
+    "design": Command("a better cam for a pump: Pareto front, lift table"),
+    "study": Command("speed charted against accuracy; stability where methods fail", False),
+    "completion": Command("lines that teach a shell to complete commands", False),
 }
 """Every command in the order of the help; what does it is the module of its name."""
 

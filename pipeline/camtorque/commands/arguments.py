@@ -1,10 +1,11 @@
-"""Every option of the command line with its bounds. Imports nothing heavy: `--help` reads this alone."""
+"""Every option of the command line with its bounds, as a table. Imports nothing heavy: `--help` reads this alone."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 STUDIES = ("speed-accuracy", "stability")
 METHODS = ("closed", "recursion", "denoc")
@@ -51,202 +52,133 @@ def _range(low: float, high: float, above: bool) -> str:
     return start if high == float("inf") else f"{start} to {high:g}"
 
 
-def _recording(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder with recording.toml, or that file")
+Option = Mapping[str, Any]
 
 
-def _out(parser: argparse.ArgumentParser, required: bool = True, otherwise: str = "") -> None:
+def option(metavar: str, help: str, type: Callable[[str], Any] = Path, **how: Any) -> Option:
+    """Return the keywords of `argparse.ArgumentParser.add_argument` for an option with a value."""
+    return {"metavar": metavar, "help": help, "type": type, **how}
+
+
+def flag(help: str) -> Option:
+    """Return the keywords of an option without a value."""
+    return {"help": help, "action": "store_true"}
+
+
+def out(otherwise: str = "") -> dict[str, Option]:
+    """Return the option of the output folder, required where nothing is written otherwise."""
     text = "folder to be written" + (f" (default {otherwise})" if otherwise else "")
-    parser.add_argument("--out", type=Path, required=required, metavar="DIR", help=text)
+    return {"--out": option("DIR", text, required=not otherwise)}
 
 
-def _grid(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--n-theta", type=whole(LEAST_GRID, LARGEST_GRID), metavar="N", help="points of the angle grid (default 3600)"
-    )
+SPEED = number(0.0, FASTEST_RPM, above=True)
+RECORDING = {"recording": option("RECORDING", "folder with recording.toml, or that file")}
+RESULTS = {"results": option("RESULT", "result.json, its folder, or a folder with reports below it", nargs="+")}
+GRID = {"--n-theta": option("N", "points of the angle grid (default 3600)", whole(LEAST_GRID, LARGEST_GRID))}
+TOLERANCE = {
+    "--tolerance": option(
+        "SHARE", f"wanted error of the angle grid, share of the peak torque, at most {LARGEST_TOLERANCE:g}",
+        number(0.0, LARGEST_TOLERANCE, above=True),
+    ),
+}  # fmt: skip
+ARGUMENTS: dict[str, dict[str, Option]] = {
+    "new": {
+        "files": option("FILE", "logs of one recording", nargs="+"),
+        "--like": option("RECORDING", "recording or pump file whose pump, trigger and sensors it takes"),
+        **out("the folder of the first log"),
+    },
+    "check": RECORDING,
+    "align": {**RECORDING, **out(), **GRID},
+    "run": {
+        **RECORDING, **out("reports/NAME, NAME being the recording's folder"), **GRID, **TOLERANCE,
+        "--seed": option("N", "of the random numbers (default 0)", whole(0), default=0),
+        "--pdf": flag("the page as PDF too (extra `pdf`)"),
+        "--limits": option("FILE", "bands that the numbers have to stay in, see docs/limits.md; exit status 3 where "
+                           "one does not pass"),
+    },
+    "campaign": {
+        "folder": option("DIR", "folder with recordings at or below it"), **out(), **GRID, **TOLERANCE,
+        "--workers": option("N", "processes (default: as many as processors)", whole(1)),
+        "--scheduler": option("URL", "running Dask scheduler, tcp://host:8786", str, default=""),
+        "--cluster": option("FILE", "batch system to ask for workers (docs/campaigns.md)"),
+        "--only": option("KEY", "one recording by its name of --list; no joint fit", str, default=""),
+        "--list": flag("name, status and key of every recording; nothing is computed"),
+        "--prune": flag("remove results of older inputs, options and versions"),
+        "--retry-failed": flag("compute again what was refused before"),
+    },
+    "fit": {
+        **RECORDING,
+        "--parameters": option("FILE", "bounds, ties and fixed values, see docs/own_fit.md"),
+        "--intervals": option("NAME", "parameters whose confidence intervals are sought by refits (slow)", str,
+                              nargs="+", default=[]),
+    },
+    "compare": {
+        "before": option("BEFORE", "recording or report of one; campaign or folder of recordings (paired by speed)"),
+        "after": option("AFTER", "the same pump at the same speeds, later"), **out(),
+    },
+    "plan": {
+        "fit": option("RESULT", "campaign.json, result.json, or the folder that holds it"),
+        "--target": option("TEXT", "number and wanted standard uncertainty, such as 'chamber_peak 0.5 %%' or "
+                           "'leakage 0.05'", str, required=True),
+        "--no-tooth": flag("a second tooth cannot be fitted"),
+        "--speed": option("RPM", "speeds that the rig can run (default: 0.7 to 1.45 times the middle of the fitted "
+                          "ones)", SPEED, nargs="+", default=[]),
+        **out("none: the table alone"),
+    },
+    "watch": {
+        "folder": option("FOLDER", "recording whose CSV files grow, or folder in which finished recordings appear"),
+        "--every": option("S", "seconds between looks (default 2)", number(0.1, 3600.0), default=2.0),
+        "--block": option("CYCLES", "new cycles of a block (default 20)", whole(2, 100000), default=20),
+        "--enough": option("PERCENT", "noise of the mean torque that is small enough, percent of its peak (default "
+                           "0.1)", number(0.0, 10.0, above=True), default=0.1),
+        "--until-enough": flag("stop when there are enough cycles"),
+        "--seconds": option("S", "stop after that time", number(0.0), default=float("inf")),
+    },
+    "limits": {"file": option("LIMITS", "bands, see docs/limits.md"), **RESULTS},
+    "export": {
+        **RESULTS,
+        "--out": option("DIR", "folder to be written (default tables)", default=Path("tables")),
+        "--format": {"choices": FORMATS, "default": "csv", "help": "of the tables (default csv)"},
+        "--trend": flag("one row per report, and a figure over date and speed"),
+    },
+    "verify": {"folder": option("DIR", "output of run, align, predict or campaign")},
+    "predict": {
+        "pump": option("PUMP", "pump file, see docs/predict.md", nargs="?"),
+        "--from": option("RESULT", "values of a fit: result.json, campaign.json, or the folder that holds it",
+                         dest="fit"),
+        "--load-of": option("RECORDING", "recording or report whose line pressure is the load (default: the fitted "
+                            "one nearest in speed)"),
+        "--pump": option("FILE", "another pump with the fit's losses", dest="other_pump"),
+        "--cam": option("FILE", "another lift table, of the columns of the fitted one"),
+        "--clearance": option("CHANGE", "change of the plunger's clearance, such as +1um (=-1um: less), or 3um+1um "
+                              "from a known one (default 4 um)", str, default=""),
+        "--ending": option("NAME", f"how delivery ends under that load: {', '.join(ENDINGS)} (default: as in the "
+                           "fitted recordings)", str, choices=ENDINGS, default=""),
+        "--speed": option("RPM", "cam speeds [rpm]", SPEED, nargs="+", required=True),
+        "--pressure": option("FILE", "pressure on the plunger over cam angle (CSV)"),
+        "--method": option("NAME", f"{' or '.join(METHODS)} (default: {METHODS[0]})", str, choices=METHODS),
+        **out("none: the table alone"), **TOLERANCE,
+    },
+    "design": {
+        "task": option("DESIGN", "design file, see docs/design.md"),
+        "--from": option("RESULT", "friction, chamber and losses of a fit of this pump: result.json, campaign.json, "
+                         "or the folder that holds it", dest="fit"),
+        **out(),
+    },
+    "study": {
+        "name": option("NAME", " or ".join(STUDIES), str, choices=STUDIES), **out(),
+        "--quick": flag("a coarse version within about a minute"),
+    },
+    "completion": {"shell": option("SHELL", ", ".join(SHELLS), str, choices=SHELLS)},
+}  # fmt: skip
+"""Command -> option -> keywords of `argparse.ArgumentParser.add_argument`, in the order of the help."""
+EXCLUSIVE = {"campaign": ("--scheduler", "--cluster", "--only", "--list", "--prune")}
+"""Command -> options of which one may be given."""
 
 
-def _tolerance(parser: argparse._ActionsContainer) -> None:
-    text = f"wanted error of the angle grid, share of the peak torque, at most {LARGEST_TOLERANCE:g}"
-    parser.add_argument("--tolerance", type=number(0.0, LARGEST_TOLERANCE, above=True), metavar="SHARE", help=text)
-
-
-def _fit(parser: argparse.ArgumentParser) -> None:
-    _grid(parser)
-    _tolerance(parser)
-
-
-def new(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `new`."""
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="logs of one recording")
-    parser.add_argument(
-        "--like", type=Path, metavar="RECORDING", help="recording or pump file whose pump, trigger and sensors it takes"
-    )
-    _out(parser, required=False, otherwise="the folder of the first log")
-
-
-def check(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `check`."""
-    _recording(parser)
-
-
-def align(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `align`."""
-    _recording(parser)
-    _out(parser)
-    _grid(parser)
-
-
-def run(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run`."""
-    _recording(parser)
-    _out(parser, required=False, otherwise="reports/NAME, NAME being the recording's folder")
-    _fit(parser)
-    parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="of the random numbers (default 0)")
-    _pdf(parser)
-    _limits(parser)
-
-
-def _pdf(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--pdf", action="store_true", help="the page as PDF too (extra `pdf`)")
-
-
-def _limits(parser: argparse.ArgumentParser) -> None:
-    text = "bands that the numbers have to stay in, see docs/limits.md; exit status 3 where one does not pass"
-    parser.add_argument("--limits", type=Path, metavar="FILE", help=text)
-
-
-def limits(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `limits`."""
-    parser.add_argument("file", type=Path, metavar="LIMITS", help="bands, see docs/limits.md")
-    _results(parser)
-
-
-def _results(parser: argparse.ArgumentParser) -> None:
-    text = "result.json, its folder, or a folder with reports below it"
-    parser.add_argument("results", type=Path, nargs="+", metavar="RESULT", help=text)
-
-
-def export(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `export`."""
-    _results(parser)
-    parser.add_argument(
-        "--out", type=Path, default=Path("tables"), metavar="DIR", help="folder to be written (default tables)"
-    )
-    parser.add_argument("--format", choices=FORMATS, default="csv", help="of the tables (default csv)")
-    parser.add_argument("--trend", action="store_true", help="one row per report, and a figure over date and speed")
-
-
-def fit(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `fit`."""
-    _recording(parser)
-    text = "bounds, ties and fixed values, see docs/own_fit.md"
-    parser.add_argument("--parameters", type=Path, metavar="FILE", help=text)
-    text = "parameters whose confidence intervals are sought by refits (slow)"
-    parser.add_argument("--intervals", nargs="+", default=[], metavar="NAME", help=text)
-
-
-def campaign(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `campaign`."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="folder with recordings at or below it")
-    _out(parser)
-    _fit(parser)
-    parser.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: as many as processors)")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--scheduler", default="", metavar="URL", help="running Dask scheduler, tcp://host:8786")
-    where.add_argument(
-        "--cluster", type=Path, metavar="FILE", help="batch system to ask for workers (docs/campaigns.md)"
-    )
-    where.add_argument("--only", default="", metavar="KEY", help="one recording by its name of --list; no joint fit")
-    where.add_argument(
-        "--list", action="store_true", help="name, status and key of every recording; nothing is computed"
-    )
-    where.add_argument("--prune", action="store_true", help="remove results of older inputs, options and versions")
-    parser.add_argument("--retry-failed", action="store_true", help="compute again what was refused before")
-
-
-def compare(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `compare`."""
-    text = "recording or report of one; campaign or folder of recordings (paired by speed)"
-    parser.add_argument("before", type=Path, metavar="BEFORE", help=text)
-    parser.add_argument("after", type=Path, metavar="AFTER", help="the same pump at the same speeds, later")
-    _out(parser)
-
-
-def watch(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `watch`."""
-    text = "recording whose CSV files grow, or folder in which finished recordings appear"
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help=text)
-    every = number(0.1, 3600.0)
-    parser.add_argument("--every", type=every, default=2.0, metavar="S", help="seconds between looks (default 2)")
-    parser.add_argument(
-        "--block", type=whole(2, 100000), default=20, metavar="CYCLES", help="new cycles of a block (default 20)"
-    )
-    share = number(0.0, 10.0, above=True)
-    text = "noise of the mean torque that is small enough, percent of its peak (default 0.1)"
-    parser.add_argument("--enough", type=share, default=0.1, metavar="PERCENT", help=text)
-    parser.add_argument("--until-enough", action="store_true", help="stop when there are enough cycles")
-    forever = float("inf")
-    parser.add_argument("--seconds", type=number(0.0), default=forever, metavar="S", help="stop after that time")
-
-
-def verify(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `verify`."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="output of run, align, predict or campaign")
-
-
-def predict(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `predict`."""
-    speeds = number(0.0, FASTEST_RPM, above=True)
-    parser.add_argument("pump", type=Path, nargs="?", metavar="PUMP", help="pump file, see docs/predict.md")
-    text = "values of a fit: result.json, campaign.json, or the folder that holds it"
-    parser.add_argument("--from", dest="fit", type=Path, metavar="RESULT", help=text)
-    text = "recording or report whose line pressure is the load (default: the fitted one nearest in speed)"
-    parser.add_argument("--load-of", type=Path, metavar="RECORDING", help=text)
-    parser.add_argument(
-        "--pump", dest="other_pump", type=Path, metavar="FILE", help="another pump with the fit's losses"
-    )
-    parser.add_argument("--cam", type=Path, metavar="FILE", help="another lift table, of the columns of the fitted one")
-    text = "change of the plunger's clearance, such as +1um (=-1um: less), or 3um+1um from a known one (default 4 um)"
-    parser.add_argument("--clearance", default="", metavar="CHANGE", help=text)
-    text = f"how delivery ends under that load: {', '.join(ENDINGS)} (default: as in the fitted recordings)"
-    parser.add_argument("--ending", choices=ENDINGS, default="", metavar="NAME", help=text)
-    parser.add_argument("--speed", type=speeds, nargs="+", required=True, metavar="RPM", help="cam speeds [rpm]")
-    parser.add_argument("--pressure", type=Path, metavar="FILE", help="pressure on the plunger over cam angle (CSV)")
-    text = f"{' or '.join(METHODS)} (default: {METHODS[0]})"
-    parser.add_argument("--method", choices=METHODS, metavar="NAME", help=text)
-    _out(parser, required=False, otherwise="none: the table alone")
-    _tolerance(parser)
-
-
-def design(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `design`."""
-    parser.add_argument("task", type=Path, metavar="DESIGN", help="design file, see docs/design.md")
-    text = "friction, chamber and losses of a fit of this pump: result.json, campaign.json, or the folder that holds it"
-    parser.add_argument("--from", dest="fit", type=Path, metavar="RESULT", help=text)
-    _out(parser)
-
-
-def plan(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `plan`."""
-    text = "campaign.json, result.json, or the folder that holds it"
-    parser.add_argument("fit", type=Path, metavar="RESULT", help=text)
-    text = "number and wanted standard uncertainty, such as 'chamber_peak 0.5 %%' or 'leakage 0.05'"
-    parser.add_argument("--target", required=True, metavar="TEXT", help=text)
-    parser.add_argument("--no-tooth", action="store_true", help="a second tooth cannot be fitted")
-    speeds = number(0.0, FASTEST_RPM, above=True)
-    text = "speeds that the rig can run (default: 0.7 to 1.45 times the middle of the fitted ones)"
-    parser.add_argument("--speed", type=speeds, nargs="+", default=[], metavar="RPM", help=text)
-    _out(parser, required=False, otherwise="none: the table alone")
-
-
-def study(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `study`."""
-    parser.add_argument("name", choices=STUDIES, metavar="NAME", help=" or ".join(STUDIES))
-    _out(parser)
-    parser.add_argument("--quick", action="store_true", help="a coarse version within about a minute")
-
-
-def completion(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `completion`."""
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
+def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
+    """Add the options of a command to its parser."""
+    alone = EXCLUSIVE.get(command, ())
+    group = parser.add_mutually_exclusive_group() if alone else parser
+    for name, how in ARGUMENTS[command].items():
+        (group if name in alone else parser).add_argument(name, **how)

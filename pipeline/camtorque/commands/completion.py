@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Mapping
 
 from camtorque.commands import COMMANDS, Outcome, Tell
+from camtorque.commands.arguments import add_arguments
 
 BASH = """_camtorque() {{
   local word="${{COMP_WORDS[COMP_CWORD]}}" words
@@ -33,7 +34,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 def _words(name: str) -> list[str]:
     """Return the options of a command, and the values of an argument that has a list of them."""
     parser = argparse.ArgumentParser(prog=name)
-    COMMANDS[name].arguments(parser)
+    add_arguments(parser, name)
     found = ["--quiet", "--debug", "--json"] if COMMANDS[name].json else ["--quiet", "--debug"]
     for action in parser._actions:  # noqa: SLF001  argparse has no public list of them
         found += action.option_strings or [str(choice) for choice in action.choices or ()]
