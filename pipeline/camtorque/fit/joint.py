@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -28,11 +29,11 @@ from camtorque.fit.leftout import HeldOut, left_out, predicted
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
-from camtorque.fit.search import SCAN_SHARES
+from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift
 from camtorque.fit.single import SWITCHING, switching_shift
-from camtorque.fit.solver import lifts_at, solve
-from camtorque.fit.starts import begun, ends_at
+from camtorque.fit.solver import approach, lifts_at, try_at
+from camtorque.fit.starts import SEARCH_LIFT_CUT, begun, ends_at
 from camtorque.laws.chain import BINS
 from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
@@ -40,11 +41,12 @@ from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
 MOST_STARTS = 5
-SMOOTHINGS_DEG = (5.0, 1.5, 0.0)
+LADDER = ((5.0, 3), (1.5, 2), (0.0, 2))
+"""Smoothings of the residual that starts walk down [deg], and how many of them go on from each."""
 ANCHOR_LIMIT, ANCHOR_FACTOR = 3.0, 3.0
 """An anchor's inflation alone is below the larger of this and so many times the least one."""
 START_ITERATIONS = 6
-OWN_ITERATIONS = 6
+OWN_ITERATIONS = 12
 BAD_FACTOR = 4.0
 """A recording whose misfit exceeds the median by this factor has its structure searched anew."""
 EXCLUSION_FACTOR, FEWEST = 25.0, 3
@@ -154,21 +156,24 @@ def _of_anchors(
     begun = [with_known(item, values) for values in starts for item in data]
     items = each(lambda item: searched_anew(item, (item.structure,)), begun)
     problems = [build_problem(items[first : first + n]) for first in range(0, len(items), n)]
-    trials = each(_led_in, problems)
-    order = sorted(range(len(starts)), key=lambda k: (trials[k].chi_square, k))[:2]
-    again = [build_problem(started_at(problems[k], trials[k].z)) for k in order]
+    again = [build_problem(started_at(problem, z)) for problem, z in _led_in(problems, each)]
     ends = each(lambda problem: solve_many(problem, problem.start, 30), again)
     best = min(range(len(ends)), key=lambda k: ends[k].chi_square)
     return again[best], ends[best]
 
 
-def _led_in(problem: Problem) -> JointSolution:
-    """Return where a start leads with less and less smoothing."""
-    start = problem.start
-    for smoothing in SMOOTHINGS_DEG:
-        trial = solve_many(problem, start, START_ITERATIONS, smoothing * DEGREE)
-        start = trial.z
-    return trial
+def _led_in(problems: Sequence[Problem], each: Each) -> list[tuple[Problem, Array]]:
+    """Return where the best of some starts lead with less and less smoothing."""
+    led = [(problem, problem.start) for problem in problems]
+    for smoothing, kept in LADDER:
+        trials = each(partial(_step_down, smoothing=smoothing), led)
+        order = sorted(range(len(led)), key=lambda k: (trials[k].chi_square, k))[:kept]
+        led = [(led[k][0], trials[k].z) for k in order]
+    return led
+
+
+def _step_down(start: tuple[Problem, Array], smoothing: float) -> JointSolution:
+    return solve_many(*start, START_ITERATIONS, smoothing * DEGREE)
 
 
 def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
@@ -187,30 +192,33 @@ def misfits(solution: JointSolution) -> list[bool]:
     return [bool(value > max(BAD_FACTOR * float(np.median(each)), 30.0)) for value in each]
 
 
-def own_fitted(item: FitData, iterations: int = OWN_ITERATIONS) -> FitData:
-    """Return a recording whose own parameters were fitted with the shared ones held at their starts."""
-    problem = build_problem([item], {name: row.start for name, row in item.rows.items() if row.role == "shared"})
-    solution = solve(problem, None, iterations)
-    return started_at(problem, solution.z)[0]
+def own_fitted(item: FitData, held: Mapping[str, float]) -> tuple[float, FitData]:
+    """Return chi-square and recording where some iterations in the parameters that are not held lead."""
+    problem = build_problem([item], held)
+    modes = lifts_at(problem, problem.start, SEARCH_LIFT_CUT)
+    trial = approach(problem, try_at(problem, problem.start, modes), OWN_ITERATIONS, modes, 0.0)
+    return trial.chi_square, started_at(problem, trial.z)[0]
 
 
 def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> FitData:
     """Return a recording in the structure and with the end of delivery that the shared values like best.
 
-    All places are weighed with the lift correction at the start, which costs more than the rest; the best of them,
-    fitted, each with its own.
+    As in the search of one recording only what is large of the lift correction counts. All places are weighed with that
+    of the start, the best of them fitted, each with its own.
     """
     held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
-    problem = build_problem([item], held)
-    lifts = lifts_at(problem, problem.start)
+    rough = replace(item, lift_basis=item.lift_basis.thinned())
+    problem = build_problem([rough], held)
+    lifts = lifts_at(problem, problem.start, SEARCH_LIFT_CUT)
     tried: list[FitData] = []
     for structure in structures:
-        other = replace(item, structure=structure)
-        tried += [item] if structure == item.structure else []
+        other = replace(rough, structure=structure)
+        tried += [rough] if structure == item.structure else []
         tried += [other] if structure == "open" else [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)]
     values = [begun(trial, lifts, held) for trial in tried]
-    fitted = [own_fitted(tried[k], 12) for k in np.argsort(values, kind="stable")[:4]]
-    return min(fitted, key=lambda trial: begun(trial, None, held))
+    fitted = [own_fitted(tried[k], held) for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
+    best = min(fitted, key=lambda pair: pair[0])[1]
+    return replace(best, lift_basis=item.lift_basis)
 
 
 def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads: int = 1) -> CampaignFit:
