@@ -210,5 +210,5 @@ def align_map(quick: bool) -> StabilityMap:
         for name in names
         for method, (run, default) in METHODS.items()
     ]
-    note = "rms error of the mean torque over its peak: up to 1 % works, up to 5 % or reported degrades"
+    note = "rms error of the mean torque over its peak: up to 1 % works, up to 5 % or told degrades"
     return StabilityMap("alignment", "Trigger, clock, noise and length of a record", tuple(cells), note)
