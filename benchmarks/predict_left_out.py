@@ -11,7 +11,7 @@ sure: weighted by the band, so that an error in one place is not spread over the
 torque less a constant. One line per recording and source of the load: whether its speed lies inside those of the
 others, rms error and band width as shares of the peak, share of the revolution inside the pointwise 95 % band, and the
 same where the torque is or moves. Where the others do not all end as it does, it is predicted with its own ending,
-too, and where none does with either.
+beside as they end, and where none does with either.
 """
 
 from __future__ import annotations
@@ -138,16 +138,15 @@ def left_out_rows(prepared: Sequence[Prepared], steps: Sequence[float]) -> list[
     for k, left in enumerate(prepared):
         used = [item for j, item in enumerate(prepared) if j != k]
         known = known_fit(used)
-        for step_deg in steps:
+        own, shown = left.candidates[0].data.structure, {item.structure for item in known.recordings}
+        others = (own,) if len(shown) > 1 else (own, EITHER) if own not in shown else ()
+        asked = [(ending, 0.0) for ending in ("", *others[1:])] if others else []
+        for ending, step_deg in (*asked, *((others[0] if others else "", step_deg) for step_deg in steps)):
             try:
-                rows.append(predicted(known, used, left, step_deg, ""))
+                rows.append(predicted(known, used, left, step_deg, ending))
             except Refusal as refusal:
                 rows.append({"left_out": left.recording.config.id, "load": f"file, {step_deg:g} deg: {refusal}"})
             print(rows[-1], flush=True)
-        own, shown = left.candidates[0].data.structure, {item.structure for item in known.recordings}
-        others = (own,) if len(shown) > 1 else (own, EITHER) if own not in shown else ()
-        rows += [predicted(known, used, left, 0.0, ending) for ending in others if own in END_OF]
-        print(*rows[len(rows) - len(others) :], sep="\n", flush=True)
     return rows
 
 

@@ -21,7 +21,7 @@ REFUSED = [
     ({"free": "plunger_diameter_mm = [6000, 9000]"}, r"found bounds 6000 to 9000, but the pump has 8 "),
     ({"free": "base_circle_radius_m = [0.018, 0.025]"}, "did you mean 'base_circle_radius_mm'"),
     ({"free": "rise_deg = [-10, 60]"}, "found a lower bound of -10, expected at least 1"),
-    ({"free": "phase_2_deg = [0, 90]"}, "phase_2_deg: nothing of this name can be free"),
+    ({"free": "phase_2_deg = [0, 90]"}, r"phase_2_deg: nothing .* free; the pump file has 1 pump on the shaft: give"),
     ({"free": "follower_offset_mm = [-0.006, 0.009]"}, "-0.006 to 0.009, but the base circle has 20 .* check the unit"),
     ({"free": "follower_offset_mm = [-30, 9]"}, "reaches 30 mm, but base circle and roller may be as small as 28 mm"),
     ({"free": ""}, r"\[free\]: nothing is free"),
@@ -68,6 +68,37 @@ def test_limit_that_no_design_can_meet_names_the_bound_it_meets(tmp_path):
     task = task_of(tmp_path, free="base_circle_radius_mm = [18, 22]", aims=AIM, limits="cam_radius_mm = { most = 25 }")
     with pytest.raises(Refusal, match=r"cam radius mm most 25 \(reached 26, missed by 1 mm\) cannot be met within the "
                                       "lower bound of base_circle_radius_mm"):  # fmt: skip
+        find_front(task, lambda text: None)
+
+
+def test_a_limit_of_nothing_names_the_limit_that_gives_way_to_it(tmp_path):
+    """Contact at 4000 rpm asks for a spring that its limit forbids."""
+    load = "[[load]]\nspeed_rpm = 4000\npressure_bar = 600\ncloses_mm = 1.5\nspills_mm = 4.5\n"
+    free = "spring_preload_N = [5, 110]\nspring_stiffness_N_per_mm = [1, 20]"
+    limits = "contact_force_n = { least = -1000 }\nspring_force_n = { most = 60 }"
+    task = task_of(tmp_path, free=free, aims=AIM, limits=limits, load=load)
+    with pytest.raises(Refusal, match=r"contact force n least 0 \(reached -.* and spring force n most 60 \(reached 2.*"
+                                      "collide within the upper bound of spring_preload_N"):  # fmt: skip
+        find_front(task, lambda text: None)
+
+
+@pytest.mark.parametrize("limit", ["least = 340", "most = 700"])
+def test_a_looser_limit_of_the_user_leaves_the_cam_its_rest_on_the_base_circle(tmp_path, limit):
+    free = "rise_deg = [150, 220]\nreturn_deg = [150, 220]"
+    task = task_of(
+        tmp_path, free=free, aims=AIM, limits=f"lobe_angle_deg = {{ {limit} }}", more="[answer]\nstarts = 1\n"
+    )
+    (point,) = find_front(task, lambda text: None).points[:1]
+    assert 340.0 <= sum(point.design.values[name] for name in ("rise_deg", "top_dwell_deg", "return_deg")) < 359.01
+
+
+@pytest.mark.parametrize(("limit", "message"), [
+    ("hertz_gpa = { most = 1800 }", r"hertz_gpa: found most 1800 GPa, but the first guess has .* limit nothing; check"),
+    ("convex_radius_mm = { least = 0.005 }", r"found least 0\.005 mm, but the first guess has .* check the unit"),
+])  # fmt: skip
+def test_a_limit_in_another_unit_that_limits_nothing_is_refused(tmp_path, limit, message):
+    task = task_of(tmp_path, free=OFFSET, aims=AIM, limits=limit)
+    with pytest.raises(Refusal, match=message):
         find_front(task, lambda text: None)
 
 

@@ -10,15 +10,17 @@ import numpy as np
 
 from camtorque.design.problem import Problem
 from camtorque.design.programme import Scale, limit_scale, signs_of
-from camtorque.design.responses import MOST, RESPONSES
+from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
 from camtorque.design.solver import Solution, multipliers
-from camtorque.design.task import Limit
+from camtorque.design.task import SLIP, Limit
 from camtorque.records import Refusal
 
 NOTHING = 1.0e-6
 """A multiplier below this share of that of the aims is rounding."""
 CORNER = 0.1
 """An aim whose own multiplier is below this share of the others' has no price: the front has a corner there."""
+SEEN = 1.0e-3
+"""A miss above this share of the limit is told."""
 SHARE = 0.02
 """A multiplier below this share of the greatest does not take part in a collision."""
 
@@ -39,6 +41,8 @@ class Price:
     per_aim: Mapping[str, float]
 
 
+ANY_FIRST = ("hollow_radius_mm", "contact_force_n")
+"""Responses that may be far from any sensible limit at the first guess: no flank is hollow, or hardly any load."""
 UNITS = {
     "mm3_per_deg": "mm³/deg", "mm_per_rad3": "mm/rad³", "mm_per_rad2": "mm/rad²", "mm_per_rad": "mm/rad",
     "N_per_mm": "N/mm", "mm3": "mm³", "mm": "mm", "deg": "deg", "rpm": "rpm", "gpa": "GPa", "nm": "N m", "N": "N",
@@ -108,6 +112,25 @@ def _size(problem: Problem, label: str, limits: Mapping[str, Limit]) -> float | 
     return None
 
 
+def refuse_idle(problem: Problem) -> None:
+    """Refuse limits that are so far from the first guess that they do nothing.
+
+    Raises
+    ------
+    Refusal : a ``most`` far above it, or a ``least`` far below it: another unit's number
+    """
+    design = problem.evaluated(problem.start())
+    for limit in problem.task.limits:
+        first = RESPONSES[limit.response].value(design)
+        idle = limit.value > SLIP * first if limit.kind == MOST else 0.0 < limit.value < first / SLIP
+        if limit.kind != EQUAL and limit.response not in ANY_FIRST and first > 0.0 and idle:
+            unit = unit_of(limit.response)
+            raise Refusal(
+                f"{problem.task.path} [limits] {limit.response}: found {limit.kind} {limit.value:g} {unit}, but the "
+                f"first guess has {first:.3g} {unit}: it would limit nothing; check the unit, or leave it out"
+            )
+
+
 def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
     """Refuse a task whose limits cannot be kept together.
 
@@ -124,7 +147,11 @@ def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
     bounds = [label.replace(" ", " bound of ", 1) for label in found if label.split(" ")[0] in ("lower", "upper")
               and not label.endswith("shape")]  # fmt: skip
     design = problem.evaluated(nearest.variables)
-    missed = [_missed(limit, RESPONSES[limit.response].value(design)) for limit in colliding[:3] or problem.limits[:1]]
+    reached = {limit: RESPONSES[limit.response].value(design) for limit in problem.limits}
+    # a limit of 0 has no size to be scaled by: what gives way to it is missed by little of a large scale
+    colliding += [limit for limit, value in reached.items()
+                  if limit not in colliding and _over(limit, value) > SEEN * abs(limit.value)]  # fmt: skip
+    missed = [_missed(limit, reached[limit]) for limit in colliding[:3] or problem.limits[:1]]
     against = " and ".join(missed)
     within = f" within the {', '.join(bounds)}" if bounds else " within the bounds of [free]"
     verb = "collide" if len(missed) > 1 else "cannot be met"
@@ -134,8 +161,12 @@ def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
     )
 
 
+def _over(limit: Limit, value: float) -> float:
+    """Return by how much a value misses a limit, in its unit; below 0 where it is kept."""
+    return {MOST: value - limit.value, LEAST: limit.value - value}.get(limit.kind, abs(value - limit.value))
+
+
 def _missed(limit: Limit, value: float) -> str:
     """Return a limit with what the best compromise reaches."""
-    over = value - limit.value if limit.kind == MOST else limit.value - value
     unit = unit_of(limit.response)
-    return f"{limit.text} (reached {value:.4g}, missed by {abs(over):.3g} {unit})".replace("_", " ")
+    return f"{limit.text} (reached {value:.4g}, missed by {abs(value - limit.value):.3g} {unit})".replace("_", " ")

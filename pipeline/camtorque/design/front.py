@@ -11,7 +11,7 @@ from math import comb
 import numpy as np
 
 from camtorque.design.evaluate import Design
-from camtorque.design.explain import refuse_collision
+from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
 from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
 from camtorque.design.responses import RESPONSES
@@ -57,9 +57,10 @@ def find_front(task: Task, tell: Progress) -> Front:
 
     Raises
     ------
-    Refusal : no design keeps all limits; the message says which collide, and by how much
+    Refusal : a limit limits nothing; no design keeps all limits; the message says which collide, and by how much
     """
     problems = [Problem(task, family) for family in task.families]
+    refuse_idle(problems[0])
     ends = [_ends(problem, tell) for problem in problems]
     if not any(ends):
         refuse_collision(problems[0], min((_least_violation(p) for p in problems), key=lambda s: s.violation))

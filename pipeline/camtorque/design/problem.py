@@ -40,8 +40,7 @@ class Problem:
         self._slopes: dict[bytes, Values] = {}
 
     def _all_limits(self) -> tuple[Limit, ...]:
-        """Return the limits of the task, and those that every cam has to keep, where the task has none of its own."""
-        own = {limit.response for limit in self.task.limits}
+        """Return the limits of the task, and those that every cam has to keep, where the task has none as tight."""
         always: tuple[Limit, ...] = (
             Limit("convex_radius_mm", "least", LEAST_RADIUS),
             Limit("contact_force_n", "least", 0.0),
@@ -51,7 +50,8 @@ class Problem:
         if guide > 0.0:
             steepest = round(float(np.rad2deg(np.arctan(LARGEST_JAM / guide))), 1)
             always = (*always, Limit("pressure_angle_rise_deg", "most", steepest))
-        return (*self.task.limits, *(limit for limit in always if limit.response not in own))
+        own = self.task.limits
+        return (*own, *(limit for limit in always if not any(one.as_tight_as(limit) for one in own)))
 
     def start(self) -> Array:
         """Return the variables of the pump as it is, moved into the bounds; a lift table starts as a modified sine."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from camtorque.design.load_tables import loads_of
 from camtorque.design.loads import Load
 from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
-from camtorque.design.responses import RESPONSES
+from camtorque.design.responses import MOST, RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
 from camtorque.ingest.pump_file import read_pump
 from camtorque.records import Refusal
@@ -28,6 +29,8 @@ SLIP = 50.0
 LEAST_OFFSET = 0.002
 """Share of the base circle's radius below which the bounds of a follower offset are taken for one, too."""
 KNEE = "knee"
+PHASE = r"phase_\d+_deg"
+"""Name of the phase of a pump on a shaft."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,12 @@ class Limit:
     def text(self) -> str:
         """Return the limit as the user wrote it."""
         return f"{self.response} {self.kind} {self.value:g}"
+
+    def as_tight_as(self, other: Limit) -> bool:
+        """Return whether what keeps this limit keeps another one, too."""
+        if (self.response, self.kind) != (other.response, other.kind):
+            return False
+        return self.value <= other.value if self.kind == MOST else self.value >= other.value
 
 
 @dataclass(frozen=True)
@@ -159,7 +168,11 @@ def _variables(free: Table, values: dict[str, float], pumps: int) -> tuple[Varia
     found = []
     for name, bounds in free.values.items():
         if name not in allowed:
-            raise Refusal(f"{free.where(name)}: nothing of this name can be free{expected_one_of(name, allowed)}")
+            told = (
+                f"; the pump file has {pumps} pump{'s' * (pumps > 1)} on the shaft: give a phase for each more in "
+                "phases_deg of its [shaft]" if re.fullmatch(PHASE, name) else expected_one_of(name, allowed)
+            )  # fmt: skip
+            raise Refusal(f"{free.where(name)}: nothing of this name can be free{told}")
         low, high = _bounds(free, name, bounds)
         least = QUANTITIES[name].least if name in QUANTITIES else -360.0
         if low < least:
