@@ -27,7 +27,7 @@ from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
 from camtorque.fit.endings import EITHER, either, endings_of
-from camtorque.fit.ends import END_OF, Curve, load_for
+from camtorque.fit.ends import Curve, load_for
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import shown_covariance
