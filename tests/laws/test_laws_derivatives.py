@@ -13,6 +13,7 @@ from camtorque.laws.chain import (
     chamber_of,
     drive_response,
     evaluate,
+    with_transfer,
 )
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import (
@@ -90,6 +91,16 @@ def test_tangents_do_not_change_the_values(exact):
         # the derivative takes one more iteration of each time step, which adds what is below the chamber's tolerance
         np.testing.assert_allclose(plain.torque, output.torque, rtol=0.0, atol=1e-6)
         np.testing.assert_allclose(plain.pressure, output.pressure, rtol=0.0, atol=1.0)
+
+
+def test_another_transfer_finds_the_cam_as_it_is(exact):
+    data, values, output = exact["land"]
+    moved = {**values, "cutoff": 0.5 * values["cutoff"], "gain_error": 0.01}
+    found, anew = with_transfer(data, output, moved), evaluate(data, moved)
+    # both leave the cam alone; the output known here has had one iteration more of each time step
+    np.testing.assert_allclose(found.torque, anew.torque, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found.linear, anew.linear, rtol=1e-6, atol=1e-9)
+    assert np.max(np.abs(found.torque - output.torque)) > 0.01
 
 
 def test_without_a_chamber_only_the_pressure_zero_moves_the_pressure():

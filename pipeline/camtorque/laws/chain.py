@@ -8,7 +8,7 @@ former. All derivatives are exact: tangents in the compiled chamber and mechanic
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -136,6 +136,7 @@ class ChainOutput:
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
     path : (m, 3) the chamber after each time step, from which the derivative at the same values needs no search
     least_guide : least 1 - mu |tan phi| sign(y'); the follower jams at 0
+    spectra : (BINS // 2 + 1, 10) harmonics of torque and columns but the last on the cam, before shaft and sensor
     """
 
     torque: Array
@@ -149,6 +150,7 @@ class ChainOutput:
     flows: Array
     path: Array
     least_guide: float
+    spectra: NDArray[np.complex128]
 
 
 def highest_order(deviation: Array) -> int:
@@ -272,8 +274,7 @@ def evaluate(
     each = data.theta.size // BINS
     taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
     spectra = np.fft.rfft(binned_by(np.column_stack([plain, columns]), taps, BINS), axis=0) * restoring
-    behind = np.fft.irfft(spectra * through[:, None], BINS, axis=0)
-    torque, linear = behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
+    torque, linear = _behind(spectra, through)
     derivative = None
     if tangents:
         fine = torque_tangents(by, slopes, *motion.shifts, data.speed, len(NONLINEAR_NAMES))
@@ -282,7 +283,22 @@ def evaluate(
         spectrum[:, FILTER_PLACES] += unfiltered[:, None] * by_filter
         derivative = np.fft.irfft(spectrum, BINS, axis=0)
         derivative[:, GAIN_PLACE] = (torque + linear[:, :-1] @ c[:-1]) / gain
-    return ChainOutput(torque, linear, derivative, motion, pressure, by, load, states, flows, path, float(least))
+    return ChainOutput(
+        torque, linear, derivative, motion, pressure, by, load, states, flows, path, float(least), spectra
+    )
+
+
+def _behind(spectra: NDArray[np.complex128], through: NDArray[np.complex128]) -> tuple[Array, Array]:
+    """Return torque and columns (BINS,), (BINS, 10) behind a transfer from their harmonics on the cam."""
+    behind = np.fft.irfft(spectra * through[:, None], BINS, axis=0)
+    return behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
+
+
+def with_transfer(data: ChainInput, output: ChainOutput, values: Mapping[str, float]) -> ChainOutput:
+    """Return an output behind the shaft and the sensor of other values; on the cam everything stays as it is."""
+    shaft, measured, _ = transfer(data, values, BINS)
+    torque, linear = _behind(output.spectra, shaft * measured * (1.0 + values["gain_error"]))
+    return replace(output, torque=torque, linear=linear, derivative=None)
 
 
 def with_substeps(data: ChainInput, output: ChainOutput, values: Mapping[str, float]) -> NDArray[np.int64]:
