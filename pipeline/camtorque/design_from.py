@@ -25,7 +25,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.lift_laws import lift_law
-from camtorque.predict_from import FRICTION_NAMES, Rig, chain_of, curve_of, read_fit, rig_of, with_forces
+from camtorque.predict_from import Rig, chain_of, curve_of, friction_of, read_fit, rig_of, with_forces
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Estimate, Forces, Refusal
 from camtorque.report.forecast_page import sweep_row
@@ -73,8 +73,6 @@ def fitted_pump(known: Known) -> FittedPump:
     Refusal : the sheets of its recordings are gone
     """
     first = known.reports[known.fit.recordings[0].id]
-    places = {name: k for k, name in enumerate(known.fit.names)}
-    guide, bearing, pin = (float(known.fit.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES)
 
     def stroke(name: str, speed: float) -> FittedStroke:
         source = known.source(name, speed)
@@ -88,7 +86,7 @@ def fitted_pump(known: Known) -> FittedPump:
 
     return FittedPump(
         path=known.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
-        friction=(guide, bearing, pin), law=lift_law(rig_of(first, None, None).table),
+        friction=friction_of(known.fit, known.fit.recordings[0]), law=lift_law(rig_of(first, None, None).table),
         recordings=tuple(item.id for item in known.fit.recordings), stroke=stroke,
     )  # fmt: skip
 

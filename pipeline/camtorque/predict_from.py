@@ -20,6 +20,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
+from camtorque.design.fitted import FRICTION_NAMES
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
 from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import Forecast, Load, forecast
@@ -55,7 +56,6 @@ from camtorque.units import RPM
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
-FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
 
 
 @dataclass(frozen=True, repr=False)
@@ -322,12 +322,16 @@ def with_forces(
 ) -> tuple[Forecast, Forces]:
     """Return a run at the speed and line pressure of a chain, with the forces that come with it."""
     item = forecast(known, chain, source, load, changes)
-    places = known.own(source.id)
-    arms = [float(known.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES]
-    tables = closed_form_tables(
-        rig.pump, lift_law(rig.table), item.true_angle, Mounting(rotation=rig.rotation), Friction(*arms)
-    )
+    friction, mounting = Friction(*friction_of(known, source)), Mounting(rotation=rig.rotation)
+    tables = closed_form_tables(rig.pump, lift_law(rig.table), item.true_angle, mounting, friction)
     return item, forces_of(rig.pump, tables, item.pressure, chain.speed)
+
+
+def friction_of(known: KnownFit, source: FittedAt) -> tuple[float, float, float]:
+    """Return guide coefficient, bearing and pin arm of a fitted recording [-, m, m]."""
+    places = known.own(source.id)
+    guide, bearing, pin = (float(known.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES)
+    return guide, bearing, pin
 
 
 def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:

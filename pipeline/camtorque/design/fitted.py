@@ -13,7 +13,8 @@ from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.results import read_result
 
 FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
-NAMES = ("guide_friction", "bearing_arm", "pin_arm")
+FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
+"""Parameters of a fit that make the friction of a pump file."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float
     """
     document = read_result(path)
     same_pump(path, config, str(document["recording"].get("pump", "")))
-    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in NAMES]
+    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in FRICTION_NAMES]
     guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
     return guide, bearing, pin
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.design.problem import Problem
+from camtorque.design.problem import Problem, Values
 from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
 from camtorque.records import Array, ReadOnly
 
 AUGMENT = 1.0e-4
 """Weight of the sum of all aims: what costs no other aim is taken along."""
-Parts = Mapping[str, tuple[Array, ...]]
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ class Programme:
         labels = [block.label for block in found for _ in range(block.value.size)]
         return [b.value for b in found], [b.rows(self.size, n) for b in found] if slopes else [], labels
 
-    def _aims(self, vector: Array, parts: Parts, tangents: Parts) -> Iterator[Block]:
+    def _aims(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
         """Yield that every value of an aim stays below its bound t, and t near the reference."""
         for i, (name, sign) in enumerate(zip(self.aims, signs_of(self.problem), strict=False)):
             width, offset, t = self.scale.width[i], self.scale.offset[i], vector[self.at_aims + i]
@@ -93,14 +92,14 @@ class Programme:
                 others = {self.size - 1: 1.0, self.at_aims + i: -1.0}
                 yield Block(value, np.zeros((1, self.problem.size)), 0.0, others, f"reference {name}")
 
-    def _floors(self, vector: Array, parts: Parts, tangents: Parts) -> Iterator[Block]:
+    def _floors(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
         """Yield that the lower values of a range stay above its floor."""
         for (name, k), i in self.floors.items():
             share, at = self.floor_scale[name], self.at_floors + i
             value = parts[name][2 * k + 1] / share - vector[at]
             yield Block(value, tangents[name][2 * k + 1], 1.0 / share, {at: -1.0}, f"floor {name}")
 
-    def _limits(self, vector: Array, parts: Parts, tangents: Parts) -> Iterator[Block]:
+    def _limits(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
         """Yield that every limit is kept, or missed by no more than s."""
         slack, shared = (vector[-1], {self.size - 1: 1.0}) if self.relaxed else (0.0, {})
         for limit in self.problem.limits:

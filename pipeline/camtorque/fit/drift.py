@@ -11,8 +11,8 @@ from camtorque.fit.joint_input import Known
 from camtorque.fit.problem import Problem
 from camtorque.records import Array, Finding
 
-DRIFT_TOLD = 2.5
-"""Standard errors beyond which a slope is told."""
+DRIFT_SIGMA = 2.5
+"""Standard errors beyond which a slope is a finding."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Drift:
     @property
     def significant(self) -> bool:
         """Whether the slope stands out of its standard error."""
-        return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_TOLD * self.slope_stderr
+        return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_SIGMA * self.slope_stderr
 
 
 def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:

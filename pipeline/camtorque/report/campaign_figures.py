@@ -12,8 +12,6 @@ from camtorque.report.numbers import unit_text, words
 from camtorque.report.tones import RAMP
 from camtorque.units import DEGREE
 
-DRIFT_SIGMA = 2.5
-"""A slope beyond this many standard errors is drawn in the colour of a warning, as the fit's finding says it."""
 THIRD = 380.0
 MOST_ROWS = 40
 """Recordings beyond which predictions are drawn over speed, not as one row each."""
@@ -58,9 +56,8 @@ def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
     shared = {row.name: row for row in joint.shared_parameters}
     order = np.argsort(drift.speeds_rpm)
     speeds = np.array(drift.speeds_rpm)[order]
-    moves = drift.slope_stderr > 0.0 and abs(drift.slope_per_1000_rpm) > DRIFT_SIGMA * drift.slope_stderr
     error = np.nan_to_num(np.array(drift.stderrs)[order]) if order.size <= MANY else None
-    tone = "warn" if moves else "fitted"
+    tone = "warn" if drift.significant else "fitted"
     lines = [Line("each alone", np.array(drift.values)[order], tone, points=True, error=error)]
     row = shared.get(drift.name)
     if row is not None and np.isfinite(row.value):

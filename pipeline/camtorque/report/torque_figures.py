@@ -21,11 +21,6 @@ SMALL_CAUSE = 0.08
 DASHES = ("", "6 3", "2 3", "8 3 2 3")
 
 
-def measured_mean(result: RunResult) -> tuple[Array, Array]:
-    """Return mean and standard deviation over cycles of the measured torque, each (n_theta,) [N m]."""
-    return result.cycles.mean_torque, result.cycles.torque_std
-
-
 def spans(result: RunResult) -> tuple[Span, ...]:
     """Return the strokes, and over them where the residual stands out."""
     return (*strokes(result.rigid.theta, result.rigid.lift), *bump_spans(result.fitted.bumps))
@@ -57,7 +52,7 @@ def _stroke(result: RunResult, which: int) -> Curves:
 
 
 def _torques(result: RunResult, height: float = 250.0, ordinate: str = "drive torque [N m]") -> Panel:
-    mean, std = measured_mean(result)
+    mean, std = result.cycles.mean_torque, result.cycles.torque_std
     lines = (
         Line("measured mean", mean, "measured", 2.6),
         Line("rigid model", result.rigid.torque, "rigid", 1.4, "6 4"),
@@ -105,7 +100,7 @@ THUMB_WIDTH, THUMB_HEIGHT = 150.0, 50.0
 
 def thumbnail(result: RunResult) -> str:
     """Return measured, rigid and fitted torque as a small SVG element without axes."""
-    curves = (measured_mean(result)[0], result.rigid.torque, result.fitted.torque)
+    curves = (result.cycles.mean_torque, result.rigid.torque, result.fitted.torque)
     return small_torques(result.cycles.theta, curves, result.recording.config.id)
 
 

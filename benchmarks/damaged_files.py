@@ -5,7 +5,7 @@ when everything read is bit for bit that of the clean file, *small* when it diff
 range, and *silent* when it differs by more and nothing was said. A child that dies by a
 signal is a crash, one that exceeds the time a hang, any exception but `Refusal` is foreign.
 
-    python benchmarks/mutation_campaign.py --n 300 --write docs/mutation_campaign.md
+    python benchmarks/damaged_files.py --n 300 --write docs/damaged_files.md
 """
 
 from __future__ import annotations
@@ -224,9 +224,9 @@ def table(results: dict[str, dict[str, Counter]], n: int) -> str:
     return "\n".join(lines) + f"\n\n{n} cuts and {n} flipped bytes per line.\n"
 
 
-HEAD = """# Mutation campaign
+HEAD = """# Damaged files
 
-Made by `python benchmarks/mutation_campaign.py --n {n} --write docs/mutation_campaign.md`. Each mutation is read as a
+Made by `python benchmarks/damaged_files.py --n {n} --write docs/damaged_files.md`. Each mutation is read as a
 check does, in a child process of its own with a limit of {seconds:g} s. *Flagged*: refused, or a finding that the clean
 file does not have. *Harmless*: all that was read is bit for bit that of the clean file. *Small*: a sample changed by
 less than 0.1 % of its channel's range, which no look at samples can tell from noise. *Silent*: it differs by more and

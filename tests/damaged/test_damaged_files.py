@@ -1,4 +1,4 @@
-"""The mutation campaign itself, small: its judge, and a few mutations of each kind of file."""
+"""The damaged files itself, small: its judge, and a few mutations of each kind of file."""
 
 import sys
 from pathlib import Path
@@ -8,8 +8,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
-import mutation_campaign as campaign
-from mutation_campaign import Reading
+import damaged_files as campaign
+from damaged_files import Reading
 
 
 def test_the_judge():
