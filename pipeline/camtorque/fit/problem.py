@@ -35,6 +35,10 @@ NEUTRAL: dict[str, float] = {
     "end_of_delivery": NEVER, "end_width": 0.03, "spill_lift": NEVER, "spill_width": 5.0e-3, "spill_span": 1.0e-3,
 }  # fmt: skip
 """Values that switch an end of delivery off."""
+WITHOUT: dict[str, float] = {
+    **{name: ROWS[name].start for name in NONLINEAR_NAMES}, **dict.fromkeys(COLUMN_NAMES, 0.0), **NEUTRAL,
+}  # fmt: skip
+"""Values of parameters that are not free."""
 
 
 @dataclass(frozen=True)
@@ -176,11 +180,8 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
     data : recordings of one pump
     held : parameters that keep a value instead of being fitted [SI]
     """
-    held = dict(held or {})
-    fixed = {name: ROWS[name].start for name in ALL_NAMES}
-    fixed.update(dict.fromkeys(COLUMN_NAMES, 0.0))
-    fixed.update(NEUTRAL)
-    fixed.update(held)
+    held = held or {}
+    fixed = {**WITHOUT, **held}
     parameters: list[FreeParameter] = []
     for name in ALL_NAMES:
         if name in held:

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.problem import FitData, build_problem, with_starts
-from camtorque.fit.solver import try_at
+from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.solver import LiftModes, try_at
 from camtorque.fit.starts import CORE, Start, continued
 from camtorque.laws.chain import ChainOutput, evaluate, with_transfer
 from camtorque.process.second_process import in_two
@@ -86,22 +86,26 @@ def with_ringing(best: Start) -> list[FitData]:
     """
     problem = build_problem([best.data])
     output = evaluate(best.data.chain, problem.values(problem.start, 0)[0])
-    values = [_ringing_value(best, output, ringing) for ringing in RINGINGS]
+    values = [_ringing_value(problem, best.lifts, output, ringing) for ringing in RINGINGS]
     kept: list[tuple[float, float]] = []
     for _, hertz, ratio in sorted(((v, *r) for v, r in zip(values, RINGINGS, strict=True)), key=lambda one: one[0]):
         if len(kept) < RINGINGS_KEPT and all(max(hertz / f, f / hertz) > APART for f, _ in kept):
             kept.append((hertz, ratio))
-    return [_ringing_at(best, ringing) for ringing in kept]
+    return [with_starts(best.data, _ringing(*ringing)) for ringing in kept]
 
 
-def _ringing_at(best: Start, ringing: tuple[float, float]) -> FitData:
-    """Return the best start with the shaft ringing at a frequency [Hz] with a damping ratio."""
-    hertz, ratio = ringing
-    return with_starts(best.data, {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio})
+def _ringing(hertz: float, ratio: float) -> dict[str, float]:
+    """Return the parameters of a shaft that rings at a frequency [Hz] with a damping ratio [SI]."""
+    return {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio}
 
 
-def _ringing_value(best: Start, output: ChainOutput, ringing: tuple[float, float]) -> float:
-    """Return chi-square with another ringing behind what the best start does on the cam."""
-    problem = build_problem([_ringing_at(best, ringing)])
-    behind = with_transfer(best.data.chain, output, problem.values(problem.start, 0)[0])
-    return try_at(problem, problem.start, best.lifts, known=(behind,)).chi_square
+def _ringing_value(
+    problem: Problem, lifts: tuple[LiftModes, ...], output: ChainOutput, ringing: tuple[float, float]
+) -> float:
+    """Return chi-square with another ringing behind what the start does on the cam."""
+    z = problem.start
+    for name, value in _ringing(*ringing).items():
+        z[problem.index(name)] = value
+    z = np.clip(z, *problem.bounds)
+    behind = with_transfer(problem.data[0].chain, output, problem.values(z, 0)[0])
+    return try_at(problem, z, lifts, known=(behind,)).chi_square
