@@ -38,11 +38,9 @@ ONLY_SHOWN = {
 """Used by nothing else in the package, and why it is there."""
 LONGEST_FUNCTION, LONGEST_FILE = 40, 350
 LONG = {
-    "laws.chamber.integrate": "the chamber's time step with its derivatives: every line uses those before it",
+    "laws.chamber.integrate": "one compiled time step with its derivatives, whose parts would hand on forty numbers",
     "laws.torque.cam_torque": "torque and its five derivatives at an angle share nearly all of their terms",
     "fit.result.fitted_torque": "fills one record: a line a field",
-    "align.budget.angle_error_budget": "the budget is a table: a row each",
-    "align.cycles._cam_cycles": "fills one record: a line a field",
     "laws.chamber": "rows, balance and derivative of one law, which are one file by intention",
 }
 """Functions and files beyond these lines, without their docstrings, and why they are not parted."""

@@ -53,46 +53,27 @@ def angle_error_budget(
     speed_change : rms relative change of the period from one revolution to the next
     torque : (n_theta,) mean cycle, for what it does to the angle; None without a torque channel
     """
-    per_second = float(np.degrees(speed))
-    delay_text = "declared total delay of the {}, times the speed"
+    per_second, edge = float(np.degrees(speed)), base.edge_noise
+    mounting = float(np.degrees(spec.installation_tolerance)) * RECTANGULAR
+    switching = HALF_WIDTH_OF_TYPICAL * RECTANGULAR * spec.switching_delay
     return (
-        AngleError(
-            "trigger edge time",
-            base.edge_noise * per_second,
-            f"{1e6 * base.edge_noise:.2f} us: noise of the plateaus over the slope of the edge, or one sample",
-        ),
-        AngleError(
-            SWITCHING_DELAY,
-            HALF_WIDTH_OF_TYPICAL * RECTANGULAR * spec.switching_delay * per_second,
-            "the sheet gives a typical value without limits; half of it is assumed as half width",
-        ),
-        AngleError(
-            "trigger installation",
-            float(np.degrees(spec.installation_tolerance)) * RECTANGULAR,
-            "mounting tolerance, the same for all runs of one mounting; fitted on the model side",
-        ),
-        *(
-            AngleError(
-                f"{quantity} delay",
-                (channel.calibration.delay_std if channel.calibration else 0.0) * per_second,
-                delay_text.format(quantity),
-            )
-            for quantity, channel in channels.items()
-        ),
-        *(
-            AngleError(f"clock of logger {clock.fit.logger}", clock.fit.stderr_s * per_second, clock.fit.method)
-            for clock in base.clocks.values()
-            if clock.fit.stderr_s > 0.0
-        ),
-        AngleError(
-            "resampling",
-            float(RESAMPLING_DEG),
-            "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz",
-        ),
+        AngleError("trigger edge time", edge * per_second,
+                   f"{1e6 * edge:.2f} us: noise of the plateaus over the slope of the edge, or one sample"),
+        AngleError(SWITCHING_DELAY, switching * per_second,
+                   "the sheet gives a typical value without limits; half of it is assumed as half width"),
+        AngleError("trigger installation", mounting,
+                   "mounting tolerance, the same for all runs of one mounting; fitted on the model side"),
+        *(AngleError(f"{quantity} delay", (channel.calibration.delay_std if channel.calibration else 0.0) * per_second,
+                     f"declared total delay of the {quantity}, times the speed")
+          for quantity, channel in channels.items()),
+        *(AngleError(f"clock of logger {clock.fit.logger}", clock.fit.stderr_s * per_second, clock.fit.method)
+          for clock in base.clocks.values() if clock.fit.stderr_s > 0.0),
+        AngleError("resampling", float(RESAMPLING_DEG),
+                   "symmetric kernels shift no angle: largest shift found against known signals, 5 to 200 kHz"),
         *_between_pulses(base, speed_change, ripple_text(spec, torque, speed)),
         *_wheel(base),
         AngleError("shaft twist", UNKNOWN, TWIST[spec.side]),
-    )
+    )  # fmt: skip
 
 
 def _between_pulses(base: TimeBase, speed_change: float, unseen: str) -> tuple[AngleError, ...]:

@@ -119,42 +119,27 @@ def _cam_cycles(
     base: TimeBase,
     angle: CamAngle,
 ) -> CamCycles:
-    chosen = np.flatnonzero(used)
+    chosen, n_theta, spec = np.flatnonzero(used), table.options.n_theta, recording.config.trigger
     rows = {quantity: _compacted(item.rows, chosen) for quantity, item in aligned.items()}
-    others = {quantity: values for quantity, values in rows.items() if quantity not in CUT_BY}
-    speed = table.speed[chosen]
-    delay = aligned["torque"].channel.calibration if "torque" in aligned else None
-    n_theta = table.options.n_theta
-    mean_torque = mean_of(rows["torque"]) if "torque" in rows else None
-    spec, mean_speed = recording.config.trigger, float(np.mean(speed))
-    unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
+    torque, speed = rows.get("torque"), table.speed[chosen]
+    mean_torque, mean_speed = None if torque is None else mean_of(torque), float(np.mean(speed))
+    delay = aligned["torque"].channel.calibration if torque is not None else None
     theta: Array = np.linspace(0.0, TWO_PI, n_theta, endpoint=False)
+    unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
+    speed_change = float(np.sqrt(np.mean(table.speed_change[chosen] ** 2)))
+    channels = {quantity: item.channel for quantity, item in aligned.items()}
     return CamCycles(
-        theta=theta,
-        torque=rows.get("torque"),
-        pressure=rows["pressure"] if "pressure" in rows else np.empty((0, n_theta)),
-        channels=others,
-        speed=speed,
-        index=table.index[chosen],
-        held_out=np.arange(chosen.size) % 2 == 1,
-        cycles_found=int(table.complete.sum()),
-        duration=max(channel.duration for channel in recording.channels),
-        speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)),
-        cut_flow=cut_flow,
+        theta=theta, torque=torque, pressure=rows.get("pressure", np.empty((0, n_theta))),
+        channels={quantity: values for quantity, values in rows.items() if quantity not in CUT_BY},
+        speed=speed, index=table.index[chosen], held_out=np.arange(chosen.size) % 2 == 1,
+        cycles_found=int(table.complete.sum()), duration=max(channel.duration for channel in recording.channels),
+        speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)), cut_flow=cut_flow,
         clocks=tuple(clock.fit for clock in base.clocks.values()),
-        angle_errors=angle_error_budget(
-            spec,
-            {quantity: item.channel for quantity, item in aligned.items()},
-            base,
-            mean_speed,
-            float(np.sqrt(np.mean(table.speed_change[chosen] ** 2))),
-            mean_torque,
-        ),
-        trigger_jitter_s=base.edge_noise,
-        findings=(*table.options.notes, *base.findings, *unseen),
+        angle_errors=angle_error_budget(spec, channels, base, mean_speed, speed_change, mean_torque),
+        trigger_jitter_s=base.edge_noise, findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
         details={**alignment_details(table.options, base, aligned), **_deviation(angle, theta)},
-    )
+    )  # fmt: skip
 
 
 def _deviation(angle: CamAngle, theta: Array) -> dict[str, Array]:
