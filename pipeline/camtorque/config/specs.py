@@ -1,4 +1,8 @@
-"""TOML at the border -> checked, frozen configuration in SI and radians."""
+"""The checked configuration of a recording: a frozen record for each table of recording.toml, in SI and radians.
+
+A field is the key of `camtorque.config.schemas` without its unit, where its meaning and its allowed band stand. Here is
+said only what the key does not say.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +19,7 @@ from camtorque.records import Finding, Refusal
 
 @dataclass(frozen=True)
 class PumpData:
-    """Catalogue values of a pump, SI.
-
-    Attributes
-    ----------
-    follower_mass : all sliding parts, roller and a third of the spring included [kg]
-    roller_mass, roller_inertia : None where the sheet does not give them (literature values are then assumed)
-    cam_table_path, cam_table_angle_column, cam_table_lift_column : where the lift table is
-    """
+    """Catalogue values of a pump; roller mass and inertia are None where literature values are to be assumed."""
 
     base_circle_radius: float
     roller_radius: float
@@ -53,20 +50,7 @@ class PumpData:
 class TriggerSpec:
     """The proximity trigger, tooth wheel, index or encoder.
 
-    Attributes
-    ----------
-    nominal_angle : cam angle of the edge [rad]
-    installation_tolerance : half width of the mounting tolerance [rad]
-    edge : ``rising`` or ``falling``
-    pulses_per_rev : teeth, missing teeth counted as if present
-    switching_delay : [s]
-    missing_teeth : teeth left out at the mark (0 for a plain trigger)
-    double_tooth : True where one extra tooth marks the revolution
-    sensor : ``digital``, ``inductive`` or ``hall``
-    revolutions_per_cycle : turns of the wheel per turn of the cam
-    side : ``cam`` or ``motor``: which end of the shaft it sits on
-    meaning : what happens at the nominal angle, in the bench's words
-    reference : ``index`` where the nominal angle is that of the index channel's pulse, else ""
+    ``pulses_per_rev`` counts missing teeth as if present; ``reference`` is ``index`` or "".
     """
 
     nominal_angle: float
@@ -90,7 +74,7 @@ class TriggerSpec:
 
 @dataclass(frozen=True)
 class SensorRef:
-    """A sensor as the recording names it: sheet and standstill readings (None where not taken).
+    """A sensor as the recording names it; standstill readings are None where not taken.
 
     Attributes
     ----------
@@ -114,11 +98,7 @@ class SensorRef:
 
 @dataclass(frozen=True)
 class FluidSpec:
-    """What the bench says of the fuel; None where it says nothing.
-
-    temperature [K]; bulk_modulus [Pa] at feed pressure and bulk_modulus_slope its rise per rise of pressure [-];
-    feed_pressure [Pa, gauge].
-    """
+    """What the bench says of the fuel; None where it says nothing."""
 
     name: str = ""
     temperature: float | None = None
@@ -129,11 +109,7 @@ class FluidSpec:
 
 @dataclass(frozen=True)
 class DriveSpec:
-    """What the bench says of the machine that turns the pump; None where it says nothing.
-
-    kind : ``servo``, ``flywheel``, ``induction``, ... or ""; inertia of the drive's side [kg m^2]; speed_loop :
-    bandwidth of the speed control [Hz]; shaft_stiffness from drive to cam [N m/rad].
-    """
+    """What the bench says of the machine that turns the pump; None where it says nothing."""
 
     kind: str = ""
     inertia: float | None = None
@@ -151,12 +127,7 @@ class LoggerSpec:
 
 @dataclass(frozen=True)
 class ChannelSpec:
-    """One channel by name; ``sample_rate`` [Hz] as the bench file declares it.
-
-    ``time_channel`` names the column or variable that holds its times ("" where the format or its name tells),
-    ``supply_channel`` the one with the supply of a bridge [V]; ``start_time`` [s] is that of sample 0 where the file
-    has no times; ``duration`` [s] is what the bench ordered.
-    """
+    """One channel by name; ``duration`` is that of the recording where the channel states none."""
 
     quantity: str
     path: Path
@@ -184,10 +155,7 @@ class RecordingConfig:
     Attributes
     ----------
     rotation : +1 or -1
-    file_format : as the file says it, "" where the content of the logs tells
     pump_sheet : None where the file has no [pump]; read it as ``pump``, which refuses then
-    group : recordings of one group are fitted together
-    date : of the recording, None where not stated
     text : the file as read
     findings : unknown keys and what was assumed
     """

@@ -273,21 +273,16 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
 
 
 def _damage_findings(damage: Damage, where: str) -> list[Finding]:
-    lines = ", ".join(str(line) for line in damage.places)
-    found = []
-    if damage.rows:
-        text = f"{damage.rows} rows have the wrong number of fields and are read as missing samples (line {lines})"
-        found.append(Finding("csv_rows_damaged", "error", text, where))
-    if damage.cells:
-        text = f"{damage.cells} cells are not numbers and are read as missing samples (line {lines})"
-        found.append(Finding("csv_cells_damaged", "error", text, where))
-    if damage.overrange:
-        text = f"{damage.overrange} cells say that the value is beyond the logger's range; they are missing samples"
-        found.append(Finding("csv_overrange", "warning", text, where))
-    if damage.headers:
-        text = f"{damage.headers} lines repeat the header and are left out"
-        found.append(Finding("csv_header_repeated", "warning", text, where))
-    return found
+    at = f"(line {', '.join(str(line) for line in damage.places)})"
+    rows = (
+        (damage.rows, "csv_rows_damaged", "error",
+         f"rows have the wrong number of fields and are read as missing samples {at}"),
+        (damage.cells, "csv_cells_damaged", "error", f"cells are not numbers and are read as missing samples {at}"),
+        (damage.overrange, "csv_overrange", "warning",
+         "cells say that the value is beyond the logger's range; they are missing samples"),
+        (damage.headers, "csv_header_repeated", "warning", "lines repeat the header and are left out"),
+    )  # fmt: skip
+    return [Finding(code, severity, f"{count} {text}", where) for count, code, severity, text in rows if count]
 
 
 def _tail_findings(tail: bytes, layout: CsvLayout, path: Path, line: int) -> list[Finding]:

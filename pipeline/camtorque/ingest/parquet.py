@@ -13,9 +13,9 @@ from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_o
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.parquet_size import refuse_lying_pages
-from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refusing
+from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
-from camtorque.records import Refusal, SampleSource
+from camtorque.records import SampleSource
 
 UNIT_KEYS = (b"unit", b"units")
 TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -36,15 +36,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 
 def _library(path: Path) -> Any:
-    try:
-        import pyarrow
-        import pyarrow.feather
-        import pyarrow.parquet
-    except ImportError as error:
-        raise Refusal(
-            f"{path}: reading Parquet or Feather needs pyarrow, which is missing: pip install 'camtorque[tables]'"
-        ) from error
-    return pyarrow
+    return optional_library(path, "Parquet or Feather", "pyarrow", "feather", "parquet")
 
 
 def _is_parquet(path: Path) -> bool:

@@ -19,7 +19,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import LEVELS, STAMPS, CsvLayout, unwrapped
 from camtorque.ingest.header import is_number, names_of
-from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refusing
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal, SampleSource
 
@@ -74,18 +74,8 @@ def table_rows(path: Path) -> list[list[str]]:
     return [[_text(cell) for cell in row] for row in rows if any(cell is not None for cell in row)]
 
 
-def _library(path: Path) -> Any:
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise Refusal(
-            f"{path}: reading Excel workbooks needs openpyxl, which is missing: pip install 'camtorque[tables]'"
-        ) from error
-    return openpyxl
-
-
 def _open(path: Path) -> Any:
-    library = _library(path)
+    library = optional_library(path, "Excel workbooks", "openpyxl")
     with refusing(path, "Excel workbook"):
         with zipfile.ZipFile(path) as parts:
             unpacked = sum(part.file_size for part in parts.infolist())
