@@ -27,7 +27,7 @@ from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
 from camtorque.fit.endings import EITHER, either, endings_of
-from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import shown_covariance
@@ -139,7 +139,7 @@ def left_out_rows(prepared: Sequence[Prepared], steps: Sequence[float]) -> list[
         used = [item for j, item in enumerate(prepared) if j != k]
         known = known_fit(used)
         own, shown = left.candidates[0].data.structure, {item.structure for item in known.recordings}
-        others = (own,) if len(shown) > 1 else (own, EITHER) if own not in shown else ()
+        others = () if own not in END_OF else (own,) if len(shown) > 1 else (own, EITHER) if own not in shown else ()
         asked = [(ending, 0.0) for ending in ("", *others[1:])] if others else []
         for ending, step_deg in (*asked, *((others[0] if others else "", step_deg) for step_deg in steps)):
             try:

@@ -50,6 +50,7 @@ from camtorque.report.forecast_texts import (
     end_text,
     ending_text,
     load_text,
+    step_text,
 )
 from camtorque.results import read_result, recording_of
 from camtorque.units import RPM
@@ -299,7 +300,7 @@ def _at_speed(
     texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
-    return replace(item, assumed=(*assumed, *texts, *ending_text(item), *constant_text(item))), tuple(
+    return replace(item, assumed=(*step_text(item), *assumed, *texts, *ending_text(item), *constant_text(item))), tuple(
         one[1] for one in runs
     )
 

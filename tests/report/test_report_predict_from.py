@@ -23,7 +23,7 @@ from camtorque.fit.shared_lift import SharedLift
 from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.forecast_texts import assumptions
+from camtorque.report.forecast_texts import assumptions, step_text
 from report_cases import run_result
 
 
@@ -154,12 +154,13 @@ def test_a_mean_of_fitted_values_is_drawn_with_what_the_fit_leaves_open_of_the_m
     assert np.std(drawn) / 0.1 == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
 
 
-@pytest.mark.parametrize(("curve", "wanted"), [
-    (lambda leakage: 3.0 * (leakage > 1e-15), 3.0 / np.sqrt(2.0)),
-    (lambda leakage: (leakage - 1e-15) / 1e-17, 1.0),
+@pytest.mark.parametrize(("curve", "torque", "wanted", "steps"), [
+    (lambda leakage: 3.0 * (leakage > 1e-15), None, 3.0 / np.sqrt(2.0), True),
+    (lambda leakage: 3.0 * (np.abs(leakage - 1e-15) < 1e-18), 1.0, 1.0, True),
+    (lambda leakage: (leakage - 1e-15) / 1e-17, 1.0, 1.0, False),
 ])  # fmt: skip
 def test_a_step_of_the_model_is_not_scaled_up(
-    curve: Callable[[float], float], wanted: float, monkeypatch: pytest.MonkeyPatch
+    curve: Callable[[float], float], torque: float | None, wanted: float, steps: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = FittedAt("a", 50.0, "land", 0.0, True)
     fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]),
@@ -176,6 +177,11 @@ def test_a_step_of_the_model_is_not_scaled_up(
     found = forecast_module.forecast(fit, chain, source, Load({}), {})  # type: ignore[arg-type]
     assert found.torque_std == pytest.approx(np.full(4, wanted), rel=0.25)
     assert np.max(found.shape_std) < 1e-9, "all of it is one constant"
+    assert found.steps == steps
+    assert torque is None or found.torque == pytest.approx(np.full(4, torque)), "the middle of what may be"
+    texts = step_text(found)
+    assert len(texts) == steps
+    assert not texts or "Do not build on the torque at 477.5 rpm" in texts[0]
 
 
 def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monkeypatch: pytest.MonkeyPatch) -> None:

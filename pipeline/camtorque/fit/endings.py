@@ -83,6 +83,7 @@ def either(one: Forecast, other: Forecast) -> Forecast:
         contact_std=contact_std, delivered=float(volume), delivered_std=float(volume_std),
         by_cause={name: causes[name][0] for name in one.by_cause},
         by_cause_std={name: causes[name][1] for name in one.by_cause}, ending=EITHER, both=(one, other),
+        steps=one.steps or other.steps,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
-from camtorque.report.forecast_texts import ENDED_BY, ending_text
+from camtorque.report.forecast_texts import ENDED_BY, ending_text, step_text
 from camtorque.report.numbers import near, num, plus_minus, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
@@ -54,7 +54,7 @@ def sweep_row(item: Forecast, forces: Sequence[Forces]) -> dict[str, Any]:
         "speed_rpm": item.speed / RPM,
         **{name: _value(*(holding(*value, *rows[-1][name]))) for name, value in rows[0].items()},
         "law_error_percent": 100.0 * item.law_share, "beyond_fitted_speeds": item.beyond > SAME_SPEED,
-        "ending": item.ending, "other_ending": None if other is None else {
+        "model_steps": item.steps, "ending": item.ending, "other_ending": None if other is None else {
             "ending": other.structure, "torque_difference_nm": other.difference, "theta_deg": other.angle / DEGREE,
         },
         "mean_by_cause_nm": causes,
@@ -131,7 +131,7 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
             f" {' and '.join(beyond)} rpm {'lie' if len(beyond) > 1 else 'lies'} beyond the fitted speeds: the bands "
             "are wider there, and a recording near that speed would narrow them."
         )
-    unsure = [text for item in items for text in ending_text(item)]
+    unsure = [text for item in items for text in (*step_text(item), *ending_text(item))]
     answer = " ".join((answer, *dict.fromkeys(unsure)))
     html = render(
         "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer,

@@ -102,6 +102,19 @@ def ending_text(item: Forecast) -> tuple[str, ...]:
     )
 
 
+def step_text(item: Forecast) -> tuple[str, ...]:
+    """Return that the model steps within what the fit leaves open, where it does."""
+    if not item.steps:
+        return ()
+    top = int(np.argmax(item.torque))
+    return (
+        f"Do not build on the torque at {item.speed / RPM:.4g} rpm: within what the fit leaves open it goes one way or "
+        "another, as beside a delivery valve that is near chattering. The curve is the middle one of many, its peak "
+        f"known to ± {100.0 * COVERAGE * item.torque_std[top] / item.torque[top]:.2g} %; a recording near that speed "
+        "would tell.",
+    )
+
+
 def constant_text(item: Forecast) -> tuple[str, ...]:
     """Return how much of the band is one constant, where that is most of it."""
     constant = COVERAGE * float(np.sqrt(np.median(item.torque_std**2 - item.shape_std**2).clip(0.0)))
