@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, savage_dickey
+from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, prior_of, savage_dickey
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift, switching_std
-from camtorque.fit.uncertainty import Covariance, covariance
+from camtorque.fit.truncated import Gaussian
+from camtorque.fit.uncertainty import covariance
 from camtorque.records import AngleError
 from fit_cases import bridged, quick
 
@@ -31,8 +32,8 @@ def test_savage_dickey_is_the_ratio_of_densities_at_zero():
     problem = replace(problem, parameters=parameters)
     std = 0.1 * before
     mean = middle + 0.4 * before
-    cov = Covariance(np.diag(std**2), before, 1.0, 10.0, np.diag(std**2))
-    found = savage_dickey(problem, mean, cov, np.array([0]))
+    posterior = Gaussian(mean, np.diag(std**2), *problem.bounds)
+    found = savage_dickey(posterior, prior_of(problem, before), np.array([0]))
 
     def density(at, sigma):
         return -0.5 * (at / sigma) ** 2 - np.log(sigma)

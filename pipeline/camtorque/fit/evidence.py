@@ -22,7 +22,7 @@ import numpy as np
 from camtorque import laws
 from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
-from camtorque.fit.truncated import Gaussian, truncated
+from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import Covariance, inverse, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.records import Array, LossEvidence
@@ -48,40 +48,37 @@ LOSSES: dict[str, tuple[str, ...]] = {
 """Loss -> parameters that vanish with it."""
 
 
-def log_box(gaussian: Gaussian) -> float:
-    """Return ln Pr(all within the box)."""
-    return truncated(gaussian).log_probability
-
-
 def unbounded_mean(problem: Problem, solution: Solution, cov: Covariance) -> Array:
     """Return the mean of the Gaussian of which the fit is the maximum within bounds: x + C g."""
     return solution.z + cov.matrix @ (solution.gradient / cov.inflation)
 
 
-def savage_dickey(problem: Problem, mean: Array, cov: Covariance, chosen: Array) -> float:
+def savage_dickey(posterior: Gaussian, prior: Gaussian, chosen: Array) -> float:
     """Return 2 ln K for parameters (indices ``chosen``) against zero."""
-    lower, upper = problem.bounds
-    prior_mean = np.where(np.isfinite(problem.priors[1]), problem.priors[0], 0.5 * (lower + upper))
-    posterior = _ratio(mean, cov.matrix, lower, upper, chosen)
-    prior = _ratio(prior_mean, np.diag(cov.prior_std**2), lower, upper, chosen)
-    return posterior - prior
+    return _ratio(posterior, chosen) - _ratio(prior, chosen)
 
 
-def _ratio(mean: Array, matrix: Array, lower: Array, upper: Array, chosen: Array) -> float:
+def _ratio(whole: Gaussian, chosen: Array) -> float:
+    mean, matrix = whole.mean, whole.matrix
     rest = np.setdiff1d(np.arange(mean.size), chosen)
     block = matrix[np.ix_(chosen, chosen)]
     solved = np.linalg.solve(block, mean[chosen])
     quadratic = float(mean[chosen] @ solved) + float(np.linalg.slogdet(block)[1])
     gain = np.linalg.solve(block, matrix[np.ix_(chosen, rest)])
     conditional = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, chosen)] @ gain
-    given = Gaussian(mean[rest] - gain.T @ mean[chosen], conditional, lower[rest], upper[rest])
-    box = log_box(Gaussian(mean, matrix, lower, upper)) - log_box(given)
-    return quadratic + 2.0 * box
+    given = Gaussian(mean[rest] - gain.T @ mean[chosen], conditional, whole.lower[rest], whole.upper[rest])
+    return quadratic + 2.0 * (whole.within.log_probability - given.within.log_probability)
+
+
+def prior_of(problem: Problem, std: Array) -> Gaussian:
+    """Return what is known beforehand; ``std`` (k,) is finite where nothing is, the mean then that of the bounds."""
+    lower, upper = problem.bounds
+    mean, given = problem.priors
+    return Gaussian(np.where(np.isfinite(given), mean, 0.5 * (lower + upper)), np.diag(std**2), lower, upper)
 
 
 def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
     """Return -2 ln Z of a fit by Laplace's approximation within the bounds."""
-    lower, upper = problem.bounds
     before = prior_std(problem)
     information = solution.data_hessian / inflation + np.diag(1.0 / before**2)
     matrix = inverse(information)
@@ -90,21 +87,21 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
     scaled = information * np.outer(before, before)
     prior_part = solution.chi_square - solution.data_chi_square
     chi = solution.data_chi_square / inflation + prior_part
-    prior_mean = np.where(np.isfinite(problem.priors[1]), problem.priors[0], 0.5 * (lower + upper))
-    inside = log_box(Gaussian(mean, matrix, lower, upper))
-    prior_inside = log_box(Gaussian(prior_mean, np.diag(before**2), lower, upper))
+    inside = Gaussian(mean, matrix, *problem.bounds).within.log_probability
+    prior_inside = prior_of(problem, before).within.log_probability
     return chi + float(np.linalg.slogdet(scaled)[1]) - 2.0 * inside + 2.0 * prior_inside
 
 
 def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
     """Return the evidence for every loss of one recording's fit, the chamber's aside."""
-    mean = unbounded_mean(problem, solution, cov)
+    posterior = Gaussian(unbounded_mean(problem, solution, cov), cov.matrix, *problem.bounds)
+    prior = prior_of(problem, cov.prior_std)
     full = laplace(problem, solution, cov.inflation)
     result = []
     for name, members in LOSSES.items():
         chosen = np.array([k for k in (problem.index(member) for member in members) if k >= 0])
-        quick = savage_dickey(problem, mean, cov, chosen)
-        size, interval, unit = _size(problem, solution, cov, mean, chosen, name)
+        quick = savage_dickey(posterior, prior, chosen)
+        size, interval, unit = _size(problem, solution, posterior, chosen, name)
         refit = np.nan
         if quick < REFIT_BELOW or name == "driveline":
             refit = _refitted(problem, solution, cov, members) - full
@@ -135,12 +132,11 @@ def _refitted(problem: Problem, solution: Solution, cov: Covariance, members: tu
 
 
 def _size(
-    problem: Problem, solution: Solution, cov: Covariance, mean: Array, chosen: Array, name: str
+    problem: Problem, solution: Solution, posterior: Gaussian, chosen: Array, name: str
 ) -> tuple[float, tuple[float, float], str]:
     """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
-    output = solution.outputs[0]
+    output, inside = solution.outputs[0], posterior.within
     lower, upper = problem.bounds
-    inside = truncated(Gaussian(mean, cov.matrix, lower, upper))
     root = np.linalg.cholesky(inside.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
     normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
     drawn = np.clip(inside.mean[chosen] + normal @ root.T, lower[chosen], upper[chosen])

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class LiftModes:
     strength: Array
     to_lift: Array
 
-    @property
+    @cached_property
     def shrink(self) -> Array:
         """Share of the residual along each mode that the correction takes, s^2/(1 + s^2)."""
         return self.strength**2 / (1.0 + self.strength**2)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,6 +35,11 @@ class Gaussian:
     matrix: Array
     lower: Array
     upper: Array
+
+    @cached_property
+    def within(self) -> Truncated:
+        """Probability of the box and moments within it."""
+        return truncated(self)
 
 
 @dataclass(frozen=True)

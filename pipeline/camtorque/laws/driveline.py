@@ -195,23 +195,23 @@ def angle_shifts(basis: TwistBasis, both: Any) -> tuple[Array, Array, Array]:
     """
     n = basis.n_theta
     spectra, at_edge = shift_spectra(basis.spectrum, basis.phase, both, n // 2 + 1)
-    shift, rate, second = (np.ascontiguousarray(part.T) for part in np.fft.irfft(spectra, n, axis=-1))
+    shift, rate, second = np.fft.irfft(spectra, n, axis=1)
     shift -= at_edge / n
     return shift, rate, second
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def shift_spectra(spectrum, phase, both, size):  # type: ignore[no-untyped-def]
-    """Return the harmonics of the twist and of its two angle derivatives, (3, m, size), its sums at the edge, (m,)."""
+    """Return the harmonics of the twist and of its two angle derivatives, (3, size, m), its sums at the edge, (m,)."""
     m = both.shape[1]
-    out = np.zeros((3, m, size), dtype=np.complex128)
+    out = np.zeros((3, size, m), dtype=np.complex128)
     at_edge = np.zeros(m)
-    for j in range(m):
-        for k in range(spectrum.size):
+    for k in range(spectrum.size):
+        for j in range(m):
             value = -spectrum[k] * both[k, j]
-            out[0, j, k] = value
-            out[1, j, k] = 1j * k * value
-            out[2, j, k] = -float(k) * k * value
+            out[0, k, j] = value
+            out[1, k, j] = 1j * k * value
+            out[2, k, j] = -float(k) * k * value
             at_edge[j] += (value * phase[k]).real
     return out, at_edge
 

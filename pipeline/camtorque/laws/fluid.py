@@ -38,7 +38,7 @@ ROWS = (
 )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def specific_volume(pressure, modulus, slope, air):  # type: ignore[no-untyped-def]
     """Return v and its derivatives by pressure, modulus, slope and air; gauge pressure and modulus in bar."""
     ratio = 1.0 + slope * pressure / modulus
