@@ -62,7 +62,7 @@ def test_the_page_of_formats_lists_every_reader_and_the_extra_it_needs():
 
 
 def test_the_page_of_formats_lists_every_source_of_the_angle_with_keys_that_exist():
-    rows = rows_of("What tells the cam angle")
+    rows = rows_of("Where the cam angle comes from")
     named = " ".join(row[1] for row in rows)
     assert all(f"`{quantity}`" in named for quantity, item in CHANNEL_QUANTITIES.items() if item.is_pulse)
     assert "`angle`" in named
