@@ -9,7 +9,7 @@ from camtorque.laws.chamber import FLOW, KERNEL_UNITS, LOWEST
 from camtorque.laws.fluid import ATMOSPHERE, specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import LAMINAR, SUCTION_OPENS, SUCTION_SOFT, flow_root, opening, suction_root
-from camtorque.laws.valve import STROKE, lifted, stop_force
+from camtorque.laws.valve import CUSHION, STOP, STOP_LOSS, lifted, stop_force
 from laws_cases import N, chain_input, refined, start_values
 
 CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0}
@@ -185,14 +185,22 @@ def test_functions_of_the_kernel_have_the_derivatives_that_they_state(function):
         wide = leak_flow(1000.0, 0.0, 1.0, 0.001)[0] / leak_flow(500.0, 0.0, 1.0, 0.001)[0]
         assert wide == pytest.approx(2.0 * (2.0 / 1.5) ** 3)
     if function == "stop":
-        dt = 0.01
-        for u, velocity in ((-0.02, -0.4), (12.0 + STROKE + 0.03, 0.6)):
-            force, by_u, by_old, by_top = stop_force(u, velocity, dt, 12.0)
-            assert force * u > 0.0  # on the side of inertia: it pushes back
+        dt, top = 0.01, 40.0
+        cases = ((-2.0, -0.4), (-0.02, -0.4), (0.3, -3.0), (top + 0.03, 0.6), (top - 0.2, -30.0), (top + 2.0, 5.0))
+        for u, velocity in cases:
+            force, by_u, by_old, by_top = stop_force(u, velocity, dt, top)
+            assert force * (u - 0.5 * top) > 0.0  # on the side of inertia: it pushes back
             old = u - dt * velocity
-            compare(lambda v, o=old: stop_force(v, (v - o) / dt, dt, 12.0)[0], u, by_u, 1e-7)
-            compare(lambda v, u=u: stop_force(u, (u - v) / dt, dt, 12.0)[0], old, by_old, 1e-7)
-            compare(lambda v, u=u, w=velocity: stop_force(u, w, dt, v)[0], 12.0, by_top, 1e-7)
+            compare(lambda v, o=old: stop_force(v, (v - o) / dt, dt, top)[0], u, by_u, 1e-7)
+            compare(lambda v, u=u: stop_force(u, (u - v) / dt, dt, top)[0], old, by_old, 1e-7)
+            compare(lambda v, u=u, w=velocity: stop_force(u, w, dt, v)[0], top, by_top, 1e-7)
+        for u, depth, sign in ((-2.0, 2.0, -1.0), (top + 2.0, 2.0, 1.0)):  # behind the cushion: stiffness alone
+            assert stop_force(u, 0.0, dt, top)[0] == pytest.approx(sign * STOP * depth)
+            assert stop_force(u, sign * 3.0, dt, top)[0] == pytest.approx(sign * STOP * depth * (1 + 3.0 * STOP_LOSS))
+        for u in (CUSHION, top - CUSHION):
+            assert stop_force(u, 10.0, dt, top) == (0.0, 0.0, 0.0, 0.0)
+            for side in (u - 1e-9, u + 1e-9):  # neither force nor stiffness jumps
+                np.testing.assert_allclose(stop_force(side, 0.0, dt, top), 0.0, atol=1e-5)
 
 
 def test_units_of_the_kernel_are_those_of_the_rows():

@@ -152,7 +152,7 @@ def kernel_values(truth, lift_at_closing):
         "spill_width": 5e-3, "spill_span": 1e-3, "valve_opening": 2e6, "valve_area": 1e-6, "valve_range": 0.0,
         "retraction_volume": 0.0, "gallery_volume": 1e-7, "valve_mass": 6e6, "valve_damping": 2e3, "seat_gain": 500.0,
         "valve_exposure": 1.0, "leakage": chamber.leak * (1.0 + chamber.leak_growth * 500e5) ** 3,
-        "leak_growth": chamber.leak_growth, "pressure_zero": 0.0, "suction_area": 0.0,
+        "leak_growth": chamber.leak_growth, "pressure_zero": 0.0, "suction_area": 0.0, "valve_stroke": 3e-8,
     }  # fmt: skip
     if chamber.end == "spill":
         known["spill_width"] = chamber.spill_area / chamber.spill_height

@@ -15,7 +15,7 @@ from camtorque.records import Array
 
 RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 """An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
-LARGEST_DAMPING = 1.0e9
+LEAST_DAMPING, LARGEST_DAMPING = 1.0e-8, 1.0e9
 
 
 class Tried(Protocol):
@@ -82,13 +82,16 @@ def minimise(
     while iterations < max_iterations:
         point = known = descent.linearise(trial)
         iterations += 1
-        accepted, gained = False, 0.0
+        accepted, failed, gained = False, False, 0.0
         goal = relative_gain * trial.chi_square + LEAST_GAIN
         while not converged and damping < LARGEST_DAMPING:
             step, promise = descent.step(point, trial.z, damping)
             if promise < goal:
-                converged = damping < 1.0e-2 or descent.promise(point, trial.z) < goal
-                break
+                converged = descent.promise(point, trial.z) < goal
+                if converged or failed or damping < LEAST_DAMPING:
+                    break
+                damping *= 0.1
+                continue
             new = descent.try_at(np.clip(trial.z + step, lower, upper))
             evaluations += 1
             ratio = (trial.chi_square - new.chi_square) / promise
@@ -97,6 +100,7 @@ def minimise(
                 damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 1e-8)
                 trial, known, accepted = new, None, gained > goal
                 break
+            failed = True
             damping *= 4.0 if ratio > 0.0 else 8.0
         if not accepted:
             converged = converged or gained < 5.0 * goal

@@ -30,7 +30,8 @@ from camtorque.fit.starts import (
 )
 from camtorque.fit.swings import expected, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
-from camtorque.laws.driveline import COMPLIANCE_NAMES
+from camtorque.laws.chain import SENSOR_NAMES
+from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_NAMES
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
@@ -52,14 +53,17 @@ PROMISING_TIMES, PROMISING_PLUS = 10.0, 300.0
 HELPED, MOST_MOVES = 0.7, 14
 """Ratio of chi-squares below which a move has helped much, and how many are made at most."""
 Hops = tuple[tuple[float, int], ...]
-HOPS: Hops = ((DOUBTFUL, 4), (DISSATISFYING, 10))
+HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 12))
 HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
 """Doubt above which the best start hops, and hops at most; ladder that each walks down."""
 REDRAWN = (
     tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
     tuple(row.name for row in valve.ROWS),
+    (*COUPLING_NAMES, *SENSOR_NAMES),
 )
-"""Parameters that are drawn anew together: liquid, ports and leakage, or the delivery valve."""
+"""Parameters that are drawn anew together: liquid, ports and leakage; the delivery valve; couplings and transducer."""
+ELSEWHERE = 4
+"""A hop of so many begins in another structure, where nothing satisfies yet."""
 Items = dict[str, list[FitData]]
 """Recordings with their rows' starts, by structure."""
 
@@ -149,18 +153,27 @@ def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
     return with_starts(start.data, drawn)
 
 
-def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]]:
-    """Yield what was found with what follows from drawing the chamber or the valve of the best minimum anew.
+def hop_from(found: Found, hop: int, elsewhere: bool) -> FitData:
+    """Return the best start with one part of it drawn anew; ``elsewhere``: now and then that of another structure."""
+    start, part = found.start, hop
+    others = [name for name in likely(found) if name != start.data.structure and found.starts[name]]
+    if elsewhere and others and hop % ELSEWHERE == ELSEWHERE - 1:
+        part = hop // ELSEWHERE
+        start = found.starts[others[part % len(others)]][0]
+    return redrawn(start, REDRAWN[part % len(REDRAWN)], hop)
 
-    Valve and liquid stand in for one another in many ways, each a minimum of its own that no small step leaves.
+
+def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]]:
+    """Yield what was found with what follows from drawing liquid, valve or driveline of the best minimum anew.
+
+    They stand in for one another in many ways, each a minimum of its own that no small step leaves.
     """
     for hop in range(max(count for _, count in most)):
         doubt = halves.doubt(found.minimum)
         if found.best is None or not any(doubt > above and hop < count for above, count in most):
             break
-        start = found.start
-        items = {start.data.structure: [redrawn(start, REDRAWN[hop % len(REDRAWN)], hop)]}
-        found = extended(found, descend(items, HOP_SMOOTHINGS_DEG, False), halves)
+        drawn = hop_from(found, hop, doubt > DISSATISFYING)
+        found = extended(found, descend({drawn.structure: [drawn]}, HOP_SMOOTHINGS_DEG, False), halves)
         yield "hop", found
 
 

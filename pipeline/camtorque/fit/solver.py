@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from camtorque.fit.descent import Descent, minimise
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
-from camtorque.laws.chain import BINS, NO_PATH, NONLINEAR_NAMES, ChainOutput, binned, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, NO_PATH, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
+from camtorque.laws.torque import bin_restoring
 from camtorque.records import Array, ReadOnly
 
 N_NONLINEAR = len(NONLINEAR_NAMES)
@@ -96,9 +97,10 @@ def lift_modes(
     weaker than ``cut`` are left out.
     """
     basis = item.lift_basis
-    columns = binned(output.load)[:, None] * basis.basis(binned(output.motion.theta), 1)
+    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
     shaft, measured, _ = transfer(item.chain, values, BINS)
-    columns = filtered(columns, shaft * measured) * (item.weight * basis.prior_std * inflate)[:, None]
+    behind = shaft * measured * bin_restoring(item.chain.theta.size // BINS, BINS)
+    columns = filtered(columns, behind) * (item.weight * basis.prior_std * inflate)[:, None]
     felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2
     columns = columns[:, felt]
     squares, right = np.linalg.eigh(columns.T @ columns)

@@ -44,7 +44,7 @@ KERNEL_UNITS: dict[str, float] = {
     "end_width": 1.0, "spill_lift": 1e3, "spill_width": 1e3, "spill_span": 1e3, "valve_opening": 1e-5,
     "valve_area": 1e6, "valve_range": 1e-5, "retraction_volume": 1e9, "gallery_volume": 1e9, "valve_mass": 1e-8,
     "valve_damping": 1e-3, "seat_gain": 1e-3, "valve_exposure": 1.0, "leakage": 1e11, "leak_growth": 1e5,
-    "pressure_zero": 1e-5, "suction_area": 1e6,
+    "pressure_zero": 1e-5, "suction_area": 1e6, "valve_stroke": 1e9,
 }  # fmt: skip
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
@@ -104,7 +104,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
-    mass_valve, damping, seat, exposure, leak, growth, zero, suction = parameters[19:]
+    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke = parameters[19:]
     plunger, top_lift, grid_step = geometry
     n = theta.size
     n_shift = shifts.shape[1]
@@ -200,7 +200,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 through, through_d = flow_root(g - behind)
                 k_seat = FLOW * seat
                 velocity = (u - u_old) / dt
-                stop, stop_u, stop_old, stop_top = stop_force(u, velocity, dt, retraction)
+                stop, stop_u, stop_old, stop_top = stop_force(u, velocity, dt, retraction + stroke)
                 room = v_gallery + u
                 f1 += dt * k_out * out
                 f2 = room / shared - gallery - dt * (k_out * out - k_seat * lift_u * through)
@@ -329,6 +329,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 partial[2, 15] -= flow_force * lift_u / area_out
                 partial[2, 16] += seat / area_out * lift_u
                 partial[2, 17] += -SPRING - flow_force * lift_ud + stop_top
+                partial[2, 27] += stop_top
                 partial[2, 19] += (speed - speed_old) * inverse_time + damping * speed
                 partial[2, 20] += mass_valve * speed
                 partial[2, 21] += force / area_out * lift_u

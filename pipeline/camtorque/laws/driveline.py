@@ -119,9 +119,10 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: i
     return TwistBasis(spectrum, omega, shaft_torque.size, phase)
 
 
+COUPLING_NAMES = ("coupling_compliance", "coupling_resonance", "coupling_damping", "half_inertia", "half_place")
 COMPLIANCE_NAMES = (
     "shaft_compliance", "shaft_damping_ratio", "shaft_resonance", "drive_admittance", "drive_bandwidth", "drive_reset",
-    "drive_lag", "coupling_compliance", "coupling_resonance", "coupling_damping", "half_inertia", "half_place",
+    "drive_lag", *COUPLING_NAMES,
 )  # fmt: skip
 """Parameters of C(s), in the order of its derivatives: the first three and the last two are those of the shaft."""
 

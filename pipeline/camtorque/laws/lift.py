@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.compiled import njit
+from camtorque.laws.torque import bin_taps
 from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
@@ -68,10 +70,34 @@ class LiftCorrection(ReadOnly):
         wide[np.arange(theta.size)[:, None], piece[:, None] + np.arange(4)] = felt
         return wide[:, 3:-3]
 
+    def binned_torque(self, theta: Array, load: Array, bins: int) -> Array:
+        """Return the torque of each coefficient behind the low-pass of the bins, (bins, n_basis) [N].
+
+        ``theta`` and ``load``: (n,) cam angle and contact force along the lift [rad, N].
+        """
+        felt, piece = self._felt(theta, 1)
+        taps = bin_taps(theta.size // bins)
+        return np.asarray(binned_splines(felt * load[:, None], piece, taps, bins, self.n_basis + 6)[:, 3:-3])
+
     def correction(self, theta: Array, coefficients: Array, derivative: int = 0) -> Array:
         """Return the correction [m] or its derivative at angles (n,) for coefficients (n_basis,)."""
         felt, piece = self._felt(theta, derivative)
         return np.asarray(np.sum(felt * np.pad(coefficients, 3)[piece[:, None] + np.arange(4)], axis=1))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def binned_splines(felt, first, taps, bins, width):  # type: ignore[no-untyped-def]
+    """Return splines (n, 4), of which the first stands in column ``first`` (n,), on bins by weights, (bins, width)."""
+    n = first.size
+    each = n // bins
+    reach = (taps.size - each) // 2
+    out = np.zeros((bins, width))
+    for b in range(bins):
+        for t in range(taps.size):
+            source = (each * b + t - reach) % n
+            for k in range(4):
+                out[b, first[source] + k] += taps[t] * felt[source, k]
+    return out
 
 
 def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: float, step: float) -> LiftCorrection:

@@ -23,12 +23,12 @@ from camtorque.units import DEGREE
 
 SPRING = 0.1
 """Spring rate over the square of the valve's area, 14 N/mm on 37 mm^2 [bar/mm^3]."""
-STROKE = 25.0
-"""Volume that the valve sweeps from V_r to its stop [mm^3]."""
 STOP = 400.0
 """Stiffness of seat and stop [bar/mm^3]."""
 STOP_LOSS = 0.05
 """Increase of their force per speed of approach [ms/mm^3]."""
+CUSHION = 0.5
+"""Volume before and behind seat and stop over which their stiffness sets in [mm^3], ten to twenty micrometres."""
 LIFTED = 0.3
 """Volume over which the seat's opening is rounded [mm^3]."""
 
@@ -51,6 +51,8 @@ ROWS = (
             "flow area of the valve's seat per swept volume (Cd = 0.7)", "circumference over area of the valve"),
     parameter("valve_exposure", "sigma", "-", 1.0, (0.9, 0.0, 2.0, 0.1), (0.9, 0.4),
             "share of the outlet's pressure drop that the valve does not feel", "shape of the valve's face"),
+    parameter("valve_stroke", "u_max", "mm^3", 1.0e-9, (30.0, 3.0, 300.0, 3.0), (30.0, 20.0),
+            "volume that the delivery valve sweeps from V_r to its stop", "0.4-1.6 mm on 20-50 mm^2"),
 )  # fmt: skip
 END_ROWS = (
     parameter("end_of_delivery", "theta_end", "deg", DEGREE, (45.0, 3.0, 178.0, 0.3), None,
@@ -69,21 +71,33 @@ def lifted(u, retraction):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def stop_force(u, velocity, time_step, retraction):  # type: ignore[no-untyped-def]
-    """Return the force of seat and stop on the valve [bar] and its derivatives by u, by the start of the step, by V_r.
+def stop_force(u, velocity, time_step, top):  # type: ignore[no-untyped-def]
+    """Return the force of seat and stop on the valve [bar] and its derivatives by u, by the start of the step, by top.
 
-    Stiffness times penetration, more on the way in than on the way out (Hunt and Crossley), so that nothing jumps.
+    Stiffness times penetration, more on the way in than on the way out (Hunt and Crossley), so that nothing jumps. The
+    stiffness sets in over a cushion: a valve that just grazes a hard stop answers any change with an infinite slope,
+    and descents end there.
+
+    Parameters
+    ----------
+    u, velocity : volume that the valve has swept and its rate [mm^3, mm^3/ms]
+    time_step : that the velocity is a difference over [ms]
+    top : volume at the stop [mm^3]
     """
-    top = retraction + STROKE
-    if u < 0.0:
-        penetration, sign = u, -1.0
-    elif u > top:
-        penetration, sign = u - top, 1.0
+    if u < CUSHION:
+        depth, sign = -u, -1.0
+    elif u > top - CUSHION:
+        depth, sign = u - top, 1.0
     else:
         return 0.0, 0.0, 0.0, 0.0
+    share = 1.0
+    if depth < CUSHION:
+        share = 0.5 * (depth + CUSHION) / CUSHION
+        depth = share * share * CUSHION
     factor = 1.0 + sign * STOP_LOSS * velocity
-    by_velocity = STOP * penetration * sign * STOP_LOSS
+    by_velocity = STOP * depth * STOP_LOSS
     if factor < 0.2:
         factor, by_velocity = 0.2, 0.0
-    by_top = -STOP * factor if sign > 0.0 else 0.0
-    return STOP * penetration * factor, STOP * factor + by_velocity / time_step, -by_velocity / time_step, by_top
+    stiffness = STOP * factor * share
+    by_top = -stiffness if sign > 0.0 else 0.0
+    return sign * STOP * depth * factor, stiffness + by_velocity / time_step, -by_velocity / time_step, by_top
