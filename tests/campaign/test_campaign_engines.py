@@ -122,11 +122,12 @@ def test_the_extra_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("kind = 'slurm'\njob = 3", "found 'job', expected kind, jobs, options, did you mean 'jobs'"),
-        ("kind = 'cron'\njobs = 3", "kind is 'cron', expected one of slurm, pbs, lsf"),
-        ("kind = 'pbs'", "jobs is None, expected a whole number"),
-        ("kind = 'pbs'\njobs = true", "jobs is True, expected a whole number"),
-        ("kind = 'pbs'\njobs = 3\noptions = 1", "options is 1, expected a table"),
+        ("kind = 'slurm'\njob = 3", "jobs: this key is missing, is it 'job'"),
+        ("kind = 'slurm'\njobs = 3\nqueue = 1", "unknown key 'queue', expected one of kind, jobs, options"),
+        ("kind = 'cron'\njobs = 3", "kind: found 'cron', expected one of slurm, pbs, lsf"),
+        ("kind = 'pbs'", "jobs: this key is missing"),
+        ("kind = 'pbs'\njobs = true", "jobs: found True, expected a number"),
+        ("kind = 'pbs'\njobs = 3\noptions = 1", "options: found 1, expected a table"),
         ("kind = ", "not valid TOML"),
     ],
 )

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from camtorque.campaign.key import code_digest
-from camtorque.config.tables import read_toml
+from camtorque.config.keys import Band, Key, TableSchema
+from camtorque.config.schemas import words
+from camtorque.config.tables import Problems, Table, read_keys, read_toml
 from camtorque.process.stopping import SIGNALS, before_leaving
 from camtorque.process.workers import Lost
 from camtorque.progress import spoken
 from camtorque.records import Refusal
-from camtorque.units import did_you_mean
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -34,7 +35,11 @@ BATCH_SYSTEMS = {
 """Kind of a cluster file -> class of dask-jobqueue."""
 ANY_PORT = ":0"
 """Dashboards at a port that is free: a second campaign on this machine must not be in the way of the first."""
-CLUSTER_KEYS = ("kind", "jobs", "options")
+CLUSTER_FILE = TableSchema("", "workers of a batch system", (
+    Key("kind", "choice", "the batch system", choices=words(*BATCH_SYSTEMS)),
+    Key("jobs", "whole", "jobs to ask for, one worker each", band=Band(1, 100_000, "no batch system holds more")),
+))  # fmt: skip
+"""Beside its table [options], which belongs to the batch system."""
 WAIT_FOR_SCHEDULER = 10.0
 WAIT_FOR_WORKERS = 60.0
 TELL_EVERY = 60.0
@@ -113,21 +118,16 @@ def read_cluster_file(file: Path) -> tuple[str, int, dict[str, Any]]:
 
     Raises
     ------
-    Refusal : naming what is wrong in the file
+    Refusal : naming all that is wrong in the file
     """
-    _, content = read_toml(file, "a cluster file, see docs/campaigns.md")
-    for key in content:
-        if key not in CLUSTER_KEYS:
-            hint = did_you_mean(key, CLUSTER_KEYS)
-            raise Refusal(f"--cluster {file}: found {key!r}, expected {', '.join(CLUSTER_KEYS)}{hint}")
-    kind, jobs, options = content.get("kind"), content.get("jobs"), content.get("options", {})
-    if kind not in BATCH_SYSTEMS:
-        raise Refusal(f"--cluster {file}: kind is {kind!r}, expected one of {', '.join(BATCH_SYSTEMS)}")
-    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
-        raise Refusal(f"--cluster {file}: jobs is {jobs!r}, expected a whole number from 1")
-    if not isinstance(options, dict):
-        raise Refusal(f"--cluster {file}: options is {options!r}, expected a table such as [options] queue = 'normal'")
-    return kind, jobs, options
+    root, problems = Table(read_toml(file, "a cluster file, see docs/campaigns.md")[1], file, ""), Problems()
+    values, options = read_keys(root, CLUSTER_FILE, problems), {}
+    with problems.collecting():
+        root.only((*CLUSTER_FILE.names, "options"))
+    with problems.collecting():
+        options = dict(root.table("options", optional=True).values)
+    problems.raise_any()
+    return values["kind"], values["jobs"], options
 
 
 @contextmanager
