@@ -25,7 +25,7 @@ from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending
 from camtorque.fit.ends import END_OF, Curve, load_for
 from camtorque.fit.forecast import Forecast, Load, forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.load_file import curve_through
+from camtorque.fit.load_file import curve_through, refuse_other_load, top_range
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
 from camtorque.ingest import read_recording
@@ -46,6 +46,7 @@ from camtorque.report.forecast_page import forecast_document
 from camtorque.report.forecast_texts import (
     CLEARANCE,
     assumptions,
+    beyond_text,
     constant_text,
     end_text,
     ending_text,
@@ -233,6 +234,8 @@ def predict_from(
         )
     reports = {row["id"]: folder / row["folder"] for row in rows}
     templates = {item.id: curve_of(reports[item.id], item.speed) for item in known.recordings}
+    if pressure is not None and asked.given is not None:
+        refuse_other_load(asked.given, templates.values(), str(pressure))
     runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]
     items, forces = [item for item, _ in runs], [force for _, force in runs]
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
@@ -297,12 +300,13 @@ def _at_speed(
     elif given is not None and not asked.ending and item.ending in END_OF:
         item = replace(item, other=if_it_ended_so(item, run(the_other(known, sources[0], speed))[0]))
     load = load_text(sources[0], asked.name, given, speed)
+    beyond = () if given is None else beyond_text(float(np.max(given.pressure)), top_range(templates.values()))
     texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
-    return replace(item, assumed=(*step_text(item), *assumed, *texts, *ending_text(item), *constant_text(item))), tuple(
-        one[1] for one in runs
-    )
+    return replace(
+        item, assumed=(*step_text(item), *beyond, *assumed, *texts, *ending_text(item), *constant_text(item))
+    ), tuple(one[1] for one in runs)
 
 
 @on_one_thread

@@ -19,11 +19,12 @@ from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, found_end, load_for, matched_end, width_of
 from camtorque.fit.forecast import DRAWS, Load, _draws, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
+from camtorque.fit.load_file import refuse_other_load
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.forecast_texts import assumptions, step_text
+from camtorque.report.forecast_texts import assumptions, beyond_text, step_text
 from report_cases import run_result
 
 
@@ -287,6 +288,32 @@ def test_what_a_file_misses_between_its_points_is_told(tmp_path: Path) -> None:
 def test_a_file_that_leaves_its_pressure_to_guesses_is_refused(tmp_path: Path, step_deg: float) -> None:
     with pytest.raises(Refusal, match=f"found points {step_deg:g} deg apart .* give a point every half degree"):
         of_file(tmp_path, step_deg, ringing())
+
+
+@pytest.mark.parametrize(("factor", "text"), [
+    (1e5, r"pressure_bar reaches 2e\+07 bar, expected 10000 bar or less; give bar, not Pa or kPa"),
+    (0.1, r"found a highest pressure of 20 bar, where the fitted recordings have 200 to 300 bar, .* check the unit"),
+    (0.0, "found no pressure above 0 bar, expected that of a delivery"),
+])  # fmt: skip
+def test_a_pressure_in_another_unit_is_refused(tmp_path: Path, factor: float, text: str) -> None:
+    curve = Curve(THETA, np.where((THETA > 0.4) & (THETA < 1.6), 2e7, 0.0), 50.0)
+    fitted = [curve, replace(curve, pressure=1.5 * curve.pressure)]
+    refuse_other_load(curve, fitted, "p.csv")
+    with pytest.raises(Refusal, match=text):
+        refuse_other_load(of_file(tmp_path, 0.5, replace(curve, pressure=factor * curve.pressure)), fitted, "p.csv")
+
+
+def test_angles_in_radians_or_turns_are_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{angle:.4f},100\n" for angle in np.linspace(0.0, 6.28, 200))
+    (tmp_path / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
+    with pytest.raises(Refusal, match=r"spans 6\.28 deg, expected a revolution, .* give degrees, not radians or turns"):
+        file_curve(tmp_path / "p.csv")
+
+
+def test_a_load_beyond_the_fitted_ones_is_told() -> None:
+    assert beyond_text(2.1e7, (2e7, 3e7)) == beyond_text(3.2e7, (2e7, 3e7)) == ()
+    (text,) = beyond_text(3.5e7, (2e7, 3e7))
+    assert "reaches 350 bar, those of the fitted recordings 200 to 300 bar" in text
 
 
 def test_what_python_prints_of_predicted_runs_is_a_line() -> None:

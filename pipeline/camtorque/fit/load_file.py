@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from camtorque.config.pump import PressureCurve
@@ -9,10 +11,12 @@ from camtorque.fit.ends import Curve
 from camtorque.fit.prepare import FIT_GRID
 from camtorque.mechanism.predict import pressure_at
 from camtorque.records import Array, Refusal
-from camtorque.units import DEGREE
+from camtorque.units import BAR, DEGREE
 
 LOADED = 0.1
 """Share of the highest line pressure above which the points of a file matter."""
+SLIP = 8.0
+"""Factor between the highest pressure of a file and those of fitted recordings: MPa for bar is 10."""
 BETWEEN = 0.5
 """What is missed between points as a share of what is missed where every second one is left out; 0.3 to 0.9 of it was
 seen on recordings thinned to 1 to 3 degrees."""
@@ -31,10 +35,14 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
 
     Raises
     ------
-    Refusal : so few points that what lies between them is a guess
+    Refusal : no pressure, or so few points that what lies between them is a guess
     """
     theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
     top = float(np.max(file.pressure))
+    if top <= 0.0:
+        raise Refusal(
+            f"{name}: found no pressure above 0 bar, expected that of a delivery; give the line pressure, gauge"
+        )
     loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * top
     step = float(np.max(np.diff(file.theta)[loaded], initial=0.0))
     known = between_points(file)
@@ -47,6 +55,28 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
         )
     std = np.interp(theta, file.theta, known, period=2.0 * np.pi)
     return Curve(theta, pressure_at(file, theta), float("nan"), step, file.theta, std)
+
+
+def refuse_other_load(curve: Curve, fitted: Iterable[Curve], name: str) -> None:
+    """Refuse a file whose highest pressure is so far from those of the fitted recordings that its unit is another.
+
+    Raises
+    ------
+    Refusal : see above
+    """
+    top, (low, high) = float(np.max(curve.pressure)), top_range(fitted)
+    if not low / SLIP < top < SLIP * high:
+        raise Refusal(
+            f"{name}: found a highest pressure of {top / BAR:.3g} bar, where the fitted recordings have "
+            f"{low / BAR:.4g} to {high / BAR:.4g} bar, expected less than a factor of {SLIP:g} between them; check the "
+            "unit (bar, gauge)"
+        )
+
+
+def top_range(fitted: Iterable[Curve]) -> tuple[float, float]:
+    """Return the least and the greatest of the highest line pressures of fitted recordings [Pa]."""
+    tops = [float(np.max(one.pressure)) for one in fitted]
+    return min(tops), max(tops)
 
 
 def between_points(file: PressureCurve) -> Array:

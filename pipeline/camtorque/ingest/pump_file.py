@@ -13,6 +13,8 @@ from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Finding, Refusal
 from camtorque.units import BAR, DEGREE, did_you_mean
 
+LEAST_SPAN_DEG, MOST_BAR = 10.0, 10_000.0
+"""A pressure curve over less, or to more than any pump gives, is one in another unit."""
 CURVE_COLUMNS = ("cam_angle_deg", "pressure_bar")
 
 
@@ -37,7 +39,8 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
 
     Raises
     ------
-    Refusal : missing file or column, values that are no numbers, angles that do not increase within one revolution
+    Refusal : missing file or column, values that are no numbers, angles that do not increase within one revolution,
+        angles or pressures of another unit
     """
     table = read_small_table(Path(path), "a pressure curve")
     for name in CURVE_COLUMNS:
@@ -51,5 +54,15 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
         raise Refusal(
             f"{path}: cam_angle_deg has to increase strictly within one revolution and have two angles or more, found "
             f"{angle.size}; sort or complete the curve"
+        )
+    if angle[-1] - angle[0] < LEAST_SPAN_DEG:
+        raise Refusal(
+            f"{path}: cam_angle_deg spans {angle[-1] - angle[0]:.3g} deg, expected a revolution, or all of it that is "
+            "loaded; give degrees, not radians or turns"
+        )
+    if np.max(pressure) > MOST_BAR:
+        raise Refusal(
+            f"{path}: pressure_bar reaches {np.max(pressure):.3g} bar, expected {MOST_BAR:g} bar or less; give bar, "
+            "not Pa or kPa"
         )
     return PressureCurve(angle * DEGREE, pressure * BAR)

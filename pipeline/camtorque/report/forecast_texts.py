@@ -14,10 +14,12 @@ from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Estimate
-from camtorque.units import DEGREE, RPM
+from camtorque.units import BAR, DEGREE, RPM
 
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
+SAME_LOAD = 1.1
+"""Factor beyond the highest line pressures of the fitted recordings that is still a fitted load."""
 NOT_TOLD = "A line pressure does not tell whether a land or a spill ended delivery"
 ENDED_BY = {"land": "a land", "spill": "spill"}
 """Structure -> what ends delivery."""
@@ -40,6 +42,18 @@ def load_text(source: FittedAt, name: str, given: Curve | None, speed: float) ->
             f"{_rounded(at_speed.fine_step / DEGREE):g} deg would do at {speed / RPM:.0f} rpm"
         )
     return text
+
+
+def beyond_text(top: float, fitted: tuple[float, float]) -> tuple[str, ...]:
+    """Return that a load lies beyond the fitted ones, where it does; both by the highest line pressure [Pa]."""
+    low, high = fitted
+    if low / SAME_LOAD < top < high * SAME_LOAD:
+        return ()
+    return (
+        f"The load lies beyond the fitted ones: its line pressure reaches {top / BAR:.4g} bar, those of the fitted "
+        f"recordings {low / BAR:.4g} to {high / BAR:.4g} bar. The bands hold what left-out recordings, each with its "
+        "own load, were off, and no more.",
+    )
 
 
 def _rounded(step_deg: float) -> float:
