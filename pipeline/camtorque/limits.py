@@ -34,7 +34,16 @@ LIMIT = TableSchema("[[limit]]", "one band", (
 
 @dataclass(frozen=True)
 class Limit:
-    """One band: the keys of `LIMIT`; ``guard`` is the decision rule of ISO 14253-1 with a guard band."""
+    """One band.
+
+    Attributes
+    ----------
+    quantity : path of a number in result.json
+    min, max : band in the unit of that number; None where it is open
+    unit : of the band, "" where it is not stated
+    guard : standard uncertainties that have to lie inside the band too (decision rule of ISO 14253-1 with a guard band)
+    text : why
+    """
 
     quantity: str
     min: float | None

@@ -21,5 +21,3 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.quality import CUTS
 from camtorque.align.revolution import angle_correction
 from camtorque.align.summary import alignment_summary
-
-__all__ = ["CUTS", "AlignOptions", "align", "alignment_summary", "angle_correction"]

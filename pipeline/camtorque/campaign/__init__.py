@@ -10,5 +10,3 @@ flow       all of them, one after the other, and the index
 """
 
 from camtorque.campaign.flow import CampaignOptions, list_recordings, prune, run_campaign, run_only
-
-__all__ = ["CampaignOptions", "list_recordings", "prune", "run_campaign", "run_only"]

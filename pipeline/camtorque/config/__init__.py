@@ -17,14 +17,3 @@ from camtorque.config.specs import (
     SensorRef,
     TriggerSpec,
 )
-
-__all__ = [
-    "ChannelSpec",
-    "DriveSpec",
-    "FluidSpec",
-    "LoggerSpec",
-    "PumpData",
-    "RecordingConfig",
-    "SensorRef",
-    "TriggerSpec",
-]

@@ -10,5 +10,3 @@
 from camtorque.design.answer import Answer, answer_document, solve_task, write_chosen
 from camtorque.design.page import design_page
 from camtorque.design.task import Task, read_task
-
-__all__ = ["Answer", "Task", "answer_document", "design_page", "read_task", "solve_task", "write_chosen"]

@@ -3,5 +3,3 @@
 from camtorque.ingest.check import RecordingSummary, summarise
 from camtorque.ingest.formats import FORMATS
 from camtorque.ingest.recording import read_recording
-
-__all__ = ["FORMATS", "RecordingSummary", "read_recording", "summarise"]

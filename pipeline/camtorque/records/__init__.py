@@ -18,34 +18,3 @@ from camtorque.records.fitted import (
 )
 from camtorque.records.recording import CamTable, Channel, InputFile, Recording, SampleSource, SensorCalibration
 from camtorque.records.rigid import Forces, RigidTorque
-
-__all__ = [
-    "CONTROL",
-    "KNOWLEDGE",
-    "SEVERITIES",
-    "VERDICTS",
-    "Alternative",
-    "AngleError",
-    "Array",
-    "CamCycles",
-    "CamTable",
-    "Channel",
-    "ClockFit",
-    "CutFlowRow",
-    "Estimate",
-    "Finding",
-    "FittedTorque",
-    "Forces",
-    "InputFile",
-    "LossEvidence",
-    "Metrics",
-    "ParameterEstimate",
-    "ReadOnly",
-    "Recording",
-    "Refusal",
-    "ResidualBump",
-    "RigidTorque",
-    "SampleSource",
-    "SensorCalibration",
-    "printable",
-]
