@@ -42,6 +42,15 @@ def test_a_repeated_end_is_dropped_and_resolution_comes_from_the_decimals(tmp_pa
     assert table.resolution == pytest.approx(1e-6)
 
 
+def test_resolution_is_the_step_that_all_values_share(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    text = rows(ANGLES, np.round(LIFT / 0.005) * 0.005)
+    file.write_text(text)
+    assert read_cam_table(pump(file))[0].resolution == pytest.approx(5e-6)
+    file.write_text(text + "359,0.001\n")
+    assert read_cam_table(pump(file))[0].resolution == pytest.approx(1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "lift", "message"),
     [

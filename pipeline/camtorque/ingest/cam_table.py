@@ -16,6 +16,8 @@ RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,
 LEAST_ROWS = 8
 ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
 """Share of the stroke above which the lowest lift is reported, and refused."""
+DISTINCT = 16
+"""Values that have to differ before a step that they share is taken for the resolution: few may share one by chance."""
 FINEST = 1.0e-9
 """A spreadsheet writes sixteen digits whatever was measured [m]."""
 
@@ -24,7 +26,8 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     """Read the lift table that the pump names.
 
     Angle and lift carry their units at the end of the column names (``cam_angle_deg``, ``lift_mm``). The resolution is
-    that of the comment, else the last decimal written. A repeated end point at one revolution is dropped.
+    that of the comment, else the step that all values share, at least the last decimal written. A repeated end point
+    at one revolution is dropped.
 
     Raises
     ------
@@ -34,7 +37,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     angle_name, lift_name = (_named(table, n) for n in (pump.cam_table_angle_column, pump.cam_table_lift_column))
     theta, lift = _column(table, angle_name, "angle"), _column(table, lift_name, "length")
     scale = unit_factor(_unit(table, lift_name), "length", str(table.path))
-    resolution = _resolution(table, lift_name, scale)
+    resolution = _resolution(table, lift_name, scale, lift)
     where = table.path.name
     theta, lift, findings = _in_order(theta, lift, where)
     if theta.size > 1 and abs(theta[-1] - theta[0] - 2.0 * np.pi) < 1e-9:
@@ -108,11 +111,18 @@ def _unit(table: SmallTable, name: str) -> str:
     return unit
 
 
-def _resolution(table: SmallTable, column: str, scale: float) -> float:
+def _resolution(table: SmallTable, column: str, scale: float, lift: Array) -> float:
     match = RESOLUTION.search(table.comment)
     if match:
         return float(match[1]) * unit_factor(match[2], "length", f"{table.path} comment")
-    return max(10.0 ** -table.decimals[column] * scale, FINEST)
+    decimal = max(10.0 ** -table.decimals[column] * scale, FINEST)
+    return decimal * _shared_step(lift / decimal)
+
+
+def _shared_step(counts: Array) -> int:
+    """Return the step that all values share, in last decimals: a gauge that reads to 2 um is written to 0.1 um."""
+    whole = np.rint(counts).astype(np.int64)
+    return max(int(np.gcd.reduce(whole)), 1) if np.unique(whole).size >= DISTINCT else 1
 
 
 def _check_angles(table: SmallTable, theta: Array) -> None:
