@@ -194,10 +194,12 @@ def test_torque_is_linear_in_the_coefficients_of_its_columns():
     lift, one = data.law.derivatives(data.theta, 3), np.ones(data.theta.size)
     arguments = (data.constants, 0.05, lift, 60.0 * one, 0.0 * one, data.line_pressure)
     plain, columns, _, load, _ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
-    other, same, _, also, _ = cam_torque(*arguments, COEFFICIENTS[:-1])
-    np.testing.assert_array_equal(plain, other)
-    np.testing.assert_array_equal(columns, same)
-    np.testing.assert_array_equal(load, also)
+    for coefficients, size in ((COEFFICIENTS[:-1], data.theta.size), (np.zeros(0), 0)):
+        other, same, by, also, _ = cam_torque(*arguments, coefficients)
+        np.testing.assert_array_equal(plain, other)
+        np.testing.assert_array_equal(columns, same)
+        np.testing.assert_array_equal(load, also)
+        assert by.shape == (5, size)
 
 
 def test_bins_take_what_is_slow_as_its_mean_and_let_nothing_fast_through():

@@ -53,8 +53,9 @@ class LiftModes:
 
     def product(self, left: Array, right: Array) -> Array:
         """Return left^T (I + B B^T)^-1 right."""
-        projected = (self.vectors.T @ left).T * self.shrink
-        return left.T @ right - projected @ (self.vectors.T @ right)
+        seen = self.vectors.T @ right
+        projected = (seen if left is right else self.vectors.T @ left).T * self.shrink
+        return left.T @ right - projected @ seen
 
     def gram(self, columns: Array) -> Array:
         """Return columns^T (I + B B^T)^-1 columns."""

@@ -266,8 +266,9 @@ def evaluate(
     pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
     plain, columns, slopes, load, least = cam_torque(
-        data.constants, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure, c[:-1]
-    )
+        data.constants, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure,
+        c[:-1] if tangents else c[:0],
+    )  # fmt: skip
     shaft, measured, by_filter = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
     through = shaft * measured * gain

@@ -55,20 +55,21 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
     lift : (4, n) y, y', y'', y''' [m/rad^k]
     rate, second : (n,) cam speed and acceleration [rad/s, rad/s^2]
     pressure : (n,) on the plunger [Pa]
-    coefficients : (k,) of `LINEAR_NAMES`, used in the derivatives alone
+    coefficients : (k,) of `LINEAR_NAMES`, used in the derivatives alone; (0,) where these are not wanted
 
     Returns
     -------
     torque : (n,) without the linear coefficients [N m]
     columns : (n, k) per coefficient
-    by : (5, n) derivatives of the torque with its coefficients, by angle, rate, second, pressure and mu
+    by : (5, n) derivatives of the torque with its coefficients, by angle, rate, second, pressure and mu; else (5, 0)
     load : (n,) contact force along the follower [N]
     least : least value of 1 - mu |tan phi| sign(y'); the follower jams at 0
     """
     n = rate.size
     torque = np.empty(n)
     columns = np.empty((n, _N))
-    by = np.empty((5, n))
+    wanted = coefficients.size > 0
+    by = np.empty((5, n if wanted else 0))
     load = np.empty(n)
     least = 1.0
     for i in range(n):
@@ -99,8 +100,11 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
         arm, arm_a, extra, extra_a, extra_w, extra_p, drag_a, drag_w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         parts = _columns_at(at)
         for k in range(_N):
-            part, c = parts[k], coefficients[k]
+            part = parts[k]
             columns[i, k] = normal * part.arm + y1 / guide * part.force + part.torque
+            if not wanted:
+                continue
+            c = coefficients[k]
             arm += c * part.arm
             arm_a += c * part.arm_by_angle
             extra += c * part.force
@@ -109,6 +113,8 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
             extra_p += c * part.force_by_pressure
             drag_a += c * part.torque_by_angle
             drag_w += c * part.torque_by_rate
+        if not wanted:
+            continue
         top = y1 * (axial + extra) + axial * arm
         top_a = y2 * (axial + extra) + y1 * (axial_a + extra_a) + axial_a * arm + axial * arm_a
         by[0, i] = (top_a - top * guide_a / guide) / guide + drag_a
