@@ -11,7 +11,9 @@ from camtorque.records import Refusal
 
 BAR = 1.0e5
 """Pascal per bar."""
-RPM = 2.0 * np.pi / 60.0
+TURN = 2.0 * np.pi
+"""Radian per turn."""
+RPM = TURN / 60.0
 """Radian per second per revolution per minute."""
 DEGREE = np.pi / 180.0
 """Radian per degree."""

@@ -12,8 +12,8 @@ from camtorque.align.pulses import PulseTrain
 from camtorque.align.resample import hermite_slopes, interval_polynomials, times_at
 from camtorque.config import TriggerSpec
 from camtorque.records import Array
+from camtorque.units import TURN
 
-TWO_PI = 2.0 * np.pi
 BEYOND = np.pi / 4.0
 """Angle by which a cycle may reach beyond the first or last pulse at the speed of the neighbouring revolution."""
 
@@ -48,8 +48,8 @@ class CamAngle:
 
     def candidate_cycles(self) -> NDArray[np.int64]:
         """Return the numbers of the cycles whose angle range is covered by pulses."""
-        first = int(np.ceil((self.angle[0] - BEYOND) / TWO_PI - 1e-9))
-        last = int(np.floor((self.angle[-1] + BEYOND) / TWO_PI + 1e-9))
+        first = int(np.ceil((self.angle[0] - BEYOND) / TURN - 1e-9))
+        last = int(np.floor((self.angle[-1] + BEYOND) / TURN + 1e-9))
         return np.arange(first, last, dtype=np.int64)
 
     def touched(self, cycles: NDArray[np.int64], flags: NDArray[np.bool_], pulses_before: int = 0) -> NDArray[np.bool_]:
@@ -57,8 +57,8 @@ class CamAngle:
 
         With ``pulses_before=1`` the pulse at which a cycle's first interval begins counts too.
         """
-        begin = np.searchsorted(self.angle, cycles * TWO_PI + 1e-9) - pulses_before
-        end = np.minimum(self.angle.size - 1, np.searchsorted(self.angle, (cycles + 1) * TWO_PI - 1e-9))
+        begin = np.searchsorted(self.angle, cycles * TURN + 1e-9) - pulses_before
+        end = np.minimum(self.angle.size - 1, np.searchsorted(self.angle, (cycles + 1) * TURN - 1e-9))
         flagged = np.r_[0, np.cumsum(flags)]
         return flagged[end + 1] > flagged[np.clip(begin, 0, end + 1)]
 
@@ -74,7 +74,7 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, speed_law: str, plac
     speed_law : see `AlignOptions`
     places : where the teeth really are; None: where they should be
     """
-    pitch = TWO_PI / n
+    pitch = TURN / n
     zero = spec.nominal_angle - train.offset * pitch
     if places is not None and train.by_index:
         # the index was placed among teeth that stand elsewhere

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.angle import TWO_PI, CamAngle
+from camtorque.align.angle import CamAngle
 from camtorque.align.clocks import Clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
@@ -19,6 +19,7 @@ from camtorque.records import Array, Channel
 from camtorque.signal.damage import clips_below, damage_of
 from camtorque.signal.logger_time import sample_positions
 from camtorque.stacks import empty_stack, give_back
+from camtorque.units import TURN
 
 MARGIN = 3
 """Samples beyond the ends of a cycle that interpolation and bin borders may touch."""
@@ -54,7 +55,7 @@ def covered(
     angle: CamAngle, cycles: NDArray[np.int64], channels: Mapping[str, Channel], clocks: Mapping[str, Clock]
 ) -> NDArray[np.bool_]:
     """Tell which cycles every channel covers from theta = 0 to one revolution later."""
-    begin, end = angle.time_at(cycles * TWO_PI), angle.time_at((cycles + 1) * TWO_PI)
+    begin, end = angle.time_at(cycles * TURN), angle.time_at((cycles + 1) * TURN)
     complete = np.ones(cycles.size, dtype=bool)
     for channel in channels.values():
         clock = clocks[channel.logger]
@@ -96,7 +97,7 @@ def _align_channel(
     rows = empty_stack(cycles.size, options.n_theta, path)
     damage, extremes = np.zeros((cycles.size, 5), dtype=np.int64), np.full((cycles.size, 2), np.nan)
     rows[~complete] = np.nan
-    begin, middle, end = (angle.time_at((cycles + part) * TWO_PI) for part in (0.0, 0.5, 1.0))
+    begin, middle, end = (angle.time_at((cycles + part) * TURN) for part in (0.0, 0.5, 1.0))
     samples_per_step = float(np.median(end - begin)) * channel.sample_rate / options.n_theta
     rule, resample_block = choose_rule(options.interpolation, samples_per_step), resampler(channel.n_samples)
     gain, zero, limits = _law(channel)

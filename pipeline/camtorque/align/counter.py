@@ -17,8 +17,8 @@ from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.threshold import Threshold
+from camtorque.units import TURN
 
-TWO_PI = 2.0 * np.pi
 MOST_SAMPLES = 8_000_000
 """Of a longer log every n-th sample is read: an angle needs some per degree."""
 LEVEL_SAMPLES = 20_000
@@ -79,14 +79,14 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     turned = back > 0.5
     if turned:
         angle, back = -angle, float(np.mean(np.diff(angle) > 0.0))
-    turns = (angle[-1] - angle[0]) / TWO_PI
+    turns = (angle[-1] - angle[0]) / TURN
     if not turns > 2.0 or back > BACKWARDS:
         raise Refusal(
             f"{where}: the angle runs over {turns:.2g} turns and {100.0 * back:.0f} % of its changes go back, expected "
             "at least two turns in one direction; check the channel and its unit"
         )
     n = int(np.clip(time.size / turns / CHANGES_PER_STEP, LEAST_STEPS, MOST_STEPS))
-    pitch = TWO_PI / n
+    pitch = TURN / n
     steps = np.arange(np.ceil(angle[0] / pitch) + 1.0, np.floor(angle[-1] / pitch))
     coarse = np.interp(steps * pitch, np.maximum.accumulate(angle), time)
     at, noise = _line_times(time, angle, steps * pitch, coarse, pitch)
@@ -147,7 +147,7 @@ def _unwrapped(raw: Array) -> Array:
     wraps = np.where(np.abs(step) > 0.5 * reach, -np.sign(step), 0.0)
     if not wraps.any() or np.mean(wraps != 0.0) > 0.1:
         return np.unwrap(raw)
-    whole = TWO_PI * max(1.0, np.round(reach / TWO_PI))
+    whole = TURN * max(1.0, np.round(reach / TURN))
     return raw + whole * np.r_[0.0, np.cumsum(wraps)]
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.angle import TWO_PI, CamAngle, cam_angle
+from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_unseen
 from camtorque.align.channels import AlignedChannel, align_channels, covered
 from camtorque.align.flanks import check_flanks
@@ -29,6 +29,7 @@ from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
 from camtorque.stacks import mean_of
+from camtorque.units import TURN
 
 
 def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
@@ -71,7 +72,7 @@ def _hum(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
     table = recording.lift_table
     if found.torque is None or table is None:
         return ()
-    lift = np.interp(found.theta, table.theta, table.lift, period=TWO_PI)
+    lift = np.interp(found.theta, table.theta, table.lift, period=TURN)
     return hum_findings(found.theta, found.torque, found.speed, found.index, lift)
 
 
@@ -83,14 +84,14 @@ def _table(
     options: AlignOptions,
     edge_noise: float,
 ) -> CycleTable:
-    period = angle.time_at((cycles + 1) * TWO_PI) - angle.time_at(cycles * TWO_PI)
+    period = angle.time_at((cycles + 1) * TURN) - angle.time_at(cycles * TURN)
     jump = angle.touched(cycles, angle.jumped)
     unproven = angle.touched(cycles, angle.broken)
     if angle.repair_error_deg > options.repaired_angle_deg:
         unproven |= angle.touched(cycles, angle.repaired, pulses_before=1)
     return CycleTable(
         index=cycles,
-        speed=TWO_PI / period,
+        speed=TURN / period,
         speed_change=_speed_change(period, jump | unproven),
         complete=complete,
         unproven=unproven,
@@ -124,7 +125,7 @@ def _cam_cycles(
     torque, speed = rows.get("torque"), table.speed[chosen]
     mean_torque, mean_speed = None if torque is None else mean_of(torque), float(np.mean(speed))
     delay = aligned["torque"].channel.calibration if torque is not None else None
-    theta: Array = np.linspace(0.0, TWO_PI, n_theta, endpoint=False)
+    theta: Array = np.linspace(0.0, TURN, n_theta, endpoint=False)
     unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
     speed_change = float(np.sqrt(np.mean(table.speed_change[chosen] ** 2)))
     channels = {quantity: item.channel for quantity, item in aligned.items()}

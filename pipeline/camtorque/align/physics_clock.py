@@ -12,13 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.align.angle import TWO_PI, CamAngle
+from camtorque.align.angle import CamAngle
 from camtorque.align.channels import align_channels, covered
 from camtorque.align.clocks import CLEAR_EVIDENCE, Clock, robust_line
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import lift_velocity
 from camtorque.records import Array, CamTable, Channel, ClockFit, Finding, Refusal
 from camtorque.signal.threshold import Count, Threshold
+from camtorque.units import TURN
 
 SHAPE_STD_DEG = Threshold(
     0.5, "deg", "recordings",
@@ -120,7 +121,7 @@ def _correlation(own: Array, known: Array) -> Array:
 def _velocity_at(pair: Pair, time: Array) -> Array:
     grid = lift_velocity(pair.table, N_THETA)
     theta = np.interp(time, pair.angle.time, pair.angle.angle, left=np.nan, right=np.nan)
-    return np.nan_to_num(np.interp(theta, np.arange(N_THETA) * TWO_PI / N_THETA, grid, period=TWO_PI))
+    return np.nan_to_num(np.interp(theta, np.arange(N_THETA) * TURN / N_THETA, grid, period=TURN))
 
 
 def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
@@ -134,7 +135,7 @@ def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
             f"expected at least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
         )
     aligned = align_channels(pair.channels, pair.angle, cycles, complete, clocks, AlignOptions(n_theta=N_THETA))
-    begin, end = (pair.angle.time_at((cycles[complete] + k) * TWO_PI) for k in (0, 1))
+    begin, end = (pair.angle.time_at((cycles[complete] + k) * TURN) for k in (0, 1))
     return {quantity: item.rows[complete] for quantity, item in aligned.items()}, 0.5 * (begin + end), end - begin
 
 

@@ -18,8 +18,8 @@ from camtorque.align.pulses import PulseTrain
 from camtorque.config import TriggerSpec
 from camtorque.records import Array
 from camtorque.signal.threshold import Count, Threshold
+from camtorque.units import TURN
 
-TWO_PI = 2.0 * np.pi
 LEAST_TURNS = Count(
     4, "turns", "statistics",
     "Whole turns of the cam between two others from which on the pattern is known."
@@ -95,7 +95,7 @@ class Places:
         part = step - low
         pair = [low % n, (low + 1) % n]
         share = np.array([1.0 - part, part])
-        waves = _waves(np.array([step, low, low + 1.0]) * (TWO_PI / n), self.orders)
+        waves = _waves(np.array([step, low, low + 1.0]) * (TURN / n), self.orders)
         bend = waves[0] - share @ waves[1:]
         variance = share**2 @ self.place_std[pair] ** 2 + max(float(bend @ self.covariance @ bend), 0.0)
         return float(share @ self.place[pair] + bend @ self.coefficient), float(np.sqrt(variance))
@@ -186,7 +186,7 @@ def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: Trigge
     free = _beside_gap(spec, per_wheel)
     orders = np.arange(1, max(LEAST_ORDERS, min(MOST_ORDERS, (tooth.size - 1) // 2)) + 1)
     # a cam that is ahead passes its teeth earlier
-    waves = -_waves(np.asarray(tooth * (TWO_PI / n)), orders)
+    waves = -_waves(np.asarray(tooth * (TURN / n)), orders)
     return _Pattern(mean, variance, which, free, orders, waves, which @ which.T)
 
 
@@ -219,7 +219,7 @@ def _pattern(train: PulseTrain, n: int) -> tuple[NDArray[np.int64], Array, float
     slope, bend = 0.5 * (after - before), 0.5 * (after + before) - here
     even = here + slope * part + bend * part**2
     rate = slope + 2.0 * bend * part
-    deviation = TWO_PI * (times[inner] - even) / rate
+    deviation = TURN * (times[inner] - even) / rate
     centre = np.median(deviation, axis=0)
     scale = 1.4826 * np.median(np.abs(deviation - centre), axis=0)
     good = np.abs(deviation - centre) <= 4.0 * scale + 1e-12

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.quality import spread_choice
+from camtorque.align.quality import SAMPLED_CYCLES, spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.repeats import repeats_every
 from camtorque.signal.threshold import Threshold
@@ -47,7 +47,6 @@ DWELL_LIFT_VELOCITY = Threshold(
     0.05, "1", "convention",
     "Part of the largest lift velocity below which the follower stands still."
 )  # fmt: skip
-SAMPLED_CYCLES = 41
 COARSE_GRID = 720
 COMPARED = 200
 """Cycles that are compared with their neighbours, at most."""

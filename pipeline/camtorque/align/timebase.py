@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.align.angle import TWO_PI, cam_angle
+from camtorque.align.angle import cam_angle
 from camtorque.align.clocks import Clock, against, fit_clock, same_clock
 from camtorque.align.jumps import mark_jumps
 from camtorque.align.options import AlignOptions
@@ -16,6 +16,7 @@ from camtorque.align.places import Places, tooth_places
 from camtorque.align.pulses import PulseTrain, train_findings
 from camtorque.align.sources import TriggerTrain, trigger_trains
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.units import TURN
 
 PHYSICAL = ("torque", "pressure")
 """Quantities that tie a logger without a trigger to the others."""
@@ -48,7 +49,7 @@ class TimeBase:
     @property
     def index_std(self) -> float:
         """Standard deviation of the cam angle of the index pulse (or of a counter's zero) among the teeth [rad]."""
-        spread = self.train.offset_std * TWO_PI / self.pulses_per_cycle
+        spread = self.train.offset_std * TURN / self.pulses_per_cycle
         if not self.train.by_index or self.places is None:
             return spread
         return float(np.hypot(spread, self.places.at(self.train.offset)[1]))
@@ -78,7 +79,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     places = tooth_places(train, recording.config.trigger, n)
     if places is not None:
         # the pulses of a wheel show themselves how well they repeat
-        noise = min(noise, places.scatter * float(np.median(np.diff(train.time) / np.diff(train.step))) * n / TWO_PI)
+        noise = min(noise, places.scatter * float(np.median(np.diff(train.time) / np.diff(train.step))) * n / TURN)
     return TimeBase(reference, clocks, train, triggers, n, noise, places, (*findings, *jump_findings))
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 
-from camtorque.commands import Outcome, Tell
+from camtorque.commands import OUTSIDE, Outcome, Tell
 from camtorque.commands.texts import limit_lines
 from camtorque.limits import PASS, judge, limits_document, overall, read_limits, refuse_unknown
 from camtorque.results import read_results
-
-OUTSIDE = 3
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from camtorque.commands import Outcome, Tell
+from camtorque.commands import OUTSIDE, Outcome, Tell
 from camtorque.commands.options import run_options
 from camtorque.commands.texts import limit_lines, run_table
 from camtorque.limits import PASS
@@ -13,8 +13,6 @@ from camtorque.process.second_process import second_process
 from camtorque.report.folder import seal
 from camtorque.report.write import write_pdf
 from camtorque.run import run_recording
-
-OUTSIDE = 3
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:

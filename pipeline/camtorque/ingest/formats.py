@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.csv_layout import utf16
+from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
 
-HEAD_BYTES = 4096
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 HDF5_PLACES = (0, 512, 1024, 2048)
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from camtorque.compiled import njit
 from camtorque.records import Array, ReadOnly
-
-TURN = 2.0 * np.pi
+from camtorque.units import TURN
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})

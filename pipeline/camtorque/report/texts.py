@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from camtorque.records import KNOWLEDGE
+from camtorque.report.answer import Document
 from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
 
 METRIC_NAMES = {
@@ -17,7 +18,6 @@ SMALL_ERROR = 0.05
 """A source of angle error below this share of the largest one stands in a line below the table."""
 STRONG = 0.9
 """Correlation from which on two parameters are shown as a pair."""
-Document = Mapping[str, Any]
 
 
 def inside_text(doc: Document) -> str:
