@@ -39,7 +39,7 @@ ONLY_SHOWN = {
 LONGEST_FUNCTION, LONGEST_FILE = 40, 350
 LONG = {
     "laws.chamber.integrate": "one compiled time step with its derivatives: its parts would hand on a hundred names",
-    "laws.torque.cam_torque": "torque and its five derivatives at an angle share nearly all of their terms",
+    "laws.torque.torque_columns": "torque and its five derivatives at an angle share nearly all of their terms",
     "fit.result.fitted_torque": "fills one record: a line a field",
     "laws.chamber": "rows, balance and derivative of one law, which are one file by intention",
 }

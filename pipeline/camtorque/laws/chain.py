@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.laws import LINEAR_NAMES, chamber, driveline, sensor
-from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, cam_torque, torque_tangents
+from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import Constants, constants_of
@@ -265,7 +265,7 @@ def evaluate(
     motion = cam_motion(data, values, response)
     pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
-    plain, columns, slopes, load, least = cam_torque(
+    torques, slopes, load, least = torque_columns(
         data.constants, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure,
         c[:-1] if tangents else c[:0],
     )  # fmt: skip
@@ -274,7 +274,7 @@ def evaluate(
     through = shaft * measured * gain
     each = data.theta.size // BINS
     taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
-    spectra = np.fft.rfft(binned_by(np.column_stack([plain, columns]), taps, BINS), axis=0) * restoring
+    spectra = np.fft.rfft(binned_by(torques, taps, BINS), axis=0) * restoring
     torque, linear = _behind(spectra, through)
     derivative = None
     if tangents:

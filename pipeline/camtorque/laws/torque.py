@@ -45,7 +45,7 @@ _columns_at = _all_of([law.columns for law in LAWS.values() if law.columns is no
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: ignore[no-untyped-def]
+def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # type: ignore[no-untyped-def]
     """Return torque, columns, derivatives and contact force over the angle.
 
     Parameters
@@ -59,15 +59,13 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
 
     Returns
     -------
-    torque : (n,) without the linear coefficients [N m]
-    columns : (n, k) per coefficient
+    torques : (n, 1 + k) without the linear coefficients [N m], then per coefficient
     by : (5, n) derivatives of the torque with its coefficients, by angle, rate, second, pressure and mu; else (5, 0)
     load : (n,) contact force along the follower [N]
     least : least value of 1 - mu |tan phi| sign(y'); the follower jams at 0
     """
     n = rate.size
-    torque = np.empty(n)
-    columns = np.empty((n, _N))
+    torques = np.empty((n, 1 + _N))
     wanted = coefficients.size > 0
     by = np.empty((5, n if wanted else 0))
     load = np.empty(n)
@@ -92,7 +90,7 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
         turn, turn_a = spin * dw + spin_a * w * w, spin_a * dw + spin_aa * w * w
         normal = axial / guide
         load[i] = normal
-        torque[i] = contact_torque(pump, normal, pump.roller_inertia * turn / pump.radius, height, y1, lever)
+        torques[i, 0] = contact_torque(pump, normal, pump.roller_inertia * turn / pump.radius, height, y1, lever)
         at = At(
             y, y1, y2, w, p, sliding_sign(y1), sliding_sign_by(y1, y2), lever, lever_a, spin, spin_a,
             pump.stiffness, pump.preload, pump.area,
@@ -101,7 +99,7 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
         parts = _columns_at(at)
         for k in range(_N):
             part = parts[k]
-            columns[i, k] = normal * part.arm + y1 / guide * part.force + part.torque
+            torques[i, 1 + k] = normal * part.arm + y1 / guide * part.force + part.torque
             if not wanted:
                 continue
             c = coefficients[k]
@@ -124,7 +122,13 @@ def cam_torque(pump, mu, lift, rate, second, pressure, coefficients):  # type: i
         by[2, i] = pump.mass * y1 * (y1 + arm) / guide + pump.roller_inertia * spin * spin
         by[3, i] = (y1 * (pump.area + extra_p) + pump.area * arm) / guide
         by[4, i] = top * share / (guide * guide)
-    return torque, columns, by, load, least
+    return torques, by, load, least
+
+
+def cam_torque(*arguments: Any) -> tuple[Array, Array, Array, Array, float]:
+    """Return torque (n,), columns (n, k), and the rest of what `torque_columns` returns, to which the arguments go."""
+    torques, by, load, least = torque_columns(*arguments)
+    return torques[:, 0], torques[:, 1:], by, load, least
 
 
 @cache
