@@ -130,7 +130,7 @@ def test_derivatives_of_the_difference_are_those_of_finite_steps(name: str) -> N
 
 
 def test_evidence_of_a_small_change_is_that_foreseen() -> None:
-    pair = made_pair({"leakage": 2e-17})
+    pair = made_pair({"leakage": 5e-18})
     values = np.array([pair.fixed[name] for name in pair.names])
     start = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(len(pair.own)))
     none = fitted(pair, start, (), 20)

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, prior_of, savage_dickey
+from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, prior_of, savage_dickey, where_unexplained
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
+from camtorque.fit.residual import explains
 from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift, switching_std
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import covariance
@@ -76,6 +77,29 @@ def test_losses_that_are_not_there_are_not_claimed(scenes):
     assert scenes["chamber_only"]["driveline"].size < 0.1
     verdicts = [row.verdict for row in scenes["chamber_only"].values()]
     assert "not needed" in verdicts
+
+
+def test_what_an_unexplained_recording_does_not_need_may_be_what_is_missing(scenes):
+    rows = tuple(scenes["chamber_only"].values())
+    withdrawn = where_unexplained(rows)
+    assert {row.verdict for row in withdrawn} == {"cannot tell"}
+    changed = [(row, new) for row, new in zip(rows, withdrawn, strict=True) if row.verdict == "not needed"]
+    assert changed
+    for row, new in changed:
+        assert new.text.startswith(row.text)
+        assert "unexplained" in new.text
+        assert new.two_ln_bayes_factor == row.two_ln_bayes_factor
+    needed = tuple(row for row in scenes["closed_volume"].values() if row.verdict == "needed")
+    assert where_unexplained(needed) == needed
+
+
+def test_a_residual_beyond_the_cycles_leaves_a_recording_unexplained():
+    found = quick(("closed_volume", 0, 1000.0))
+    peak = float(np.max(found.data.torque))
+    far = replace(found.solution, residuals=(found.solution.residuals[0] + 0.01 * peak * found.data.weight,))
+    assert explains(found.data, found.solution, 1e-3 * peak)
+    assert not explains(found.data, far, 1e-3 * peak)
+    assert explains(found.data, far, 4e-3 * peak)  # within three times what odd and even cycles differ
 
 
 def test_line_pressure_on_the_plunger_is_told_from_a_chamber():

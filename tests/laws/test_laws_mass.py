@@ -9,7 +9,7 @@ from camtorque.laws.chamber import FLOW, KERNEL_UNITS, LOWEST
 from camtorque.laws.fluid import ATMOSPHERE, specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import LAMINAR, SUCTION_OPENS, SUCTION_SOFT, flow_root, opening, suction_root
-from camtorque.laws.valve import CUSHION, STOP, STOP_LOSS, lifted, stop_force
+from camtorque.laws.valve import CUSHION, STOP, STOP_CUSHION, STOP_LOSS, lifted, stop_force
 from laws_cases import N, chain_input, refined, start_values
 
 CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0}
@@ -194,10 +194,10 @@ def test_functions_of_the_kernel_have_the_derivatives_that_they_state(function):
             compare(lambda v, o=old: stop_force(v, (v - o) / dt, dt, top)[0], u, by_u, 1e-7)
             compare(lambda v, u=u: stop_force(u, (u - v) / dt, dt, top)[0], old, by_old, 1e-7)
             compare(lambda v, u=u, w=velocity: stop_force(u, w, dt, v)[0], top, by_top, 1e-7)
-        for u, depth, sign in ((-2.0, 2.0, -1.0), (top + 2.0, 2.0, 1.0)):  # behind the cushion: stiffness alone
+        for u, depth, sign in ((-5.0, 5.0, -1.0), (top + 5.0, 5.0, 1.0)):  # behind the cushion: stiffness alone
             assert stop_force(u, 0.0, dt, top)[0] == pytest.approx(sign * STOP * depth)
             assert stop_force(u, sign * 3.0, dt, top)[0] == pytest.approx(sign * STOP * depth * (1 + 3.0 * STOP_LOSS))
-        for u in (CUSHION, top - CUSHION):
+        for u in (CUSHION, top - STOP_CUSHION):
             assert stop_force(u, 10.0, dt, top) == (0.0, 0.0, 0.0, 0.0)
             for side in (u - 1e-9, u + 1e-9):  # neither force nor stiffness jumps
                 np.testing.assert_allclose(stop_force(side, 0.0, dt, top), 0.0, atol=1e-5)

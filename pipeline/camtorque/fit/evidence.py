@@ -17,6 +17,8 @@ Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from camtorque import laws
@@ -117,6 +119,14 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
         text = _sentence(name, verdict, factor, size, interval, unit)
         result.append(LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text))
     return tuple(result)
+
+
+def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
+    """Return the evidence of a fit that leaves something unexplained: what it does not need may be what is missing."""
+    return tuple(
+        replace(row, verdict="cannot tell", text=f"{row.text}; the rest that stays unexplained may be just that")
+        if row.verdict == "not needed" else row for row in evidence
+    )  # fmt: skip
 
 
 def _refitted(problem: Problem, solution: Solution, cov: Covariance, members: tuple[str, ...]) -> float:

@@ -102,7 +102,7 @@ def rig_rows(
     _set_size(rows, pump)
     lift, slope = law.derivatives(np.linspace(0.0, 2.0 * np.pi, 721), 1)
     top = float(np.max(lift))
-    _set(rows, "port_closing_lift", start=0.2 * top, lower=0.01 * top, upper=0.98 * top)
+    _set(rows, "port_closing_lift", start=0.2 * top, lower=0.001 * top, upper=0.98 * top)
     swept = pump.plunger_area * top
     _set(rows, "dead_volume", start=4.0 * swept, lower=0.05 * swept, upper=60.0 * swept, step=0.3 * swept)
     _set(rows, "spill_lift", start=0.8 * top, lower=0.05 * top, upper=1.2 * top)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.problem import Problem
+from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
 from camtorque.laws.chain import BINS
@@ -28,6 +28,12 @@ def is_explained(residual: Array, odd_even: float, peak: float) -> bool:
     """Return whether the model explains the mean cycle."""
     rms = float(np.sqrt(np.mean(residual**2)))
     return not (rms > UNEXPLAINED_TIMES * odd_even and rms > UNEXPLAINED_SHARE * peak)
+
+
+def explains(item: FitData, solution: Solution, odd_even: float) -> bool:
+    """Return whether a fit of one recording explains its mean cycle, beside the lift correction that it asks for."""
+    left = solution.lifts[0].beside(solution.residuals[0]) / item.weight
+    return is_explained(left, odd_even, float(np.max(item.torque)))
 
 
 def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance, index: int) -> float:

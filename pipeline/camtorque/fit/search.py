@@ -15,7 +15,7 @@ import numpy as np
 from camtorque.fit.minima import Candidate, attempted, followed, judged, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, with_starts
-from camtorque.fit.residual import is_explained
+from camtorque.fit.residual import explains
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
     RETRACTIONS,
@@ -28,7 +28,7 @@ from camtorque.fit.starts import (
     ends_at,
     rough,
 )
-from camtorque.fit.swings import expected, with_hubs, with_hubs_alone, with_ringing
+from camtorque.fit.swings import expected, with_couplings, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.laws.chain import SENSOR_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_NAMES
@@ -88,10 +88,8 @@ class Halves:
         """Return the doubt that a minimum leaves, of one that the report would call unexplained all but the largest."""
         if minimum is None:
             return np.inf
-        solution, torque = minimum.solution, self.fitted.torque
-        left = solution.lifts[0].beside(solution.residuals[0]) / self.fitted.weight
-        odd_even = float(np.sqrt(np.mean((torque - self.other.torque) ** 2)))
-        explained = is_explained(left, odd_even, float(np.max(torque)))
+        odd_even = float(np.sqrt(np.mean((self.fitted.torque - self.other.torque) ** 2)))
+        explained = explains(self.fitted, minimum.solution, odd_even)
         return minimum.doubt if explained else max(minimum.doubt, DISSATISFYING + 1.0)
 
 
@@ -221,6 +219,7 @@ class Move:
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
     "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, UNSURE),
+    "coupling": Move(of_the_best(with_couplings), UNSMOOTHED, DOUBTFUL),
     "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
     "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),

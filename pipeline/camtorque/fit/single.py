@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY
-from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence
+from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unexplained
 from camtorque.fit.minima import Candidate, at_minimum, attempted, followed, judged, with_its_lost_torque
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, FitData, Problem
+from camtorque.fit.residual import explains
 from camtorque.fit.search import Found, search
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, along_valley, covariance, pressure_jacobian
@@ -145,6 +146,8 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
             chamber_evidence(prepared.candidates, cov.inflation),
             *loss_evidence(problem, solution, cov, odd_even),
         )
+        if not explains(best.data, solution, odd_even):
+            evidence = where_unexplained(evidence)
     gain = pressure_gain_std(prepared.recording)
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)
     return Fit(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 import numpy as np
@@ -20,11 +20,17 @@ HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
 SHAFTS_WITH_HUB = ((60.0e-6, 1200.0), (200.0e-6, 620.0), (400.0e-6, 450.0))
 """Compliance [rad/(N m)] and frequency of ringing [Hz] of the shafts on which hubs are tried."""
 RINGINGS = tuple(
-    (hertz, ratio) for ratio, count in ((0.02, 72), (0.06, 36), (0.2, 18))
-    for hertz in np.geomspace(120.0, 2600.0, count)
+    {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio}
+    for ratio, count in ((0.02, 72), (0.06, 36), (0.2, 18)) for hertz in np.geomspace(120.0, 2600.0, count)
 )  # fmt: skip
-"""Frequency at which the cam rings on the shaft [Hz] and damping ratio: the true ones stand in a narrow dip."""
-RINGINGS_KEPT = 3
+"""Shafts on which the cam rings: the true ones stand in a narrow dip of frequency."""
+COUPLINGS = tuple(
+    {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": ratio}
+    for ratio, count in ((0.07, 36), (0.3, 18)) for hertz in np.geomspace(30.0, 3000.0, count)
+    for soft in (8.0e-6, 40.0e-6, 200.0e-6)
+)  # fmt: skip
+"""Couplings on which the hub behind the transducer swings."""
+SCANNED_KEPT = 3
 APART = 1.1
 """Least ratio of two frequencies of ringing that are followed."""
 
@@ -81,30 +87,36 @@ def scanned_hubs(shafts: list[FitData]) -> list[FitData]:
 def with_ringing(best: Start) -> list[FitData]:
     """Return the best start with the shaft ringing at other frequencies, lightly damped: the best of a scan.
 
-    Ringing is invisible while the residual is smoothed, and an overdamped shaft does not find it afterwards. What moves
-    on the cam is held meanwhile: a tenth of a search went into asking the chamber of 126 shafts the same again.
+    Ringing is invisible while the residual is smoothed, and an overdamped shaft does not find it afterwards.
+    """
+    return scanned(best, RINGINGS, "shaft_resonance")
+
+
+def with_couplings(best: Start) -> list[FitData]:
+    """Return the best start with the coupling swinging at other frequencies: the best of a scan."""
+    return scanned(best, COUPLINGS, "coupling_resonance")
+
+
+def scanned(best: Start, swings: Iterable[Mapping[str, float]], place: str) -> list[FitData]:
+    """Return the best start with the best of some drivelines [SI], whose frequencies ``place`` are apart.
+
+    What moves on the cam is held meanwhile: a tenth of a search went into asking the chamber of 126 shafts the same
+    again.
     """
     problem = build_problem([best.data])
     output = evaluate(best.data.chain, problem.values(problem.start, 0)[0])
-    values = [_ringing_value(problem, best.lifts, output, ringing) for ringing in RINGINGS]
-    kept: list[tuple[float, float]] = []
-    for _, hertz, ratio in sorted(((v, *r) for v, r in zip(values, RINGINGS, strict=True)), key=lambda one: one[0]):
-        if len(kept) < RINGINGS_KEPT and all(max(hertz / f, f / hertz) > APART for f, _ in kept):
-            kept.append((hertz, ratio))
-    return [with_starts(best.data, _ringing(*ringing)) for ringing in kept]
+    kept: list[Mapping[str, float]] = []
+    for swing in sorted(swings, key=lambda swing: _behind(problem, best.lifts, output, swing)):
+        ratios = [swing[place] / other[place] for other in kept]
+        if len(kept) < SCANNED_KEPT and all(max(ratio, 1.0 / ratio) > APART for ratio in ratios):
+            kept.append(swing)
+    return [with_starts(best.data, swing) for swing in kept]
 
 
-def _ringing(hertz: float, ratio: float) -> dict[str, float]:
-    """Return the parameters of a shaft that rings at a frequency [Hz] with a damping ratio [SI]."""
-    return {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio}
-
-
-def _ringing_value(
-    problem: Problem, lifts: tuple[LiftModes, ...], output: ChainOutput, ringing: tuple[float, float]
-) -> float:
-    """Return chi-square with another ringing behind what the start does on the cam."""
+def _behind(problem: Problem, lifts: tuple[LiftModes, ...], output: ChainOutput, swing: Mapping[str, float]) -> float:
+    """Return chi-square with another driveline behind what the start does on the cam."""
     z = problem.start
-    for name, value in _ringing(*ringing).items():
+    for name, value in swing.items():
         z[problem.index(name)] = value
     z = np.clip(z, *problem.bounds)
     behind = with_transfer(problem.data[0].chain, output, problem.values(z, 0)[0])

@@ -27,8 +27,8 @@ STOP = 400.0
 """Stiffness of seat and stop [bar/mm^3]."""
 STOP_LOSS = 0.05
 """Increase of their force per speed of approach [ms/mm^3]."""
-CUSHION = 0.5
-"""Volume before and behind seat and stop over which their stiffness sets in [mm^3], ten to twenty micrometres."""
+CUSHION, STOP_CUSHION = 0.5, 3.0
+"""Volume before and behind seat and stop over which their stiffness sets in [mm^3], 10 and 100 micrometres of lift."""
 LIFTED = 0.3
 """Volume over which the seat's opening is rounded [mm^3]."""
 
@@ -57,7 +57,7 @@ ROWS = (
 END_ROWS = (
     parameter("end_of_delivery", "theta_end", "deg", DEGREE, (45.0, 3.0, 178.0, 0.3), None,
             "cam angle at which the outlet has closed", "depends on the load; fitted", "own"),
-    parameter("end_width", "w_end", "deg", DEGREE, (2.0, 0.4, 8.0, 0.3), (2.0, 1.2),
+    parameter("end_width", "w_end", "deg", DEGREE, (2.0, 0.4, 20.0, 0.3), (2.5, 2.5),
             "cam angle that the outlet takes to close", "assumed; closing times of 0.1-1 ms", "own"),
 )  # fmt: skip
 
@@ -85,15 +85,15 @@ def stop_force(u, velocity, time_step, top):  # type: ignore[no-untyped-def]
     top : volume at the stop [mm^3]
     """
     if u < CUSHION:
-        depth, sign = -u, -1.0
-    elif u > top - CUSHION:
-        depth, sign = u - top, 1.0
+        depth, cushion, sign = -u, CUSHION, -1.0
+    elif u > top - STOP_CUSHION:
+        depth, cushion, sign = u - top, STOP_CUSHION, 1.0
     else:
         return 0.0, 0.0, 0.0, 0.0
     share = 1.0
-    if depth < CUSHION:
-        share = 0.5 * (depth + CUSHION) / CUSHION
-        depth = share * share * CUSHION
+    if depth < cushion:
+        share = 0.5 * (depth + cushion) / cushion
+        depth = share * share * cushion
     factor = 1.0 + sign * STOP_LOSS * velocity
     by_velocity = STOP * depth * STOP_LOSS
     if factor < 0.2:
