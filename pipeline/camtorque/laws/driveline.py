@@ -64,7 +64,7 @@ ROWS = (
 COUPLING_ROWS = (
     parameter("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 5000.0, 50.0), (0.0, 600.0),
             "compliance of the coupling behind the transducer", "catalogues of elastic couplings: 500-50000 N m/rad"),
-    parameter("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (250.0, 12.0, 4000.0, 20.0), (250.0, 500.0),
+    parameter("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 12.0, 4000.0, 8.0), (120.0, 120.0),
             "frequency at which the hub behind the transducer swings", "0.1-10 g m^2 on such a coupling"),
     parameter("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.15),
             "damping ratio of that motion", "elastomer couplings: 0.05-0.15"),
