@@ -90,7 +90,7 @@ def minimise(
                 converged = descent.promise(point, trial.z) < goal
                 if converged or failed or damping < LEAST_DAMPING:
                     break
-                damping *= 0.1
+                damping *= 0.1  # it hides the way along a narrow valley
                 continue
             new = descent.try_at(np.clip(trial.z + step, lower, upper))
             evaluations += 1

@@ -1,0 +1,69 @@
+"""The way down: what ends it, and what does not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from camtorque.fit.descent import Descent, minimise
+
+
+@dataclass(frozen=True)
+class Tilted:
+    """A floor that falls gently along a narrow valley: (x - y) is known ten thousand times better than (x + y)."""
+
+    z: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def chi_square(self) -> float:
+        return float(self.residual @ self.residual)
+
+
+JACOBIAN = np.array([[1e3, -1e3], [0.1, 0.1]])
+FLOOR = np.array([0.0, 5.0])
+
+
+def valley() -> Descent:
+    def linearise(trial):
+        return JACOBIAN.T @ JACOBIAN, -JACOBIAN.T @ trial.residual
+
+    def step(point, _, damping):
+        matrix, vector = point
+        found = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), vector)
+        return found, float(found @ (2.0 * vector - matrix @ found))
+
+    return Descent(
+        try_at=lambda z: Tilted(z, JACOBIAN @ z - FLOOR),
+        linearise=linearise,
+        step=step,
+        promise=lambda point, _: float(point[1] @ np.linalg.solve(*point)),
+        bounds=(np.full(2, -1e9), np.full(2, 1e9)),
+    )
+
+
+def test_a_descent_goes_on_where_damping_alone_promises_nothing():
+    descent = valley()
+    start = descent.try_at(np.zeros(2))
+    # with the damping that a descent begins with, the way along the valley is hidden
+    assert descent.step(descent.linearise(start), start.z, 1e-2)[1] < 1e-3
+    ended = minimise(descent, start, 40)
+    assert ended.cost[2]
+    assert start.chi_square == pytest.approx(25.0)
+    assert ended.trial.chi_square < 0.1
+    np.testing.assert_allclose(ended.trial.z, [25.0, 25.0], rtol=0.1)
+
+
+def test_a_descent_ends_where_what_promises_more_has_failed():
+    descent = valley()
+
+    def wall(z):
+        trial = Tilted(z, JACOBIAN @ z - FLOOR)
+        return trial if np.all(z == 0.0) else Tilted(z, trial.residual + 10.0)
+
+    ended = minimise(
+        Descent(wall, descent.linearise, descent.step, descent.promise, descent.bounds), wall(np.zeros(2)), 40
+    )
+    assert np.all(ended.trial.z == 0.0)
+    assert ended.cost[1] < 40
