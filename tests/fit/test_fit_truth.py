@@ -281,4 +281,5 @@ def test_the_delivered_volume_is_that_of_the_rig(case):
     past_valve = rig(*case).totals["valve_mass"]
     true = (past_valve[-1] - past_valve[0]) / (past_valve.size - 1) / rig(*case).truth.fluid.density
     assert abs(found.value - true) < 2.0 * found.stderr
-    assert found.stderr < 2.5 * true  # one recording hardly tells it
+    # one recording hardly tells it; how far a variant's valve moves it is the search's, and differs between machines
+    assert found.stderr_statistical < 1.5 * true
