@@ -123,7 +123,7 @@ class OwnFit:
         item = self.problem.data[index]
         values, coefficients = self.problem.values(z, index)
         output = evaluate(item.chain, values, coefficients, tangents=tangents)
-        return (item.torque - output.torque - output.linear @ coefficients) * item.weight, output
+        return item.residual(output, coefficients), output
 
     def _whitened(self, index: int, values: Array) -> Array:
         """Return (I + B B^T)^(-1/2) times weighted values: what the lift correction explains counts less."""

@@ -50,9 +50,8 @@ def scenes():
         key = (family, 0, 1000.0)
         found = quick(key)
         means = mean_cycles(bridged(key)[1])
-        odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
         cov = covariance(found.problem, found.solution)
-        result[family] = {row.name: row for row in loss_evidence(found.problem, found.solution, cov, odd_even)}
+        result[family] = {row.name: row for row in loss_evidence(found.problem, found.solution, cov, means.odd_even)}
     return result
 
 

@@ -40,11 +40,11 @@ def test_hops_begin_in_another_structure_now_and_then_where_nothing_satisfies(fo
 
 
 @pytest.mark.parametrize(
-    ("scan", "place"), [("with_ringing", "shaft_resonance"), ("with_couplings", "coupling_resonance")]
+    ("scan", "place"), [(swings.with_ringing, "shaft_resonance"), (swings.with_couplings, "coupling_resonance")]
 )
 def test_a_scan_of_the_driveline_keeps_frequencies_that_are_apart(found, scan, place):
     start = continued(quick_data(LAND), 0.0, core=False, iterations=2)
-    tried = np.sort([item.rows[place].start for item in getattr(swings, scan)(start)])
+    tried = np.sort([item.rows[place].start for item in scan(start)])
     assert tried.size == swings.SCANNED_KEPT
     assert np.min(tried[1:] / tried[:-1]) > swings.APART
 

@@ -82,12 +82,13 @@ def minimise(
     while iterations < max_iterations:
         point = known = descent.linearise(trial)
         iterations += 1
-        accepted, failed, gained = False, False, 0.0
+        accepted, failed, gained, undamped = False, False, 0.0, np.nan
         goal = relative_gain * trial.chi_square + LEAST_GAIN
         while not converged and damping < LARGEST_DAMPING:
             step, promise = descent.step(point, trial.z, damping)
             if promise < goal:
-                converged = descent.promise(point, trial.z) < goal
+                undamped = descent.promise(point, trial.z) if np.isnan(undamped) else undamped
+                converged = undamped < goal
                 if converged or failed or damping < LEAST_DAMPING:
                     break
                 damping *= 0.1  # it hides the way along a narrow valley
@@ -97,7 +98,7 @@ def minimise(
             ratio = (trial.chi_square - new.chi_square) / promise
             if ratio > 1e-4 and np.isfinite(new.chi_square):
                 gained = trial.chi_square - new.chi_square
-                damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 1e-8)
+                damping = max(damping * max(0.1, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), LEAST_DAMPING)
                 trial, known, accepted = new, None, gained > goal
                 break
             failed = True

@@ -145,7 +145,6 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
         "rigid": scored(means.torque_all, item.rigid_torque), "fitted": scored(means.torque, fitted),
         "fitted_held_out_cycles": scored(means.held_torque, held),
     }  # fmt: skip
-    odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
-    explained = is_explained(means.torque - fitted, odd_even, float(np.max(means.torque_all)))
+    explained = is_explained(means.torque - fitted, means.odd_even, float(np.max(means.torque_all)))
     own = tuple(row for row in parameter_estimates(fit.recording(index), 0) if row.role == "own")
     return JointRecording(own, problem.data[index].structure, found, explained)

@@ -194,7 +194,7 @@ def _linearised(task: Task, trial: Trial, index: int) -> tuple[Array, Array, Arr
     own, chain = problem.places[index]
     both = np.empty((BINS, own.size + 1))
     scaled_columns(output.derivative, output.linear, chain, item.weight, task.steps[own], both)
-    both[:, -1] = (item.torque - output.torque - output.linear @ coefficients) * item.weight
+    both[:, -1] = item.residual(output, coefficients)
     both = task.smooth(both)
     product = task.whitened(index, both)
     return product[:-1, :-1], product[:-1, -1], both[:, -1].copy()

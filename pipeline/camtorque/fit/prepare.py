@@ -61,6 +61,11 @@ class MeanCycles(ReadOnly):
     pressure_all: Array
     scatter_of_mean: float
 
+    @property
+    def odd_even(self) -> float:
+        """Rms of the difference of both halves [N m]."""
+        return float(np.sqrt(np.mean((self.torque - self.held_torque) ** 2)))
+
 
 def mean_cycles(cycles: CamCycles) -> MeanCycles:
     """Return the mean cycles of both halves.

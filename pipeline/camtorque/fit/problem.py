@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.laws import ROWS
-from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.chamber import NEVER
 from camtorque.laws.lift import LiftCorrection
@@ -78,6 +78,10 @@ class FitData(ReadOnly):
         if name in SPILL_NAMES:
             return self.structure == "spill"
         return self.structure != "line" or name not in CHAMBER_NAMES or name == "pressure_zero"
+
+    def residual(self, output: ChainOutput, coefficients: Array) -> Array:
+        """Return measured less modelled torque in units of its standard deviation, (BINS,)."""
+        return (self.torque - output.torque - output.linear @ coefficients) * self.weight
 
 
 @dataclass(frozen=True)

@@ -163,10 +163,9 @@ def fitted_torque(
     forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
     pressure_std = _pressure_std(fit, index, fitted)
     trigger = _trigger(parameters, config.trigger.nominal_angle)
-    odd_even = float(np.sqrt(np.mean((means.torque - means.held_torque) ** 2)))
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
-    explained = is_explained(residual, odd_even, peak)
+    explained = is_explained(residual, means.odd_even, peak)
     left = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
     chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
     delivered = delivered_volume(fit, index) if "delivered_volume" in cycles.channels else None
@@ -180,7 +179,7 @@ def fitted_torque(
         contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
         torque_delay=_delay(parameters, cycles.torque_delay),
-        angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger), odd_even_rms=odd_even,
+        angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger), odd_even_rms=means.odd_even,
         next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
         findings=(
             *prior_findings(parameters), *table_findings(recording.cam_table),

@@ -58,7 +58,7 @@ def shared_lift(problem: Problem, z: Array, inflation: float) -> SharedLift:
         values, coefficients = problem.values(z, index)
         output = evaluate(item.chain, values)
         modes = lift_modes(item, output, values)
-        residual = (item.torque - output.torque - output.linear @ coefficients) * item.weight
+        residual = item.residual(output, coefficients)
         felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T
         information += felt_by @ felt_by.T / inflation
         asked += felt_by @ (modes.vectors.T @ residual) / inflation

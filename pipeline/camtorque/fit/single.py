@@ -139,7 +139,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.append(moved)
     shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))
-    odd_even = float(np.sqrt(np.mean((prepared.means.torque - prepared.means.held_torque) ** 2)))
+    odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
         evidence = (

@@ -13,8 +13,12 @@ from camtorque.fit.starts import CORE, Start, continued
 from camtorque.laws.chain import ChainOutput, evaluate, with_transfer
 from camtorque.process.second_process import in_two
 
-HUBS = tuple((hertz, soft) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
-"""Frequency [Hz] of the hub on its coupling alone, and the coupling's compliance [rad/(N m)]."""
+
+def coupled(hertz: float, soft: float, ratio: float) -> dict[str, float]:
+    """Return a hub that swings at a frequency [Hz] on a coupling of some compliance [rad/(N m)] and damping [-]."""
+    return {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": ratio}
+
+
 HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
 """Smoothing [deg] of the scan of hubs, iterations, and how many are followed after it."""
 SHAFTS_WITH_HUB = ((60.0e-6, 1200.0), (200.0e-6, 620.0), (400.0e-6, 450.0))
@@ -25,11 +29,13 @@ RINGINGS = tuple(
 )  # fmt: skip
 """Shafts on which the cam rings: the true ones stand in a narrow dip of frequency."""
 COUPLINGS = tuple(
-    {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": ratio}
+    coupled(hertz, soft, ratio)
     for ratio, count in ((0.07, 36), (0.3, 18)) for hertz in np.geomspace(30.0, 3000.0, count)
     for soft in (8.0e-6, 40.0e-6, 200.0e-6)
 )  # fmt: skip
 """Couplings on which the hub behind the transducer swings."""
+HUBS = tuple(coupled(hertz, soft, 0.07) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
+"""Hubs that swing on a yielding coupling."""
 SCANNED_KEPT = 3
 APART = 1.1
 """Least ratio of two frequencies of ringing that are followed."""
@@ -47,13 +53,6 @@ def as_expected(start: Start) -> FitData:
         parameter.row.name for parameter in build_problem([start.data]).parameters if parameter.row.name not in CORE
     ]
     return with_starts(start.data, expected(start.data, names))
-
-
-def with_hub(item: FitData, hertz: float, soft: float) -> FitData:
-    """Return a start with a hub that swings on a yielding coupling, lightly damped."""
-    return with_starts(item, {
-        "coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": 0.07
-    })  # fmt: skip
 
 
 def with_hubs(best: Start) -> list[FitData]:
@@ -76,7 +75,7 @@ def scanned_hubs(shafts: list[FitData]) -> list[FitData]:
 
     Much smoothing hides a hub: at 300 Hz and 600 rpm it swings once in 12 degrees.
     """
-    items = [with_hub(item, *hub) for item in shafts for hub in HUBS]
+    items = [with_starts(item, hub) for item in shafts for hub in HUBS]
     for smoothing, iterations, kept in HUB_RUNGS:
         ends = in_two(partial(continued, smoothing_deg=smoothing, core=False, iterations=iterations), items)
         order = sorted((end for end in ends if end), key=lambda end: end.chi_square)
