@@ -22,7 +22,7 @@ ROWS = (
             "friction coefficient times radius of the roller's pin", "mu 0.002-0.02 on 2-4 mm"),
     parameter("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
             "friction coefficient of the follower's guide", "lubricated steel, 0.02-0.12"),
-    parameter("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.2, 0.4),
+    parameter("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.3, 0.6),
             "constant drag of seals and bearings", "lip seals 0.05-0.2 N m each, preloaded bearings to 1 N m"),
 )  # fmt: skip
 
