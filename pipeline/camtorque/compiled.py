@@ -74,6 +74,21 @@ def _numba() -> ModuleType:
     return numba
 
 
+COMPILED_FROM, LOADED_FROM = 4_000_000, 40_000_000
+"""Samples of a channel from which compiled passes are taken where compiled code is loaded anyhow (a run), and from
+which loading it, half a second, pays by itself."""
+
+
+def compiled_pays(n_samples: int) -> bool:
+    """Tell whether compiled passes over a channel of that many samples cost less than plain ones."""
+    return n_samples >= (COMPILED_FROM if "numba" in sys.modules else LOADED_FROM)
+
+
+def load_compiler() -> None:
+    """Load what `compiled_pays` asks for, where compiled functions will be called in any case."""
+    _numba()
+
+
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Return a function that numba compiles when it is called first, with the options of numba's decorator."""
     return partial(njit, **options) if function is None else Compiled(function, options)

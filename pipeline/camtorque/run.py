@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.align import AlignOptions, align
+from camtorque.compiled import load_compiler
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.ingest import read_recording
@@ -87,6 +88,7 @@ def analyse_recording(
     """
     watch = Stopwatch(progress, {"ingest": 0.0, **(seconds or {})})
     with watch.stage("align", "aligning to the cam angle"):
+        load_compiler()  # the fit needs it, and a long log is aligned in a third of the time
         cycles = align(recording, options.align)
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
         rigid = rigid_torque(recording, cycles)

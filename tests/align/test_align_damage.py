@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from align_truth import Rig, Samples, Shaft, angle_error_deg, calibration, make, pressure_of, torque_of
 from camtorque.align import AlignOptions, align
-from camtorque.align.channels import _damage
 from camtorque.align.quality import CUTS
 from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.signal.damage import damage_of_each
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
 PULSES = RIG.pulse_times()
@@ -398,10 +398,11 @@ def test_trigger_of_noise_says_what_it_holds() -> None:
         align(edited("trigger", lambda v: noise(v.size)))
 
 
-def test_damage_is_counted_over_the_samples_of_a_cycle_and_no_others() -> None:
+@pytest.mark.parametrize("compiled", [False, True])
+def test_damage_is_counted_over_the_samples_of_a_cycle_and_no_others(compiled: bool) -> None:
     volts = np.array([0.0, 9.0, 1.0, 2.0, 9.0, 3.0, 9.0, 5.0, 6.0, 9.5])
     # the first cycle ends inside its clipped sample, the second one reaches beyond the file, the third is one sample
     ends = np.array([[2.0, -3.0, 5.2], [4.9, 20.0, 5.9]])
-    found = _damage(volts, ends, (-8.0, 8.0))
+    found = damage_of_each(volts, ends, (-8.0, 8.0), compiled)
     assert [row[0] for row in found] == [1, 4, 0]
     assert [row[-1] for row in found] == [3, 10, 1]

@@ -187,7 +187,7 @@ def test_resampling_reproduces_a_straight_line(seed: int, samples_per_step: floa
     polynomials = interval_polynomials(angle, time, left, right)
     for resample in (resample_block, resample_compiled.resample_block):
         rows = np.empty((1, n_theta))
-        resample(volts, rate, np.array([10.0]), np.array([0]), angle, polynomials, rule, rows)
+        resample(volts, rate, np.array([10.0]), np.array([0]), angle, polynomials, rule, (0.0, 1.0), rows)
         expected = level + slope * (10.0 + rate * np.arange(n_theta) / n_theta)
         np.testing.assert_allclose(rows[0], expected, atol=1e-9 * rate)
 
@@ -212,8 +212,8 @@ def test_the_compiled_pass_and_the_plain_one_agree(seed: int, samples_per_step: 
         interval_polynomials(angle, time, *slopes),
     )
     plain, compiled = np.empty((n_cycles, n_theta)), np.empty((n_cycles, n_theta))
-    resample_block(volts, *arguments, rule, plain)
-    resample_compiled.resample_block(volts, *arguments, rule, compiled)
+    resample_block(volts, *arguments, rule, (0.1, -3.0), plain)
+    resample_compiled.resample_block(volts, *arguments, rule, (0.1, -3.0), compiled)
     np.testing.assert_allclose(plain, compiled, atol=1e-9)
 
 

@@ -15,8 +15,9 @@ from camtorque.align.clocks import Clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
 from camtorque.align.resample import choose_rule, resampler
+from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel
-from camtorque.signal.damage import clips_below, damage_of
+from camtorque.signal.damage import clips_below, damage_of_each
 from camtorque.signal.logger_time import sample_positions
 from camtorque.stacks import empty_stack, give_back
 from camtorque.units import TURN
@@ -99,8 +100,9 @@ def _align_channel(
     rows[~complete] = np.nan
     begin, middle, end = (angle.time_at((cycles + part) * TURN) for part in (0.0, 0.5, 1.0))
     samples_per_step = float(np.median(end - begin)) * channel.sample_rate / options.n_theta
-    rule, resample_block = choose_rule(options.interpolation, samples_per_step), resampler(channel.n_samples)
-    gain, zero, limits = _law(channel)
+    rule, compiled = choose_rule(options.interpolation, samples_per_step), compiled_pays(channel.n_samples)
+    resample_block = resampler(compiled)
+    law, limits = _law(channel)
     first = np.maximum(0, positions(channel, clock, begin).astype(np.int64) - MARGIN - int(samples_per_step))
     stop = np.minimum(
         channel.n_samples, positions(channel, clock, end).astype(np.int64) + MARGIN + int(samples_per_step)
@@ -109,32 +111,24 @@ def _align_channel(
     shift = positions(channel, clock, middle) - rate * middle
     for group in _groups(first, stop, complete, options.block_samples):
         with reading:
-            volts = np.ascontiguousarray(channel.source.read(first[group][0], stop[group][-1]), dtype=np.float64)
+            volts = np.require(channel.source.read(first[group][0], stop[group][-1]), np.float64, ["C", "W"])
         place = shift[group] - first[group][0]
         with np.errstate(over="ignore", invalid="ignore"):  # samples that are no voltages are counted below
-            resample_block(volts, rate, place, cycles[group], angle.angle, angle.polynomials, rule, rows[group])
-            rows[group] -= zero
-            rows[group] *= gain
+            resample_block(volts, rate, place, cycles[group], angle.angle, angle.polynomials, rule, law, rows[group])
         extremes[group] = np.column_stack([np.min(rows[group], axis=1), np.max(rows[group], axis=1)])
-        damage[group] = _damage(volts, rate * np.array([begin[group], end[group]]) + place, limits)
+        damage[group] = damage_of_each(volts, rate * np.array([begin[group], end[group]]) + place, limits, compiled)
         give_back(rows)
     return AlignedChannel(channel, rows, extremes, ChannelDamage(*damage.T), samples_per_step, rule)
 
 
-def _damage(volts: Array, ends: Array, limits: tuple[float, float]) -> list[tuple[int, ...]]:
-    """Return `damage_of` of each cycle, and its samples in all; ``ends`` (2, m) are sample positions."""
-    pieces = [volts[low : high + 1] for low, high in np.clip(ends, 0.0, volts.size - 1.0).astype(np.int64).T]
-    return [(*damage_of(inside, *limits), inside.size) for inside in pieces]
-
-
-def _law(channel: Channel) -> tuple[float, float, tuple[float, float]]:
-    """Return gain, zero and output range on the raw samples of the file."""
+def _law(channel: Channel) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return zero and gain, and output range on the raw samples of the file."""
     calibration = channel.calibration
     if calibration is None:
-        return channel.scale, 0.0, (-np.inf, np.inf)
+        return (0.0, channel.scale), (-np.inf, np.inf)
     low, high = calibration.output_min_volts / channel.scale, calibration.output_max_volts / channel.scale
     low = low if clips_below(calibration) else -np.inf
-    return channel.sign * channel.scale * calibration.gain, calibration.zero_volts / channel.scale, (low, high)
+    return (calibration.zero_volts / channel.scale, channel.sign * channel.scale * calibration.gain), (low, high)
 
 
 def _groups(

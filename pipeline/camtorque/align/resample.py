@@ -7,20 +7,15 @@ the linear interpolant over its grid step: the spectrum is multiplied by sinc(or
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from importlib import import_module
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from camtorque.align import resample_compiled
 from camtorque.align.options import AVERAGE, CUBIC, RULES
 from camtorque.records import Array
-
-COMPILED_FROM, LOADED_FROM = 4_000_000, 40_000_000
-"""Samples of a channel from which the compiled pass is taken where compiled code is loaded anyhow (a run), and from
-which loading it, half a second, pays by itself."""
 
 
 def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bool) -> tuple[Array, Array]:
@@ -63,17 +58,16 @@ def times_at(angle: Array, polynomials: Array, wanted: NDArray[np.floating]) -> 
     return time
 
 
-def resampler(n_samples: int) -> Callable[..., None]:
-    """Return the pass over a channel of that many samples: `resample_block`, or the same compiled."""
-    if n_samples < COMPILED_FROM or (n_samples < LOADED_FROM and "numba" not in sys.modules):
-        return resample_block
-    return import_module("camtorque.align.resample_compiled").resample_block  # type: ignore[no-any-return]
+def resampler(compiled: bool) -> Callable[..., None]:
+    """Return `resample_block`, or the same compiled."""
+    return resample_compiled.resample_block if compiled else resample_block
 
 
-def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows):  # type: ignore[no-untyped-def]
+def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, law, rows):  # type: ignore[no-untyped-def]
     """Resample consecutive cycles from one block of samples.
 
-    Sample position = rate x time + shift (one shift per cycle). ``rows`` (m, n_theta) is filled.
+    Sample position = rate x time + shift (one shift per cycle). ``rows`` (m, n_theta) is filled; ``law`` are zero and
+    gain of the samples.
     """
     n_theta = rows.shape[1]
     grid = (np.arange(-1, cycles.size * n_theta + 1) / n_theta + cycles[0]) * (2.0 * np.pi)
@@ -84,6 +78,9 @@ def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows): 
     position = rate * sliding_window_view(time, n_theta + 2)[::n_theta] + shift[:, None]
     np.clip(position, 0.0, volts.size - 1.000001, out=position)
     rows[:] = _averages(volts, position) if rule == AVERAGE else _interpolated(volts, position[:, 1:-1], rule)
+    zero, gain = law
+    rows -= zero
+    rows *= gain
 
 
 def _averages(volts: Array, position: Array) -> Array:

@@ -8,9 +8,11 @@ from camtorque.align.options import AVERAGE, CUBIC
 from camtorque.compiled import njit
 from camtorque.records import Array
 
+ONE = np.uint64(1)
+
 
 @njit(cache=True, nogil=True)
-def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows):  # type: ignore[no-untyped-def]
+def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, law, rows):  # type: ignore[no-untyped-def]
     """Resample consecutive cycles from one block of samples; see `camtorque.align.resample.resample_block`."""
     n_theta = rows.shape[1]
     step = 2.0 * np.pi / n_theta
@@ -23,6 +25,8 @@ def resample_block(volts, rate, shift, cycles, angle, polynomials, rule, rows): 
             _average_row(volts, position, rows[m])
         else:
             _interpolate_row(volts, position, rule, rows[m])
+        for k in range(n_theta):
+            rows[m, k] = (rows[m, k] - law[0]) * law[1]
 
 
 @njit(cache=True, nogil=True)
@@ -56,23 +60,30 @@ def _fill_until(border, start, step, k, origin, a, b, c, d, out):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _average_row(volts: Array, position: Array, row: Array) -> None:
-    """Mean of the linear interpolant over each grid step; the border of two steps is looked up once."""
-    border = 0.5 * (position[0] + position[1])
-    i = int(border)
-    f = border - i
-    before = f * volts[i] + 0.5 * f * f * (volts[i + 1] - volts[i])
+    """Mean of the linear interpolant over each grid step; the border of two steps is looked up once.
+
+    Borders and quotients have loops of their own, which run several at a time.
+    """
+    border = 0.5 * (position[:-1] + position[1:])
+    at = border.astype(np.uint64)  # no index from the end is looked for
+    here, f = volts[at[0]], border[0] - at[0]
+    before = f * here + 0.5 * f * f * (volts[at[0] + ONE] - here)
     for k in range(row.size):
-        end = 0.5 * (position[k + 1] + position[k + 2])
-        j = int(end)
+        last = volts[at[k + 1]]
         total = -before
-        if j > i:
-            total += 0.5 * (volts[i] + volts[j])
-        for m in range(i + 1, j):
+        if at[k + 1] > at[k]:
+            total += 0.5 * (here + last)
+        m = at[k] + ONE
+        while m < at[k + 1]:
             total += volts[m]
-        f = end - j
-        before = f * volts[j] + 0.5 * f * f * (volts[j + 1] - volts[j])
-        row[k] = (total + before) / (end - border) if end > border else volts[j]
-        border, i = end, j
+            m += ONE
+        f = border[k + 1] - at[k + 1]
+        before = f * last + 0.5 * f * f * (volts[at[k + 1] + ONE] - last)
+        row[k] = total + before if border[k + 1] > border[k] else last
+        here = last
+    for k in range(row.size):
+        width = border[k + 1] - border[k]
+        row[k] /= width if width > 0.0 else 1.0
 
 
 @njit(cache=True, nogil=True)

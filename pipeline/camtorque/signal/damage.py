@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.records import Array, SensorCalibration
+from camtorque.signal import passes_compiled
 from camtorque.signal.threshold import Count, Threshold
 
 FLAT_RUN = Count(
@@ -46,6 +47,21 @@ def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, in
     if np.count_nonzero(volts[1:] == volts[:-1]) < 2:
         return clipped, missing, 1, 0
     return clipped, missing, *_runs(volts, bool(np.isfinite(lowest)))
+
+
+def damage_of_each(volts: Array, ends: Array, limits: tuple[float, float], compiled: bool) -> NDArray[np.int64]:
+    """Return (m, 5) `damage_of` of each stretch and its samples in all; ``ends`` (2, m) are sample positions."""
+    ends = np.clip(ends, 0.0, volts.size - 1.0).astype(np.int64)
+    if not compiled:
+        pieces = [volts[low : high + 1] for low, high in ends.T]
+        return np.array([(*damage_of(inside, *limits), inside.size) for inside in pieces], dtype=np.int64)
+    counts = np.empty((ends.shape[1], 5), dtype=np.int64)
+    passes_compiled.damage_counts(volts, ends, limits, float(NO_VOLTAGE), counts)
+    pairs, threes = counts[:, 2].copy(), counts[:, 3].copy()
+    counts[:, 2], counts[:, 3] = np.where(pairs < 2, 1, 2), 0
+    for k in np.flatnonzero(threes):
+        counts[k, 2:4] = _runs(volts[ends[0, k] : ends[1, k] + 1], bool(np.isfinite(limits[0])))
+    return counts
 
 
 def count_missing(volts: Array) -> int:

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel, Finding, Refusal
+from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edge_time import EdgeSamples, crossings, edge_samples, joined
-from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, noise_of, without_missing
+from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, looked_at, noise_of
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.threshold import Threshold
 
@@ -69,8 +71,9 @@ class Edges:
 
 @dataclass
 class _Scan:
-    """State that a scan carries from block to block."""
+    """Whether it runs compiled, and the state that it carries from block to block."""
 
+    compiled: bool
     state: int = -1
 
 
@@ -92,14 +95,16 @@ def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) ->
 
 def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, EdgeSamples, int]:
     """Return rising and falling edges of pulses higher than ``least``, and the samples that are missing."""
-    scan, rising, falling, n_missing = _Scan(), _Collector(1.0), _Collector(-1.0), 0
+    scan = _Scan(compiled_pays(channel.n_samples))
+    rising, falling, n_missing = _Collector(1.0), _Collector(-1.0), 0
     for start in range(0, channel.n_samples, block):
         first = max(0, start - LONGEST_HALF_WINDOW)
         last = min(channel.n_samples, start + block + LONGEST_HALF_WINDOW)
-        volts, missing = without_missing(channel.read_volts(first, last))
+        volts, missing, extremes = looked_at(channel.read_volts(first, last), scan.compiled)
         n_missing += missing
         stop = min(start + block, channel.n_samples) - first
-        places = _scan_block(volts, (start - first, stop), scan, first, least)
+        windows = level_windows(volts, extremes, least)
+        places = _scan_block(volts, (start - first, stop), scan, first, windows)
         up, down = places[places > 0] - 1, -places[places < 0] - 1
         half = _half_window(np.abs(places))
         rising.add(volts, first, up, half)
@@ -107,9 +112,12 @@ def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, E
     return rising.edges(), falling.edges(), n_missing
 
 
-def _scan_block(volts: Array, inside: tuple[int, int], scan: _Scan, first: int, least: float) -> NDArray[np.int64]:
-    window, level, margin = level_windows(volts, least)
-    events, rising = _transitions(volts, inside, (window, level - margin, level + margin))
+def _scan_block(
+    volts: Array, inside: tuple[int, int], scan: _Scan, first: int, windows: tuple[int, Array, Array]
+) -> NDArray[np.int64]:
+    window, level, margin = windows
+    transitions = passes_compiled.transitions if scan.compiled else _transitions
+    events, rising = transitions(volts, inside, (window, level - margin, level + margin))
     rising, before = rising.astype(np.int64), np.r_[scan.state, rising[:-1]]
     changed = rising != before
     scan.state = int(rising[-1]) if rising.size else scan.state

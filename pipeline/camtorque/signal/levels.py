@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.records import Array
+from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE, count_missing
 from camtorque.signal.running import running_maximum, running_median
 from camtorque.signal.threshold import Threshold
@@ -38,14 +39,24 @@ NOISE_PAIRS = 4096
 """Pairs of neighbouring samples of a block that the noise is taken from, at most."""
 
 
-def level_windows(volts: Array, least: float = 0.0) -> tuple[int, Array, Array]:
+def looked_at(volts: Array, compiled: bool) -> tuple[Array, int, tuple[Array, Array]]:
+    """Return the samples of a block, how many of them are no voltages (nan), and the extremes of its fine windows."""
+    if compiled and volts.size > FINE_SAMPLES:
+        samples, extremes = np.require(volts, np.float64, ["C", "W"]), np.empty((2, volts.size // FINE_SAMPLES))
+        if not passes_compiled.plateaus(samples, FINE_SAMPLES, float(NO_VOLTAGE), *extremes):
+            return samples, 0, (extremes[0], extremes[1])
+    volts, missing = without_missing(volts)
+    return volts, missing, _fine_extremes(volts)
+
+
+def level_windows(volts: Array, extremes: tuple[Array, Array], least: float = 0.0) -> tuple[int, Array, Array]:
     """Return samples per window, half height and hysteresis of each window of a block [V].
 
-    Pulses are higher than the noise and than ``least`` [V]. A window without one takes the level of its neighbours;
-    without any pulse there is no level (nan).
+    ``extremes`` are those of its fine windows. Pulses are higher than the noise and than ``least`` [V]. A window
+    without one takes the level of its neighbours; without any pulse there is no level (nan).
     """
     least_height = max(least, NOISE_HEIGHTS * noise_of(volts))
-    low, high = _fine_extremes(volts)
+    low, high = extremes
     pooled = _pooled_windows(low, high, least_height)
     starts = np.arange(0, max(1, low.size - pooled + 1), pooled)
     low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)

@@ -103,7 +103,9 @@ def product(signal: Signal) -> Array:
     cycles = np.arange(signal.pulses.size - 1, dtype=np.float64)
     rows = np.empty((cycles.size, N_THETA))
     rule = choose_rule("auto", signal.rate * TURN / SPEED / N_THETA)
-    resample_block(signal.torque, signal.rate, np.zeros(cycles.size), cycles, angle, polynomials, rule, rows)
+    resample_block(
+        signal.torque, signal.rate, np.zeros(cycles.size), cycles, angle, polynomials, rule, (0.0, 1.0), rows
+    )
     return rows.mean(axis=0)
 
 

@@ -1,0 +1,116 @@
+"""Passes over the samples of long channels, compiled: what they find is the same bit for bit as in plain numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from camtorque.compiled import njit
+from camtorque.records import Array
+
+
+@njit(cache=True, nogil=True)
+def plateaus(volts: Array, size: int, no_voltage: float, low: Array, high: Array) -> int:
+    """Fill in the extremes of each window, see `signal.levels`; return how many samples are no voltages.
+
+    Where there are any, the extremes mean nothing: they are taken as if every sample was a number. The last window
+    holds all samples that remain.
+    """
+    missing = 0
+    for k in range(low.size):
+        window = volts[k * size :] if k == low.size - 1 else volts[k * size : (k + 1) * size]
+        for i in range(window.size):
+            missing += not abs(window[i]) < no_voltage
+        low[k], high[k] = _extremes(window)
+    return missing
+
+
+@njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+def _extremes(window: Array) -> tuple[float, float]:
+    """Return the lowest higher one and the highest lower one of two neighbours."""
+    low, high = np.inf, -np.inf
+    for i in range(window.size - 1):
+        low = min(low, max(window[i], window[i + 1]))
+        high = max(high, min(window[i], window[i + 1]))
+    return low, high
+
+
+PART = 64
+"""Samples that are counted first: where all or none of them lie beyond a band, none is looked at by itself."""
+
+
+@njit(cache=True, nogil=True)
+def transitions(  # type: ignore[no-untyped-def]
+    volts, inside, bands
+):
+    """Return where the signal comes to lie beyond a band, and whether above it; see `signal.edges`."""
+    begin, stop = inside
+    window, lower, upper = bands
+    places, rising, count = np.empty(stop - begin, dtype=np.int64), np.empty(stop - begin, dtype=np.bool_), 0
+    above = below = False
+    for k in range(lower.size):
+        end = stop if k == lower.size - 1 else min((k + 1) * window, stop)
+        for first in range(max(begin, k * window), end, PART):
+            last = min(first + PART, end)
+            n_above, n_below = _counts(volts[first:last], lower[k], upper[k])
+            if n_above in (0, last - first) and n_below in (0, last - first):
+                if (n_above and not above) or (n_below and not below):
+                    places[count], rising[count] = first, n_above > 0
+                    count += 1
+                above, below = n_above > 0, n_below > 0
+                continue
+            for i in range(first, last):
+                now_above, now_below = volts[i] > upper[k], volts[i] < lower[k]
+                if (now_above and not above) or (now_below and not below):
+                    places[count], rising[count] = i, now_above
+                    count += 1
+                above, below = now_above, now_below
+    return places[:count].copy(), rising[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _counts(volts: Array, lower: float, upper: float) -> tuple[int, int]:
+    """Return how many samples lie above and how many below a band."""
+    above = below = 0
+    for i in range(volts.size):
+        above += volts[i] > upper
+        below += volts[i] < lower
+    return above, below
+
+
+@njit(cache=True, nogil=True)
+def damage_counts(  # type: ignore[no-untyped-def]
+    volts, ends, limits, no_voltage, counts
+):
+    """Fill in what is counted of each stretch of samples, the last of its ``ends`` (2, m) included.
+
+    ``counts`` (m, 5): samples at or beyond the limits, samples that are no voltages, samples that equal the one before,
+    samples that equal the two before, samples in all.
+    """
+    for k in range(counts.shape[0]):
+        inside = volts[ends[0, k] : ends[1, k] + 1]
+        counts[k, 0], counts[k, 1] = _beyond(inside, limits[0], limits[1], no_voltage)
+        counts[k, 2], counts[k, 3] = _repeated(inside)
+        counts[k, 4] = inside.size
+
+
+@njit(cache=True, nogil=True)
+def _beyond(volts: Array, lowest: float, highest: float, no_voltage: float) -> tuple[int, int]:
+    """Return how many samples lie at or beyond the limits, and how many are no voltages."""
+    clipped = voltages = 0
+    for i in range(volts.size):
+        clipped += (volts[i] <= lowest) | (volts[i] >= highest)
+        voltages += abs(volts[i]) < no_voltage
+    return clipped, volts.size - voltages
+
+
+@njit(cache=True, nogil=True)
+def _repeated(volts: Array) -> tuple[int, int]:
+    """Return how many samples equal the one before, and how many the two before."""
+    pairs = threes = 0
+    here, before, first = volts[2:], volts[1:-1], volts[:-2]
+    for i in range(first.size):
+        pairs += before[i] == first[i]
+        threes += (before[i] == first[i]) & (here[i] == before[i])
+    if volts.size > 1:
+        pairs += volts[-1] == volts[-2]
+    return pairs, threes
