@@ -74,7 +74,7 @@ def _numba() -> ModuleType:
     return numba
 
 
-COMPILED_FROM, LOADED_FROM = 4_000_000, 40_000_000
+COMPILED_FROM, LOADED_FROM = 4_000_000, 15_000_000
 """Samples of a channel from which compiled passes are taken where compiled code is loaded anyhow (a run), and from
 which loading it, half a second, pays by itself."""
 

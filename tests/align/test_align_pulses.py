@@ -11,7 +11,7 @@ from camtorque.align import align, resample_compiled
 from camtorque.align.clocks import best_lag, clock_steps, fit_clock, robust_line
 from camtorque.align.pulses import clean_pulses
 from camtorque.align.resample import hermite_slopes, interval_polynomials, resample_block
-from camtorque.signal.running import running_median
+from camtorque.signal.running import percentile, running_median
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -217,9 +217,23 @@ def test_the_compiled_pass_and_the_plain_one_agree(seed: int, samples_per_step: 
     np.testing.assert_allclose(plain, compiled, atol=1e-9)
 
 
+@settings(max_examples=100, deadline=None)
+@given(
+    values=st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=12),
+    share=st.sampled_from([0.0, 5.0, 10.0, 50.0, 95.0, 99.9, 100.0]),
+)
+def test_a_percentile_is_that_of_numpy_bit_for_bit(values: list[float], share: float) -> None:
+    assert percentile(np.array(values), share) == np.percentile(values, share)
+    whole = np.array(values).astype(np.int64)
+    assert percentile(whole, share) == np.percentile(whole, share)
+
+
+@pytest.mark.parametrize("missing", [None, 0, 4])
 @pytest.mark.parametrize("size", [1, 3, 9])
-def test_running_median_shrinks_at_the_ends(size: int) -> None:
+def test_running_median_shrinks_at_the_ends(size: int, missing: int | None) -> None:
     values = np.random.default_rng(size).standard_normal(7)
+    if missing is not None and size == 9:  # where no whole window fits
+        values[missing] = np.nan
     half = size // 2
     expected = [np.median(values[max(0, k - half) : k + half + 1]) for k in range(values.size)]
     np.testing.assert_array_equal(running_median(values, size), expected)

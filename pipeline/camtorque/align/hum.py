@@ -9,6 +9,7 @@ where nothing else happens, as a sine of just that frequency.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -103,11 +104,15 @@ def _over_cycles(frequency: float, bins: Array, speed: Array, start: Array, cohe
     """Return the hum from the deviations of the cycles from their mean; waves of an hour do not stand in memory."""
     n = bins.shape[0]
     parts = [slice(first, first + PIECE) for first in range(0, n, PIECE)]
-    middle = sum(np.sum(_turning(frequency, speed[part], start[part]), axis=0) for part in parts) / n
+    # the last waves are kept: where there is one part, they are made once
+    waves_of = lru_cache(maxsize=1)(
+        lambda first: _turning(frequency, speed[first : first + PIECE], start[first : first + PIECE])
+    )
+    middle = sum(np.sum(waves_of(part.start), axis=0) for part in parts) / n
     mean = np.mean(bins, axis=0)
     pairs, squares = np.zeros((2, n)), np.zeros((2, 2, n))
     for part in parts:
-        turning = _turning(frequency, speed[part], start[part]) - middle
+        turning = waves_of(part.start) - middle
         waves, deviation = (turning.real, turning.imag), bins[part] - mean
         for k, wave in enumerate(waves):
             # one cycle carries one independent value of each wave: what else deviates is correlated over its angle

@@ -92,8 +92,8 @@ def _is_clipped(volts: Array, run: int, end: int) -> bool:
         return False
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(volts))
-    step = np.min(change, where=change > 0.0, initial=np.inf)
-    fall = min(abs(volts[end] - volts[before]), abs(volts[end] - volts[after]))
+        step = np.min(change, where=change > 0.0, initial=np.inf)
+        fall = min(abs(volts[end] - volts[before]), abs(volts[end] - volts[after]))
     return bool(fall > STEPS_BESIDE_FLAT * step)
 
 

@@ -19,6 +19,7 @@ from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edge_time import EdgeSamples, crossings, edge_samples, joined
 from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, looked_at, noise_of
 from camtorque.signal.logger_time import sample_times
+from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Threshold
 
 LONGEST_HALF_WINDOW = 64
@@ -175,7 +176,7 @@ def _half_window(crossings: NDArray[np.int64]) -> int:
     """Return the samples on either side of an edge that belong to no other edge."""
     if crossings.size < 2:
         return 8
-    gap = int(np.percentile(np.diff(crossings), 10))
+    gap = int(percentile(np.diff(crossings), 10.0))
     return int(np.clip(gap // 2, 2, LONGEST_HALF_WINDOW))
 
 

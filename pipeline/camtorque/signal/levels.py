@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from camtorque.records import Array
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE, count_missing
-from camtorque.signal.running import running_maximum, running_median
+from camtorque.signal.running import percentile, running_maximum, running_median
 from camtorque.signal.threshold import Threshold
 
 HYSTERESIS = Threshold(
@@ -88,7 +88,7 @@ def _pooled_windows(low: Array, high: Array, least_height: float) -> int:
     starts = _rises(low, high, middle - HYSTERESIS * height, middle + HYSTERESIS * height)
     if starts.size < LEAST_STARTS:
         return int(low.size)
-    distance = float(np.percentile(np.diff(starts), USUAL_DISTANCE))
+    distance = percentile(np.diff(starts), USUAL_DISTANCE)
     return int(np.clip(np.ceil(WINDOW_PERIODS * distance), LEAST_POOLED, low.size))
 
 
