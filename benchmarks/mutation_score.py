@@ -61,8 +61,7 @@ NAMED = (
      "on_contact(at.lever, at.lever_by)"),
     ("column of the spring's preload is zero", "laws/spring.py", "(at.preload,", "(0.0 * at.preload,"),
     ("leakage with the square of the gap", "laws/leakage.py", "cubed = gap * gap * gap", "cubed = gap * gap"),
-    ("blind prediction with its own fitted end", "fit/leftout.py", "flatnonzero(others.places != index)",
-     "flatnonzero(others.places == index)"),
+    ("blind prediction with its own fitted end", "fit/leftout.py", "if one.id != item.name", "if one.id"),
     ("intervals are not widened", "fit/uncertainty.py", "inflation = max(1.0, ", "inflation = max(1.0, 0.0 * "),
 )  # fmt: skip
 """What, file, text, what stands there instead."""

@@ -27,7 +27,8 @@ from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
 from camtorque.fit.endings import EITHER, either, endings_of
-from camtorque.fit.ends import END_OF, Curve, load_for
+from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.firm_end import END_OF
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import shown_covariance
@@ -62,7 +63,7 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
     problem, solution = solve_joint(inputs)
     fit = joint_fit_of(inputs, problem, solution)
     others = leftout.left_out(fit)
-    found = (row for k, item in enumerate(inputs) for row in leftout.predicted(fit, others, k, item))
+    found = (row for k, item in enumerate(inputs) for row in leftout.predicted(fit, others, k, item).held)
     held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in found if row.mode == "own_zero_and_end"}
     recordings = [
         FittedAt(item.recording.config.id, item.cycles.mean_speed, data.structure, held[item.recording.config.id], True)

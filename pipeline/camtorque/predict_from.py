@@ -22,7 +22,8 @@ from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.design.fitted import FRICTION_NAMES
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
-from camtorque.fit.ends import END_OF, Curve, load_for
+from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.firm_end import END_OF
 from camtorque.fit.forecast import Forecast, Load, forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.load_file import curve_through, refuse_other_load, top_range
@@ -277,9 +278,7 @@ def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
         )
     if load_of is not None:
         return load_curve(Path(load_of))
-    if pressure is None:
-        return None
-    return file_curve(pressure)
+    return None if pressure is None else file_curve(pressure)
 
 
 def _at_speed(

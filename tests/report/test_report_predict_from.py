@@ -93,9 +93,11 @@ def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float 
     recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
     names = tuple(f"end_of_delivery__{name}" for name in speeds)
     fit = KnownFit(names, np.array(ends), ArrowCovariance.whole(width**2 * np.eye(3)), recordings)
-    known_ends = [KnownEnd(n, end, falling(0.8, speeds[n])) for n, end in zip("abc", ends, strict=True)]
+    known_ends = [
+        KnownEnd(n, end, falling(0.8, speeds[n]), {k: 1.0}) for k, (n, end) in enumerate(zip("abc", ends, strict=True))
+    ]
     curve = replace(falling(0.8, at), step=step, points=np.arange(0.0, 2.0 * np.pi, step) if step else np.zeros(0))
-    return found_end(fit, "land", known_ends, curve, RISING, RISING)
+    return found_end(fit, known_ends, curve, RISING)
 
 
 def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
@@ -108,7 +110,7 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     assert coarse.stderr > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
     alone = FittedAt("a", 50.0, "land", 0.01, True)
     fit = KnownFit(("end_of_delivery__a",), np.array([0.8]), ArrowCovariance.whole(np.eye(1)), (alone,))
-    end = found_end(fit, "land", [KnownEnd("a", 0.8, falling(0.8, 50.0))], falling(0.8, 60.0), RISING, RISING)
+    end = found_end(fit, [KnownEnd("a", 0.8, falling(0.8, 50.0))], falling(0.8, 60.0), RISING)
     assert end.stderr == pytest.approx(UNKNOWN_STD)
 
 

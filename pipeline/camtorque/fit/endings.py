@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from camtorque.fit.ends import END_OF
+from camtorque.fit.firm_end import END_OF
 from camtorque.fit.forecast import Forecast, OtherEnding
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE

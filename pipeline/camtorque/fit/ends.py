@@ -3,9 +3,9 @@
 Slope and level of the line pressure around the ends of delivery of fitted recordings are looked for in the other line
 pressure. The level tells the first fall from that of the wave which returns. A file with few points is compared at its
 points alone: between them it knows nothing. How far all that misses is learnt on the fitted recordings themselves, each
-looked for by the others, as coarse as the file is. How sharply delivery ends no line pressure shows: it is what it was
-in the fitted recordings, as uncertain as it went from one to another. Few recordings tell a spread poorly: what they
-tell is widened by Student's factor.
+looked for by the others, as coarse as the file is. An end is where the fit knows it to be (`firm_end`). How sharply
+delivery ends no line pressure shows: it is what it was in the fitted recordings, as uncertain as it went from one to
+another. Few recordings tell a spread poorly: what they tell is widened by Student's factor.
 """
 
 from __future__ import annotations
@@ -16,9 +16,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import stdtrit
 
+from camtorque.fit.firm_end import (
+    END_OF,
+    WIDTHS_OF,
+    Flank,
+    Lever,
+    combined,
+    firm_place,
+    flank_of,
+    lever_of,
+    variance_of,
+)
 from camtorque.fit.forecast import Load
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.problem import END_NAMES, SPILL_NAMES
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
@@ -31,8 +41,8 @@ LEAST_STD, UNKNOWN_STD = np.radians(0.06), np.radians(1.0)
 """Standard deviation of an end found by shape: where the fitted recordings never miss, where none can tell."""
 GROWTH_STD = np.radians(1.0)
 """Standard deviation of the growth of misses per ln speed before any was seen: a time of 0.15 ms near 1000 rpm."""
-LEAST_ENDS = 3
-"""Fitted ends from which misses can be learnt."""
+LEAST_ENDS, MOST_ENDS = 3, 12
+"""Fitted ends from which misses can be learnt; of more, those nearest in speed teach."""
 LEVEL = 2.0
 """Weight of a square difference of level (share of the highest) against one of slope (share of the steepest)."""
 FINE_POINTS = 4
@@ -43,12 +53,6 @@ SHIFTS = 4
 """Places of the points against the end of delivery with which coarse files are rehearsed."""
 MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
-END_OF = {"land": "end_of_delivery", "spill": "spill_lift"}
-"""Structure -> parameter that says where delivery ends."""
-WIDTHS_OF = {"land": END_NAMES[1:], "spill": SPILL_NAMES[1:]}
-"""Structure -> parameters that say how sharply it ends."""
-PLACES = 2000
-"""Angles among which an end is looked for."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +90,15 @@ class Curve(ReadOnly):
 
 @dataclass(frozen=True)
 class KnownEnd:
-    """A fitted end of delivery: angle [rad], and the line pressure around it."""
+    """A fitted end of delivery: its angle [rad], the line pressure around it, how it moves with the fit's values.
+
+    ``moves`` : place in the fit -> weight [rad/SI]
+    """
 
     id: str
     angle: float
     curve: Curve
+    moves: Mapping[int, float] = field(default_factory=dict)
 
 
 def shape_around(curve: Curve, angles: Array) -> Array:
@@ -104,11 +112,16 @@ def _shares(slope: Array) -> Array:
     return np.asarray(slope / (np.max(np.abs(slope), axis=1, keepdims=True) + 1e-12))
 
 
-def misfit(curve: Curve, end: KnownEnd, rising: Array) -> Array:
-    """Return how far a line pressure differs from that around a known end if its own were at each angle, (m,)."""
-    if not curve.coarse:
-        miss = shape_around(curve, rising) - shape_around(end.curve, np.array([end.angle]))
-        return np.asarray(np.sum(miss**2, axis=1))
+def misfit(curve: Curve, ends: Sequence[KnownEnd], rising: Array) -> Array:
+    """Return how far a line pressure differs from those around known ends if its own were at each angle, (m,)."""
+    if curve.coarse:
+        return np.asarray(np.sum([_coarse_misfit(curve, end, rising) for end in ends], axis=0))
+    shapes = shape_around(curve, rising)
+    known = [shape_around(end.curve, np.array([end.angle])) for end in ends]
+    return np.asarray(np.sum([np.sum((shapes - one) ** 2, axis=1) for one in known], axis=0))
+
+
+def _coarse_misfit(curve: Curve, end: KnownEnd, rising: Array) -> Array:
     reach = max(COARSE_WINDOW * curve.speed, COARSE_POINTS * curve.step)
     offset = np.mod(curve.points - rising[:, None] + np.pi, 2.0 * np.pi) - np.pi
     near = np.abs(offset) <= reach
@@ -129,21 +142,12 @@ def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> float
     ----------
     rising : (m,) angles among which the end is [rad]
     """
-    misses = [misfit(curve, end, rising) for end in nearest_ends(known, curve.speed)]
-    return float(rising[int(np.argmin(np.sum(misses, axis=0)))])
+    return float(rising[int(np.argmin(misfit(curve, nearest_ends(known, curve.speed), rising)))])
 
 
 def nearest_ends(known: Sequence[KnownEnd], speed: float) -> list[KnownEnd]:
     """Return the known ends whose shapes are looked for at a speed [rad/s]."""
     return sorted(known, key=lambda end: abs(np.log(end.curve.speed / speed)))[:MOST_TEMPLATES]
-
-
-def rising_angles(chain: ChainInput) -> Array:
-    """Return the angles of the rising flank at which a delivery may end, (PLACES,) [rad]."""
-    lift = np.asarray(chain.law.evaluate(chain.theta, 0))
-    top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    inside = chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
-    return np.linspace(inside[0], inside[-1], PLACES)
 
 
 def load_for(
@@ -170,35 +174,49 @@ def load_for(
             f"ends, expected {1e3 * MATCH_WINDOW:g} ms or closer ({MATCH_WINDOW * curve.speed / DEGREE:.2g} deg); give "
             "more points, or name the recording itself with --load-of"
         )
-    rising = rising_angles(chain)
-    lift = np.asarray(chain.law.evaluate(rising, 0))
+    flank = flank_of(chain)
     shown = [item for item in known.recordings if item.structure in END_OF and item.id in templates]
     alike = [item for item in shown if item.structure == source.structure]
-    ends = [KnownEnd(item.id, _end_angle(known, item, rising, lift), templates[item.id]) for item in alike or shown]
-    end = found_end(known, (alike or shown)[0].structure, ends, curve, rising, lift)
+    teachers = sorted(alike or shown, key=lambda item: abs(np.log(item.speed / curve.speed)))[:MOST_ENDS]
+    lever = lever_of(known, source.structure, teachers) if alike else Lever(teachers[0].structure)
+    ends = [_known_end(known, lever, flank, item.id, templates[item.id]) for item in teachers]
+    end = found_end(known, ends, curve, flank.theta)
     near = nearest_ends(ends, curve.speed)
     if not alike:
-        end = _end_of_another_kind(known, shown[0].structure, end, [item.id for item in near], rising, lift)
-    if source.structure == "spill":
-        slope = float(np.interp(end.value, rising, np.gradient(lift, rising)))
-        end = Estimate(float(np.interp(end.value, rising, lift)), end.stderr * slope)
+        left_open = np.mean([variance_of(known, item.moves) for item in near])
+        end = Estimate(end.value, float(np.sqrt(end.stderr**2 + UNKNOWN_STD**2 + left_open)))
+    slope = flank.per_angle(source.structure, end.value)
+    place = Estimate(flank.place(source.structure, end.value), end.stderr * slope)
     if not alike:
-        return Load({END_OF[source.structure]: end, **_usual_widths(source.structure)}, curve.std)
-    weights = {known.own(item.id)[END_OF[source.structure]]: 1.0 / len(near) for item in near}
-    widths = {name: width for name in WIDTHS_OF[source.structure] if (width := width_of(known, name, alike))}
-    found = {END_OF[source.structure]: end, **{name: value for name, (value, _) in widths.items()}}
-    means = {END_OF[source.structure]: weights, **{name: weights for name, (_, weights) in widths.items()}}
-    return Load(found, curve.std, means)
+        return Load({END_OF[source.structure]: place, **_usual_widths(source.structure)}, curve.std)
+    return _with_widths(known, source, teachers, lever, place, [item.id for item in near], curve.std)
 
 
-def _end_of_another_kind(
-    known: KnownFit, structure: str, end: Estimate, near: Sequence[str], rising: Array, lift: Array
-) -> Estimate:
-    """Return where delivery ends in a way that no fitted recording shows, found by ends of ``structure`` [rad]."""
-    places = [known.own(item)[END_OF[structure]] for item in near]
-    per = 1.0 if structure == "land" else float(np.interp(end.value, rising, np.gradient(lift, rising)))
-    left_open = float(np.mean(known.predictive.among(places))) / per**2
-    return Estimate(end.value, float(np.sqrt(end.stderr**2 + UNKNOWN_STD**2 + left_open)))
+def _known_end(known: KnownFit, lever: Lever, flank: Flank, recording: str, curve: Curve) -> KnownEnd:
+    place, weights = firm_place(known, lever, recording)
+    angle = flank.angle(lever.structure, place)
+    per = 1.0 / flank.per_angle(lever.structure, angle)
+    return KnownEnd(recording, angle, curve, combined([(per, weights)]))
+
+
+def _with_widths(
+    known: KnownFit, source: FittedAt, teachers: Sequence[FittedAt], lever: Lever, place: Estimate,
+    near: Sequence[str], pressure_std: Array,
+) -> Load:  # fmt: skip
+    """Return the load whose delivery ends at a place as the fit knows it, and as sharply as others of its structure."""
+    first, end = WIDTHS_OF[source.structure][0], END_OF[source.structure]
+    widths = {name: width for name in WIDTHS_OF[source.structure] if (width := width_of(known, name, teachers))}
+    means = {name: weights for name, (_, weights) in widths.items()}
+    ends = {name: width for name, (width, _) in widths.items()}
+    own = known.own(source.id)
+    about = [(1.0 / len(near), firm_place(known, lever, item)[1]) for item in near]
+    if first not in own:
+        return Load({end: place, **ends}, pressure_std, {end: combined(about), **means})
+    sharp = ends[first].value if first in ends else float(known.values[own[first]])
+    pull = lever.slope(sharp)
+    moved = combined([*about, (pull, means.get(first, {own[first]: 1.0}))])
+    begins = Estimate(place.value + lever.shift(sharp), place.stderr)
+    return Load({end: begins, **ends}, pressure_std, {end: moved, **means}, {end: (first, pull)})
 
 
 def _usual_widths(structure: str) -> dict[str, Estimate]:
@@ -244,9 +262,7 @@ def away(ends: Sequence[KnownEnd], speed: float) -> float:
     return float(np.mean([np.log(speed / end.curve.speed) for end in nearest_ends(ends, speed)]))
 
 
-def found_end(
-    known: KnownFit, structure: str, ends: Sequence[KnownEnd], curve: Curve, rising: Array, lift: Array
-) -> Estimate:
+def found_end(known: KnownFit, ends: Sequence[KnownEnd], curve: Curve, rising: Array) -> Estimate:
     """Return the angle at which delivery ends by shape [rad], as the fitted recordings teach, each left out in turn.
 
     Misses that grow with the distance in speed are taken off; the standard error is that of what remains, less what the
@@ -262,9 +278,9 @@ def found_end(
         others = [other for other in ends if other is not end]
         missed.append([matched_end(others, seen, rising) - end.angle for seen in _seen(end.curve, step)])
         distance[k] = away(others, end.curve.speed)
-        near = [other.id for other in nearest_ends(others, end.curve.speed)]
-        per = 1.0 if structure == "land" else float(np.interp(end.angle, rising, np.gradient(lift, rising)))
-        left_open[k] = _difference_variance(known, END_OF[structure], end.id, near) / per**2
+        near = nearest_ends(others, end.curve.speed)
+        apart = combined([(1.0, end.moves), *((-1.0 / len(near), other.moves) for other in near)])
+        left_open[k] = variance_of(known, apart)
     mean, squares = np.mean(missed, axis=1), float(distance @ distance) + 1e-12
     scatter = float(np.sum(np.square(mean - distance * float(distance @ mean) / squares))) / (n - 1) + 1e-12
     known_growth = squares / scatter + 1.0 / GROWTH_STD**2
@@ -275,15 +291,3 @@ def found_end(
     variance = max(widened * float(np.sum(rest - left_open)) / (n - 1), LEAST_STD**2)
     variance += widened * new**2 / known_growth
     return Estimate(place - growth * new, float(np.sqrt(variance)))
-
-
-def _difference_variance(known: KnownFit, name: str, recording: str, others: Sequence[str]) -> float:
-    """Return the variance of a fitted end less the mean of some others [SI^2]."""
-    cov = known.predictive.among([known.own(item)[name] for item in (recording, *others)])
-    away = np.r_[1.0, np.full(len(others), -1.0 / len(others))]
-    return float(away @ cov @ away)
-
-
-def _end_angle(known: KnownFit, item: FittedAt, rising: Array, lift: Array) -> float:
-    value = float(known.values[known.own(item.id)[END_OF[item.structure]]])
-    return value if item.structure == "land" else float(np.interp(value, lift, rising))

@@ -53,6 +53,7 @@ class Load(ReadOnly):
     ends: Mapping[str, Estimate]
     pressure_std: Array = field(default_factory=lambda: np.zeros(0))
     means: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
+    pulls: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -253,8 +254,10 @@ def _draws(
     for k, step in enumerate(fraction * normal @ root.T):
         item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
         item["torque_zero"] = 0.0
-        for (name, end), away in zip(load.ends.items(), found[k].tolist(), strict=True):
-            item[name] = item.get(name, mean[name]) + fraction * end.stderr * away
+        away = {name: fraction * end.stderr * one for (name, end), one in zip(load.ends.items(), found[k], strict=True)}
+        for name, error in away.items():
+            other, pull = load.pulls.get(name, ("", 0.0))
+            item[name] = item.get(name, mean[name]) + float(error + pull * away.get(other, 0.0))
         result.append(
             {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
         )

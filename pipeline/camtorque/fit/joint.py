@@ -25,7 +25,7 @@ from camtorque.fit.joint_fit import (
 )
 from camtorque.fit.joint_input import JointInput, Known
 from camtorque.fit.joint_solver import JointSolution, solve_many
-from camtorque.fit.leftout import HeldOut, left_out, predicted
+from camtorque.fit.leftout import HeldOut, Predicted, left_out, predicted, settling_findings
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
@@ -253,20 +253,22 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     fit = joint_fit_of(used, problem, solution, drifts)
     others = left_out(fit) if len(used) > 1 else None
 
-    def told(index: int) -> tuple[JointRecording, tuple[HeldOut, ...]]:
+    def told(index: int) -> tuple[JointRecording, Predicted]:
         item = read(places[index])
-        return joint_recording(fit, index, item), () if others is None else predicted(fit, others, index, item)
+        alone = Predicted((), True)
+        return joint_recording(fit, index, item), alone if others is None else predicted(fit, others, index, item)
 
-    fitted, held = zip(*each(told, range(len(used))), strict=True)
+    fitted, without = zip(*each(told, range(len(used))), strict=True)
     shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
     findings = (
         *prior_findings((*shared, *fitted[0].parameters)),
         *drift_findings(drifts),
         *_exclusion_findings(excluded),
+        *settling_findings([item.name for item, one in zip(used, without, strict=True) if not one.settled]),
     )
     return CampaignFit(
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
-        fit.covariance.arrow, tuple(row for pair in held for row in pair), drifts, tuple(excluded), findings,
+        fit.covariance.arrow, tuple(row for one in without for row in one.held), drifts, tuple(excluded), findings,
         shown_covariance(solution, fit.covariance), shared_lift(problem, solution.z, fit.covariance.inflation),
     )  # fmt: skip
 

@@ -1,37 +1,43 @@
 """Every recording predicted by the others: own zero and end of delivery fitted, and blind from its line pressure.
 
-The fit of the others is one step from the joint minimum: the recording's own normal equations are taken off, which is
-exact for a linear model and costs nothing, however many recordings there are.
+The fit of the others begins one step from the joint minimum: the recording's own normal equations are taken off, within
+the bounds, which is exact for a linear model and costs nothing, however many recordings there are. A few others are
+fitted on from there, since each of a few weighs enough for the step to leave what is linear. Where the delivery ends,
+and which correction the lift table needs, a prediction takes from the others as `predict --from` does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.joint_fit import JointFit, values_of_each
+from camtorque.fit.endings import endings_of
+from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.firm_end import END_OF, WIDTHS_OF
+from camtorque.fit.joint_fit import JointFit, shown_covariance, values_of_each
 from camtorque.fit.joint_input import JointInput
-from camtorque.fit.joint_solver import JointSolution
+from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
+from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.metrics import metrics
 from camtorque.fit.problem import END_NAMES, SPILL_NAMES, FitData, Problem, build_problem, with_starts
+from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.result import modelled
-from camtorque.fit.solver import Solution, lifts_at, solve, try_at
-from camtorque.records import Array, Metrics
+from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
+from camtorque.fit.solver import solve
+from camtorque.records import Array, Finding, Metrics
 
 ZERO_SPREAD_SHARE = 1.0e-3
 """Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
 MODES = ("own_zero_and_end", "blind")
-MATCH_WINDOW = 1.0e-3
-"""Time before and after an end of delivery over which the slope of the line pressure is compared [s]."""
 LEAST_INFORMATION = 1.0e-3
 """Information, in units of the prior's, below which a direction is left where the joint fit has it."""
-MATCH_POINTS = 41
-MOST_TEMPLATES = 2
-END_OF = {"land": END_NAMES, "spill": SPILL_NAMES}
-"""Structure -> parameters of its end of delivery, the place first."""
+LARGEST_STEP = 3.0
+"""Of the shared parameters when a recording is left out, in standard deviations: the step is shortened as a whole."""
+MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
+"""Largest campaign whose recordings are fitted on without each in turn, and the iterations of that."""
 
 
 @dataclass(frozen=True)
@@ -78,90 +84,119 @@ def shares(solution: JointSolution) -> Shares:
 
 
 def left_out_values(fit: JointFit, found: Shares, index: int) -> Array:
-    """Return the shared parameters that all recordings but one give, at their places in z (own ones as they are)."""
+    """Return the shared parameters that all recordings but one give, at their places in z (own ones as they are).
+
+    A parameter that a bound holds stays there: a step that left the bounds and was cut back afterwards would move all
+    others as if it had been made.
+    """
     places, (matrix, vector) = found.places, found.parts[index]
-    z, (lower, upper) = fit.solution.z.copy(), fit.problem.bounds
-    inverse = _cautious(found.matrix - matrix, fit.covariance.prior_std[places])
-    largest = 3.0 * fit.covariance.std[places] + 1e-30
-    step = np.clip(inverse @ (found.vector - vector), -largest, largest)
-    z[places] = np.clip(z[places] + step, lower[places], upper[places])
+    z, scale = fit.solution.z.copy(), fit.covariance.prior_std[places]
+    here = z[places]
+    lower, upper = (bound[places] for bound in fit.problem.bounds)
+    information = _cautious((found.matrix - matrix) * np.outer(scale, scale))
+    pull = scale * (found.vector - vector)
+    step = scale * bounded_quadratic(
+        information, pull, (lower - here) / scale, (upper - here) / scale, np.zeros(here.size)
+    )
+    size = np.abs(step) / (LARGEST_STEP * fit.covariance.std[places] + 1e-30)
+    z[places] = np.clip(here + step / max(1.0, float(np.max(size))), lower, upper)
     return z
 
 
-def _cautious(matrix: Array, scale: Array) -> Array:
-    """Return the inverse of an information matrix; what it says less of than the prior (std ``scale``) stays put."""
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    shares = np.where(values > LEAST_INFORMATION, 1.0 / np.maximum(values, LEAST_INFORMATION), 0.0)
-    return (vectors * shares) @ vectors.T * np.outer(scale, scale)
+def _cautious(information: Array) -> Array:
+    """Return information in units of the prior's; what it says less of than the prior stays put."""
+    values, vectors = np.linalg.eigh(information)
+    kept = np.where(values > LEAST_INFORMATION, values, max(float(values[-1]), 1.0) / LEAST_INFORMATION)
+    return np.asarray((vectors * kept) @ vectors.T)
 
 
-@dataclass(frozen=True)
-class Ends:
-    """Ends of delivery of all recordings of one structure.
+def fitted_without(fit: JointFit, found: Shares, index: int) -> tuple[Array, bool]:
+    """Return the values that all recordings but one give (the own ones of that one as they are); whether they settled.
 
-    places : (m,) of the recordings; speed : (m,) natural logarithm of it; values : (m, k) per parameter of the end [SI]
+    Few recordings are fitted on from the linear step, or from the joint minimum where that step makes their chi-square
+    larger.
     """
+    problem, near = fit.problem, left_out_values(fit, found, index)
+    if len(problem.data) > MOST_FITTED_ON:
+        return near, True
+    starts = [_without(problem, z, index) for z in (near, fit.solution.z)]
+    task = joint_task(starts[1], starts[1].start, 0.0)
+    best = min(starts, key=lambda rest: try_at(task, rest.start).chi_square)
+    solved = solve_many(best, best.start, FIT_ON_STEPS)
+    keys = [_key(best, k) for k in range(best.size)]
+    values, z = dict(zip(keys, solved.z.tolist(), strict=True)), near
+    for k in range(problem.size):
+        z[k] = values.get(_key(problem, k), z[k])
+    return z, solved.converged
 
-    places: NDArray[np.int64]
-    speed: Array
-    values: Array
+
+def _without(problem: Problem, z: Array, index: int) -> Problem:
+    """Return the problem of all recordings but one, started at values of the joint problem."""
+    pairs = zip(problem.data, values_of_each(problem, z), strict=True)
+    return build_problem([with_starts(*pair) for k, pair in enumerate(pairs) if k != index])
+
+
+def _key(problem: Problem, k: int) -> tuple[str, str]:
+    """Return name of a free parameter and of its recording, empty for a shared one."""
+    parameter = problem.parameters[k]
+    return parameter.row.name, problem.data[parameter.recording].name if parameter.recording >= 0 else ""
 
 
 @dataclass(frozen=True)
 class Others:
-    """What predictions of each recording by the others rest on: shares of the equations, ends by structure."""
+    """What predictions of each recording by the others rest on.
+
+    found : shares of the equations; known : the joint fit as `predict --from` takes it; curves : line pressures by
+    name; lift : what all recordings ask of the lift correction together
+    """
 
     found: Shares
-    ends: Mapping[str, Ends]
+    known: KnownFit
+    curves: Mapping[str, Curve]
+    lift: Asked
 
 
 def left_out(fit: JointFit) -> Others:
     """Return what predictions of left-out recordings rest on."""
-    return Others(shares(fit.solution), ends_of(fit.problem, values_of_each(fit.problem, fit.solution.z)))
+    data, cov = fit.problem.data, fit.covariance
+    recordings = tuple(FittedAt(item.name, item.chain.speed, item.structure, 0.0, True) for item in data)
+    shown = shown_covariance(fit.solution, cov)
+    known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, shown)
+    curves = {item.name: Curve(item.chain.theta, item.chain.line_pressure, item.chain.speed) for item in data}
+    return Others(shares(fit.solution), known, curves, asked_by_all(fit.problem, fit.solution.z, cov.inflation))
 
 
-def ends_of(problem: Problem, owns: Sequence[Mapping[str, float]]) -> dict[str, Ends]:
-    """Return the ends of delivery by structure; ``owns`` are the values of each recording's parameters."""
-    found = {}
-    for structure, names in END_OF.items():
-        places = np.array([k for k, item in enumerate(problem.data) if item.structure == structure], dtype=np.int64)
-        speed = np.array([np.log(problem.data[k].chain.speed) for k in places])
-        rows = [[owns[k].get(name, problem.data[k].rows[name].start) for name in names] for k in places]
-        found[structure] = Ends(places, speed, np.array(rows).reshape(-1, len(names)))
-    return found
+@dataclass(frozen=True)
+class Predicted:
+    """Both predictions of a recording by the others; whether the fit of the others had settled."""
+
+    held: tuple[HeldOut, ...]
+    settled: bool
 
 
-def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> tuple[HeldOut, ...]:
+def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> Predicted:
     """Return both predictions of a recording by the others."""
-    z = left_out_values(fit, others.found, index)
-    places = others.found.places
-    shared = {fit.problem.parameters[k].row.name: float(z[k]) for k in places}
-    data = with_starts(fit.problem.data[index], shared)
-    own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0])
-    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(fit.problem, others.ends, index)}
-    return own, _prediction(item, with_starts(data, blind), blind, MODES[1])
+    problem = fit.problem
+    z, settled = fitted_without(fit, others.found, index)
+    shared = {problem.parameters[k].row.name: float(z[k]) for k in others.found.places}
+    lift = others.lift - asked_by(problem, fit.solution.z, index, fit.covariance.inflation)
+    correction = given_to(problem, lift).values
+    data = replace(with_starts(problem.data[index], shared), lift_basis=problem.data[0].lift_basis)
+    own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
+    known = replace(others.known, values=z)
+    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(known, others.curves, data)}
+    return Predicted((own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled)
 
 
-def _prediction(item: JointInput, data: FitData, held: dict[str, float], mode: str) -> HeldOut:
+def _prediction(item: JointInput, data: FitData, held: Mapping[str, float], mode: str, lift: Array) -> HeldOut:
     problem = build_problem([data], held)
-    solution = solve(problem, None, 20) if problem.size else _evaluated(problem)
-    means, lifts = item.means, solution.lifts[0].coefficients(solution.residuals[0])
-    held_out = (means.held_torque, means.held_pressure)
-    torque = modelled(problem, solution.z, 0, lifts, item.measured, held_out).torque
+    z = solve(problem, None, 20).z if problem.size else np.zeros(0)
+    means = item.means
+    torque = modelled(problem, z, 0, lift, item.measured, (means.held_torque, means.held_pressure)).torque
     if mode == "blind" and _zero_unknown(item):
         torque = torque + float(np.mean(means.held_torque) - np.mean(torque))
     scored = metrics(means.held_torque, torque, item.rigid_torque, item.lift, item.lift_velocity)
     return HeldOut(data.name, mode, problem.names, scored)
-
-
-def _evaluated(problem: Problem) -> Solution:
-    """Return a problem without free parameters as a solution."""
-    z = np.zeros(0)
-    lifts = lifts_at(problem, z)
-    trial = try_at(problem, z, lifts)
-    empty = np.zeros((0, 0))
-    return Solution(z, trial.chi_square, trial.data_chi_square, empty, empty, z, trial.outputs, trial.residuals, lifts,
-                    0, 1, True)  # fmt: skip
 
 
 def _zero_unknown(item: JointInput) -> bool:
@@ -170,32 +205,20 @@ def _zero_unknown(item: JointInput) -> bool:
     return prior is None or prior[1] > ZERO_SPREAD_SHARE * peak
 
 
-def predicted_end(problem: Problem, ends: Mapping[str, Ends], index: int) -> dict[str, float]:
-    """Return where delivery ends by the line pressure, as it looked around the ends of the recordings next in speed.
-
-    ``ends`` are those of `ends_of`; the recording's own is not used.
-    """
-    item = problem.data[index]
-    names = END_OF.get(item.structure, ())
-    if not names:
+def predicted_end(known: KnownFit, curves: Mapping[str, Curve], item: FitData) -> dict[str, float]:
+    """Return where and how sharply delivery ends by the line pressure, from the other recordings of a joint fit."""
+    if item.structure not in END_OF:
         return {}
-    others = ends[item.structure]
-    kept = np.flatnonzero(others.places != index)
-    if not kept.size:
+    names = END_NAMES if item.structure == "land" else SPILL_NAMES
+    others = tuple(one for one in known.recordings if one.id != item.name)
+    if not any(one.structure in END_OF for one in others):
         return {name: _expected(item, name) for name in names}
-    near = kept[np.argsort(np.abs(others.speed[kept] - np.log(item.chain.speed)), kind="stable")[:MOST_TEMPLATES]]
-    templates = []
-    for k in near:
-        other = problem.data[others.places[k]]
-        templates.append(_slopes_around(other, np.array([_end_angle(other, others.values[k, 0])])))
-    lift = item.chain.law.evaluate(item.chain.theta, 0)
-    top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    places = item.chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
-    slopes = _slopes_around(item, places)
-    errors = np.sum([np.sum((slopes - template) ** 2, axis=1) for template in templates], axis=0)
-    angle = float(places[int(np.argmin(errors))])
-    end = angle if item.structure == "land" else float(np.interp(angle, item.chain.theta, lift))
-    return dict(zip(names, (end, *np.mean(others.values[kept, 1:], axis=0).tolist()), strict=True))
+    known = replace(known, recordings=others)
+    source = endings_of(known, item.chain.speed, item.structure)[0]
+    own = known.own(source.id)
+    kept = {name: float(known.values[own[name]]) for name in WIDTHS_OF[item.structure] if name in own}
+    load = load_for(known, source, curves, item.chain, curves[item.name])
+    return {**kept, **{name: end.value for name, end in load.ends.items()}}
 
 
 def _expected(item: FitData, name: str) -> float:
@@ -203,19 +226,12 @@ def _expected(item: FitData, name: str) -> float:
     return row.prior[0] if row.prior is not None else 0.75 * item.chain.top_lift if "lift" in name else row.start
 
 
-def _end_angle(item: FitData, end: float) -> float:
-    if item.structure == "land":
-        return end
-    lift = item.chain.law.evaluate(item.chain.theta, 0)
-    top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    rising = np.maximum.accumulate(lift[: top + 1])
-    return float(np.interp(end, rising, item.chain.theta[: top + 1]))
-
-
-def _slopes_around(item: FitData, angles: Array) -> Array:
-    """Return the slope of the line pressure over time around angles (n,), over its greatest size."""
-    chain = item.chain
-    times = np.linspace(-MATCH_WINDOW, MATCH_WINDOW, MATCH_POINTS)
-    slope = np.gradient(chain.line_pressure, chain.theta) * chain.speed
-    found = np.interp(angles[:, None] + times * chain.speed, chain.theta, slope, period=2.0 * np.pi)
-    return np.asarray(found / (np.max(np.abs(slope)) + 1e-12))
+def settling_findings(names: Sequence[str]) -> tuple[Finding, ...]:
+    """Return the finding on recordings without which the fit of the others had not settled."""
+    if not names:
+        return ()
+    text = (
+        f"without {', '.join(names)}: the fit of the other recordings was still moving after {FIT_ON_STEPS} steps; the "
+        "error of such a left-out prediction may change by as much as it differs from the joint fit's own"
+    )
+    return (Finding("left_out_not_settled", "info", text, names[0]),)

@@ -43,6 +43,32 @@ class SharedLift(ReadOnly):
         return np.interp(np.mod(theta - self.knots[0], 2.0 * np.pi) + self.knots[0], middle, self.slope_std, 0.0, 0.0)
 
 
+@dataclass(frozen=True)
+class Asked(ReadOnly):
+    """What recordings ask of the correction: information (n, n), and coefficients times it (n,), over its prior."""
+
+    information: Array
+    coefficients: Array
+
+    def __add__(self, other: Asked) -> Asked:
+        return Asked(self.information + other.information, self.coefficients + other.coefficients)
+
+    def __sub__(self, other: Asked) -> Asked:
+        return Asked(self.information - other.information, self.coefficients - other.coefficients)
+
+
+def asked_by(problem: Problem, z: Array, index: int, inflation: float) -> Asked:
+    """Return what one recording of a joint minimum asks for; parameters as in `shared_lift`."""
+    basis = problem.data[0].lift_basis
+    item = replace(problem.data[index], lift_basis=basis)
+    values, coefficients = problem.values(z, index)
+    output = evaluate(item.chain, values)
+    modes = lift_modes(item, output, values)
+    residual = (item.torque - output.torque - output.linear @ coefficients) * item.weight
+    felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T
+    return Asked(felt_by @ felt_by.T / inflation, felt_by @ (modes.vectors.T @ residual) / inflation)
+
+
 def shared_lift(problem: Problem, z: Array, inflation: float) -> SharedLift:
     """Return the correction that the recordings of a joint minimum ask for together.
 
@@ -51,20 +77,23 @@ def shared_lift(problem: Problem, z: Array, inflation: float) -> SharedLift:
     z : (k,) free parameters
     inflation : factor on the variance of the residuals
     """
+    return given_to(problem, asked_by_all(problem, z, inflation))
+
+
+def asked_by_all(problem: Problem, z: Array, inflation: float) -> Asked:
+    """Return what all recordings of a joint minimum ask for together; parameters as in `shared_lift`."""
+    found = asked_by(problem, z, 0, inflation)
+    for index in range(1, len(problem.data)):
+        found = found + asked_by(problem, z, index, inflation)
+    return found
+
+
+def given_to(problem: Problem, asked: Asked) -> SharedLift:
+    """Return the correction that answers what recordings ask for."""
     basis = problem.data[0].lift_basis
-    information, asked = np.zeros((basis.n_basis, basis.n_basis)), np.zeros(basis.n_basis)
-    for index, one in enumerate(problem.data):
-        item = replace(one, lift_basis=basis)
-        values, coefficients = problem.values(z, index)
-        output = evaluate(item.chain, values)
-        modes = lift_modes(item, output, values)
-        residual = item.residual(output, coefficients)
-        felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T
-        information += felt_by @ felt_by.T / inflation
-        asked += felt_by @ (modes.vectors.T @ residual) / inflation
-    squares, vectors = np.linalg.eigh(information)
+    squares, vectors = np.linalg.eigh(asked.information)
     felt = squares > FELT**2
     squares, vectors = squares[felt], vectors[:, felt]
-    best = basis.prior_std * vectors @ (vectors.T @ asked / (1.0 + squares))
+    best = basis.prior_std * vectors @ (vectors.T @ asked.coefficients / (1.0 + squares))
     open_slope = basis.basis(basis.knots[2:-2], 1) @ vectors * (basis.prior_std / np.sqrt(1.0 + squares))
     return SharedLift(basis.knots, best, np.sqrt(np.sum(open_slope**2, axis=1)))

@@ -1,0 +1,79 @@
+"""Ends of delivery are looked for where a fit knows them, whatever it leaves open of how sharp they are."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.ends import LEAST_STD, Curve, load_for
+from camtorque.fit.firm_end import END_OF, WIDTHS_OF, Lever, lever_of
+from camtorque.fit.forecast import _draws
+from camtorque.fit.known_fit import FittedAt, KnownFit
+
+THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
+CHAIN = SimpleNamespace(
+    theta=THETA, law=SimpleNamespace(evaluate=lambda theta, order: np.sin(np.minimum(theta, np.pi)))
+)
+SPEEDS, WIDTHS, END = {"a": 50.0, "b": 60.0, "c": 75.0}, [0.1, 0.2, 0.15], 0.8
+OVER_WIDTH = [1.0 / width for width in WIDTHS]
+LEVERS = {"land": Lever("land", 0.3), "spill": Lever("spill", -0.01, float(np.mean(OVER_WIDTH)))}
+
+
+def falling(speed: float) -> Curve:
+    """Return a line pressure that falls at `END`."""
+    fall = 1.0 / (1.0 + np.exp((THETA - END) / (2e-4 * speed)))
+    return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
+
+
+def traded(lever: Lever, common: float = 0.0) -> KnownFit:
+    """Return a fit that knows where three ends have opened by some size, and trades place against width.
+
+    ``common`` : of a trade that is the same in all three and the other way round, relative to the first
+    """
+    firm = END if lever.structure == "land" else float(np.sin(END))
+    places, slopes = zip(*((firm + lever.shift(w), lever.slope(w)) for w in WIDTHS), strict=True)
+    root = np.zeros((6, 4))
+    for k, slope in enumerate(slopes):
+        root[[k, 3 + k], k] = 0.02 * slope, 0.02
+        root[[k, 3 + k], 3] = -common * lever.pull, common * lever.pull / slope
+    names = [f"{name}__{one}" for name in (END_OF[lever.structure], WIDTHS_OF[lever.structure][0]) for one in SPEEDS]
+    recordings = tuple(FittedAt(one, speed, lever.structure, 0.01, True) for one, speed in SPEEDS.items())
+    covariance = ArrowCovariance.whole(root @ root.T + 1e-12 * np.eye(6))
+    return KnownFit(tuple(names), np.array([*places, *WIDTHS]), covariance, recordings)
+
+
+@pytest.mark.parametrize("structure", list(LEVERS))
+def test_an_end_is_looked_for_where_the_fit_knows_it(structure: str) -> None:
+    """Places differ by 2 degrees, and a fit leaves 0.3 of each open: where the port has opened is known."""
+    lever = LEVERS[structure]
+    fit = traded(lever)
+    source, templates = fit.recordings[1], {item.id: falling(item.speed) for item in fit.recordings}
+    load = load_for(fit, source, templates, CHAIN, falling(65.0))  # type: ignore[arg-type]
+    name, by = END_OF[structure], WIDTHS_OF[structure][0]
+    place, width = load.ends[name], load.ends[by]
+    firm = END if structure == "land" else float(np.sin(END))
+    assert place.value == pytest.approx(firm + lever.shift(width.value), abs=0.003)
+    assert place.stderr < 1.5 * LEAST_STD, "misses are those of where it has opened"
+    assert load.pulls == {name: (by, pytest.approx(lever.slope(width.value), rel=1e-3))}
+    mean = {"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in load.ends.items()}}
+    drawn = _draws(fit, fit.own(source.id), mean, load, 1e-3)
+    moved = np.array([[item[one] - mean[one] for one in (name, by)] for item in drawn]) / 1e-3
+    assert np.std(moved[:, 1]) > 0.01
+    assert np.std(moved[:, 0] - lever.slope(width.value) * moved[:, 1]) < 1.3 * place.stderr, "the trade moves both"
+
+
+@pytest.mark.parametrize("structure", list(LEVERS))
+def test_what_a_fit_trades_in_all_recordings_alike_moves_no_end_against_another(structure: str) -> None:
+    known = lever_of(traded(LEVERS[structure], common=0.5), structure, traded(LEVERS[structure]).recordings)
+    assert known.pull == pytest.approx(LEVERS[structure].pull, rel=1e-3)
+    assert known.middle == pytest.approx(LEVERS[structure].middle)
+
+
+def test_ends_without_widths_of_their_own_are_taken_as_they_are() -> None:
+    recordings = tuple(FittedAt(one, speed, "land", 0.01, True) for one, speed in SPEEDS.items())
+    fit = KnownFit(tuple(f"end_of_delivery__{one}" for one in SPEEDS), np.array([0.7, 0.8, 0.9]),
+                   ArrowCovariance.whole(np.eye(3)), recordings)  # fmt: skip
+    assert lever_of(fit, "land", recordings) == Lever("land")
+    assert Lever("spill").shift(0.1) == 0.0
