@@ -12,12 +12,8 @@ import sys
 import tomllib
 from pathlib import Path
 
-LARGEST_SHARE = 1.5
-"""Largest difference of a value as a share of its standard uncertainty.
-
-Other versions round otherwise, by 1e-13, and that decides between minima of one chi-square: on this example 58.118 and
-58.119, whose valve area lies 1.1 standard uncertainties apart (decision 0103). Trigger, effects and residuals agree.
-"""
+LARGEST_SHARE = 0.5
+"""Largest difference of a value as a share of its standard uncertainty."""
 LARGEST_RMS = 2.0e-3
 """Largest difference of a residual [N m]."""
 
