@@ -16,7 +16,7 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import mean_cycles
-from camtorque.fit.several_pairs import together
+from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
@@ -294,7 +294,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
             )
     with output_folder(out) as folder:
         found = [_one_pair(*pair, progress) for pair in paths.pairs]
-        joined = together([item.found for item in found])
+        joined = common_attributions([item.found for item in found])
         found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]
         progress("writing the comparison")
         document = compare_document(found, (before.name, after.name), paths.alone)

@@ -14,15 +14,15 @@ from camtorque.fit.changes import (
     Hypothesis,
     attribution,
     basis_of,
-    begun,
+    evidence_with,
     fitted,
-    foreseen,
     marginal,
+    near_minimum,
     two_ln_odds,
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, within
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
-from camtorque.fit.several_pairs import together
+from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
 from camtorque.units import DEGREE
@@ -135,7 +135,7 @@ def test_evidence_of_a_small_change_is_that_foreseen() -> None:
     start = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(len(pair.own)))
     none = fitted(pair, start, (), 20)
     both = fitted(pair, minimised(pair, none.state, 5), ("leakage",), 20)
-    assert foreseen(pair, none, "leakage") == pytest.approx(both.two_ln_evidence, abs=0.3)
+    assert evidence_with(pair, none, "leakage") == pytest.approx(both.two_ln_evidence, abs=0.3)
 
 
 def test_a_large_change_grows_to_its_size_before_what_is_common_moves() -> None:
@@ -145,7 +145,7 @@ def test_a_large_change_grows_to_its_size_before_what_is_common_moves() -> None:
     here = evaluated(pair, values, own, np.zeros(len(own.labels)))
     alone = minimised(pair, along(pair, here, event), 20, common=False)
     assert alone.before == pytest.approx(values), "what is common stays"
-    state = begun(pair, here, event)
+    state = near_minimum(pair, here, event)
     least = objective(pair, minimised(pair, state, 60))
     at = pair.names.index("leakage")
     assert (state.after - state.before)[at] == pytest.approx(20.0 * LEAK, rel=0.02)
@@ -170,7 +170,7 @@ def test_pairs_of_a_campaign_share_their_events() -> None:
         return Attribution(("leakage",), sets, (), np.zeros(1), np.eye(1), np.zeros(1), np.ones(1), (1.0, 1.0), state)
 
     odds = two_ln_odds(("leakage",))
-    joined = together(
+    joined = common_attributions(
         [of({(): 0.0, ("leakage",): 3.0 + odds}), of({(): 0.0, ("leakage",): 4.0 + odds, ("spring",): -60.0})]
     )
     assert joined[0].best == ("leakage",)

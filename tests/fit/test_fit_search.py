@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from camtorque.fit import search, swings
 from camtorque.fit.problem import build_problem, with_starts
-from camtorque.fit.starts import Start, continued, rough
+from camtorque.fit.starts import Start, continued, on_search_grid
 from camtorque.laws.chain import evaluate
 from fit_cases import quick, quick_data
 
@@ -52,7 +52,7 @@ def test_a_scan_of_the_driveline_keeps_frequencies_that_are_apart(found, scan, p
 def test_a_scan_finds_the_coupling_that_a_start_has_lost(found):
     data = quick_data(LAND)
     soft = {"coupling_resonance": 2.0 * np.pi * 700.0, "coupling_compliance": 60e-6, "coupling_damping": 0.1}
-    there = continued(rough(with_starts(data, soft)), 0.0, core=False, iterations=0)
+    there = continued(on_search_grid(with_starts(data, soft)), 0.0, core=False, iterations=0)
     assert there is not None
     problem = build_problem([there.data])
     torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque

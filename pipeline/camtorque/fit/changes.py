@@ -68,7 +68,7 @@ TEMPERATURE_STD = 10.0
 VISCOSITY_PER_KELVIN, MODULUS_PER_KELVIN = -0.024, -0.0045
 """Test oils and diesel near 40 degrees: viscosity -2.4 % and bulk modulus -0.45 % per kelvin."""
 ALONE_ITERATIONS, START_ITERATIONS, ITERATIONS = 20, 8, 20
-HOPELESS = 50.0
+RULED_OUT = 50.0
 """A set whose objective is so many times the least one is left where it is: its probability is nothing."""
 
 
@@ -202,7 +202,7 @@ def differences(pair: Pair, item: Fitted, names: Sequence[str]) -> Hypothesis:
     return Hypothesis(item.groups, item.two_ln_evidence, mean, rows @ item.covariance @ rows.T)
 
 
-def foreseen(pair: Pair, item: Fitted, group: str) -> float:
+def evidence_with(pair: Pair, item: Fitted, group: str) -> float:
     """Return two ln evidence of a set with one more event, linearised where the set has its minimum."""
     basis = basis_of(pair, item.state.before, (*item.groups, group))
     place = {label: k for k, label in enumerate(item.state.basis.labels)}
@@ -220,7 +220,7 @@ def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Se
     ----------
     states : near the minimum of no event and of each single one
     """
-    lost = hopeless({chosen: objective(pair, state) for chosen, state in states.items()})
+    lost = ruled_out({chosen: objective(pair, state) for chosen, state in states.items()})
     found = {
         chosen: fitted(pair, state, chosen, 0 if chosen in lost else ITERATIONS) for chosen, state in states.items()
     }
@@ -233,7 +233,7 @@ def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Se
                 chosen = tuple(sorted((*item.groups, group), key=list(CHANGES).index))
                 if group in item.groups or chosen in found:
                     continue
-                if foreseen(pair, item, group) > best - WORTH:
+                if evidence_with(pair, item, group) > best - WORTH:
                     found[chosen] = fitted(pair, item.state, chosen, 12)
     return tuple(sorted(found.values(), key=lambda item: -item.two_ln_evidence))
 
@@ -245,17 +245,17 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     own = basis_of(pair, values, ())
     here = evaluated(pair, values, own, np.zeros(len(own.labels)))
     sets = [(), *((group,) for group in groups)]
-    states = {chosen: begun(pair, here, basis_of(pair, values, chosen)) for chosen in sets}
+    states = {chosen: near_minimum(pair, here, basis_of(pair, values, chosen)) for chosen in sets}
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
     pair = loosened(pair, min(states.values(), key=lambda state: objective(pair, state)))
     states = nested(pair, polished(pair, states))
     factors = min((inflation(pair, state, LEAST_FREEDOM) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
-    return _mixed(pair, searched(pair, states, groups), groups, factors), pair
+    return _attributed(pair, searched(pair, states, groups), groups, factors), pair
 
 
-def begun(pair: Pair, here: PairState, basis: Basis) -> PairState:
+def near_minimum(pair: Pair, here: PairState, basis: Basis) -> PairState:
     """Return a set near its minimum: first its directions alone, from the first recording's own fit.
 
     What is common runs away where a change has no name, and before a large one with a name has grown to its size.
@@ -264,15 +264,15 @@ def begun(pair: Pair, here: PairState, basis: Basis) -> PairState:
     return minimised(pair, alone, START_ITERATIONS)
 
 
-def hopeless(values: Mapping[tuple[str, ...], float]) -> set[tuple[str, ...]]:
+def ruled_out(values: Mapping[tuple[str, ...], float]) -> set[tuple[str, ...]]:
     """Return the sets of which nothing can come, by the objective of each."""
     least = min(values.values())
-    return {chosen for chosen, value in values.items() if value > HOPELESS * least}
+    return {chosen for chosen, value in values.items() if value > RULED_OUT * least}
 
 
 def polished(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
     """Return every set that may still be the one at its minimum, and the others as they are."""
-    lost = hopeless({chosen: objective(pair, state) for chosen, state in states.items()})
+    lost = ruled_out({chosen: objective(pair, state) for chosen, state in states.items()})
     return {chosen: state if chosen in lost else minimised(pair, state, ITERATIONS) for chosen, state in states.items()}
 
 
@@ -282,7 +282,7 @@ def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tupl
     least = states[min(values, key=lambda chosen: values[chosen])]
     again = minimised(pair, along(pair, least, states[()].basis), ITERATIONS)
     base = min((states[()], again), key=lambda state: objective(pair, state))
-    floor, lost = objective(pair, base), hopeless(values)
+    floor, lost = objective(pair, base), ruled_out(values)
     found: dict[tuple[str, ...], PairState] = {(): base}
     for chosen, state in states.items():
         if chosen and values[chosen] > floor and chosen not in lost:
@@ -291,7 +291,7 @@ def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tupl
     return found
 
 
-def _mixed(pair: Pair, sets: Sequence[Fitted], groups: Sequence[str], factors: tuple[float, float]) -> Attribution:
+def _attributed(pair: Pair, sets: Sequence[Fitted], groups: Sequence[str], factors: tuple[float, float]) -> Attribution:
     names = candidates(pair)
     hypotheses = [differences(pair, item, names) for item in sets]
     weight, mean, covariance = mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))

@@ -33,7 +33,7 @@ from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift
 from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lifts_at, try_at
-from camtorque.fit.starts import SEARCH_LIFT_CUT, begun, ends_at
+from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.laws.chain import BINS
 from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
@@ -156,13 +156,13 @@ def _of_anchors(
     begun = [with_known(item, values) for values in starts for item in data]
     items = each(lambda item: searched_anew(item, (item.structure,)), begun)
     problems = [build_problem(items[first : first + n]) for first in range(0, len(items), n)]
-    again = [build_problem(started_at(problem, z)) for problem, z in _led_in(problems, each)]
+    again = [build_problem(started_at(problem, z)) for problem, z in _continued(problems, each)]
     ends = each(lambda problem: solve_many(problem, problem.start, 30), again)
     best = min(range(len(ends)), key=lambda k: ends[k].chi_square)
     return again[best], ends[best]
 
 
-def _led_in(problems: Sequence[Problem], each: Each) -> list[tuple[Problem, Array]]:
+def _continued(problems: Sequence[Problem], each: Each) -> list[tuple[Problem, Array]]:
     """Return where the best of some starts lead with less and less smoothing."""
     led = [(problem, problem.start) for problem in problems]
     for smoothing, kept in LADDER:
@@ -215,7 +215,7 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
         other = replace(rough, structure=structure)
         tried += [rough] if structure == item.structure else []
         tried += [other] if structure == "open" else [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)]
-    values = [begun(trial, lifts, held) for trial in tried]
+    values = [chi_square_at_start(trial, lifts, held) for trial in tried]
     fitted = [own_fitted(tried[k], held) for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
     best = min(fitted, key=lambda pair: pair[0])[1]
     return replace(best, lift_basis=item.lift_basis)

@@ -22,11 +22,11 @@ from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
     Starts,
-    begun,
     candidates,
+    chi_square_at_start,
     descend,
     ends_at,
-    rough,
+    on_search_grid,
 )
 from camtorque.fit.swings import expected, with_couplings, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
@@ -80,9 +80,9 @@ class Halves:
     lost: Array
 
     @property
-    def rough(self) -> FitData:
+    def seen(self) -> FitData:
         """The fitted half as the search sees it."""
-        return rough(with_lost_torque(self.fitted, self.lost))
+        return on_search_grid(with_lost_torque(self.fitted, self.lost))
 
     def doubt(self, minimum: Candidate | None) -> float:
         """Return the doubt that a minimum leaves, of one that the report would call unexplained all but the largest."""
@@ -137,7 +137,7 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
     if structure == "spill" and start.data.structure != "spill":
         rest = expected(item, ("spill_width", "spill_span"))
     tried = [with_starts(item, {**end, **rest}) for end in ends_at(item, SCAN_SHARES)]
-    return sorted(tried, key=lambda trial: begun(trial, (no_lift(),)))[:SCAN_KEPT]
+    return sorted(tried, key=lambda trial: chi_square_at_start(trial, (no_lift(),)))[:SCAN_KEPT]
 
 
 def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
@@ -192,7 +192,7 @@ def scanned_again(found: Found, _seen: FitData) -> Items:
     return {name: rescanned(start, name) for name in likely(found)}
 
 
-def of_the_best(more: Callable[[Start], list[FitData]]) -> Callable[[Found, FitData], Items]:
+def within_structure(more: Callable[[Start], list[FitData]]) -> Callable[[Found, FitData], Items]:
     """Return a move that changes the best start within its structure."""
 
     def moved(found: Found, _seen: FitData) -> Items:
@@ -218,11 +218,11 @@ class Move:
 
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
-    "ringing": Move(of_the_best(with_ringing), UNSMOOTHED, UNSURE),
-    "coupling": Move(of_the_best(with_couplings), UNSMOOTHED, DOUBTFUL),
-    "hub": Move(of_the_best(with_hubs), UNSMOOTHED, DOUBTFUL),
+    "ringing": Move(within_structure(with_ringing), UNSMOOTHED, UNSURE),
+    "coupling": Move(within_structure(with_couplings), UNSMOOTHED, DOUBTFUL),
+    "hub": Move(within_structure(with_hubs), UNSMOOTHED, DOUBTFUL),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
-    "hub alone": Move(of_the_best(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
+    "hub alone": Move(within_structure(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
 }
 """Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
 
@@ -245,9 +245,9 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
     most : hops between minima
     """
     halves = Halves(data, held, np.zeros(data.chain.theta.size))
-    first = descend({name: candidates(halves.rough, name) for name in structures}, SMOOTHINGS_DEG, True)
+    first = descend({name: candidates(halves.seen, name) for name in structures}, SMOOTHINGS_DEG, True)
     found = extended(Found({name: [] for name in structures}), first, halves)
-    halves, found = relost(halves, found)
+    halves, found = with_lost_torque_anew(halves, found)
     yield "first starts", found
     pending = dict(MOVES)
     for move_number in range(MOST_MOVES):
@@ -256,16 +256,16 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
         if name is None or not found.best or (move_number and doubt <= UNSURE):
             break
         move = pending.pop(name)
-        items = {structure: group for structure, group in move.starts(found, halves.rough).items() if group}
+        items = {structure: group for structure, group in move.starts(found, halves.seen).items() if group}
         found = extended(found, descend(items, move.smoothings, False), halves)
         if found.value < HELPED * before:
-            halves, found = relost(halves, found)
+            halves, found = with_lost_torque_anew(halves, found)
             pending = dict(MOVES)
         yield name, found
     yield from hops(found, halves, most)
 
 
-def relost(halves: Halves, found: Found) -> tuple[Halves, Found]:
+def with_lost_torque_anew(halves: Halves, found: Found) -> tuple[Halves, Found]:
     """Return the halves with the torque that the transducer does not see at the best minimum, and that one again."""
     if found.best is None or found.value > UNEXPLAINED:
         return halves, found

@@ -10,7 +10,7 @@ import numpy as np
 from camtorque.fit.changes import Attribution, Hypothesis, mixture, two_ln_odds
 
 
-def together(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
+def common_attributions(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
     """Return the attributions of several pairs of one pump when the same events are behind all of them."""
     every = dict.fromkeys(item.groups for one in found for item in one.hypotheses)
     each = [{groups: _within(one.hypotheses, groups) for groups in every} for one in found]

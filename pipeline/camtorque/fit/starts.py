@@ -75,7 +75,9 @@ def ends_at(item: FitData, shares: tuple[float, ...]) -> list[dict[str, float]]:
     return [{name: float(place)} for place in places]
 
 
-def begun(item: FitData, lifts: tuple[LiftModes, ...] | None, held: Mapping[str, float] | None = None) -> float:
+def chi_square_at_start(
+    item: FitData, lifts: tuple[LiftModes, ...] | None, held: Mapping[str, float] | None = None
+) -> float:
     """Return the chi-square of a recording where it starts.
 
     ``lifts`` is its lift correction, None for that of the start; ``held`` as in `build_problem`.
@@ -99,7 +101,7 @@ def candidates(data: FitData, structure: str) -> list[FitData]:
     return [with_starts(item, {"dead_volume": v * swept, **rest}) for v, rest in pairs]
 
 
-def rough(data: FitData) -> FitData:
+def on_search_grid(data: FitData) -> FitData:
     """Return the recording as the search sees it: on its grid, with a coarse correction of the lift."""
     return coarse(replace(data, lift_basis=data.lift_basis.thinned()))
 
