@@ -80,7 +80,7 @@ class Halves:
     lost: Array
 
     @property
-    def seen(self) -> FitData:
+    def on_search_grid(self) -> FitData:
         """The fitted half as the search sees it."""
         return on_search_grid(with_lost_torque(self.fitted, self.lost))
 
@@ -245,7 +245,7 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
     most : hops between minima
     """
     halves = Halves(data, held, np.zeros(data.chain.theta.size))
-    first = descend({name: candidates(halves.seen, name) for name in structures}, SMOOTHINGS_DEG, True)
+    first = descend({name: candidates(halves.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
     found = extended(Found({name: [] for name in structures}), first, halves)
     halves, found = with_lost_torque_anew(halves, found)
     yield "first starts", found
@@ -256,7 +256,7 @@ def stages(data: FitData, held: FitData, structures: tuple[str, ...], most: Hops
         if name is None or not found.best or (move_number and doubt <= UNSURE):
             break
         move = pending.pop(name)
-        items = {structure: group for structure, group in move.starts(found, halves.seen).items() if group}
+        items = {structure: group for structure, group in move.starts(found, halves.on_search_grid).items() if group}
         found = extended(found, descend(items, move.smoothings, False), halves)
         if found.value < HELPED * before:
             halves, found = with_lost_torque_anew(halves, found)
