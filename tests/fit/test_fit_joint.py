@@ -34,6 +34,7 @@ from camtorque.fit.leftout import (
     fitted_without,
     left_out,
     left_out_values,
+    poor_findings,
     predicted_end,
     settling_findings,
     shares,
@@ -277,6 +278,16 @@ def test_few_others_are_fitted_on_until_they_settle(joint, solved, monkeypatch):
     # of many, each is a small part: the step is taken as it is
     monkeypatch.setattr(leftout_room, "MOST_FITTED_ON", 2)
     np.testing.assert_array_equal(fitted_without(away, found, index)[0], away.solution.z)
+
+
+def test_recordings_that_the_others_predict_badly_are_told(campaign):
+    rows = [replace(row, metrics=replace(row.metrics, rms_percent_of_peak=0.25)) for row in campaign.held_out]
+    assert poor_findings(rows) == ()
+    bad = replace(rows[1], metrics=replace(rows[1].metrics, rms_percent_of_peak=1.5))
+    (told,) = poor_findings([rows[0], bad, *rows[2:]])
+    assert (told.severity, told.where) == ("warning", bad.name)
+    assert f"{bad.name} 1.5 % (blind)" in told.text
+    assert told.text.count(" % (") == 3
 
 
 def test_the_lift_correction_of_a_prediction_is_that_which_the_others_ask_for(joint, solved):

@@ -25,7 +25,7 @@ from camtorque.fit.joint_fit import (
 )
 from camtorque.fit.joint_input import JointInput, Known
 from camtorque.fit.joint_solver import JointSolution, solve_many
-from camtorque.fit.leftout import HeldOut, Predicted, left_out, predicted, settling_findings
+from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
@@ -264,6 +264,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         *prior_findings((*shared, *fitted[0].parameters)),
         *drift_findings(drifts),
         *_exclusion_findings(excluded),
+        *poor_findings([row for one in without for row in one.held]),
         *settling_findings([item.name for item, one in zip(used, without, strict=True) if not one.settled]),
     )
     return CampaignFit(

@@ -36,6 +36,8 @@ LEAST_INFORMATION = 1.0e-3
 """Information, in units of the prior's, below which a direction is left where the joint fit has it."""
 LARGEST_STEP = 3.0
 """Of the shared parameters when a recording is left out, in standard deviations: the step is shortened as a whole."""
+POOR = {MODES[0]: 0.3, MODES[1]: 1.0}
+"""Error of a left-out prediction, by its mode, above which the campaign says so [% of the peak torque]."""
 MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
 """Largest campaign whose recordings are fitted on without each in turn, and the iterations of that."""
 
@@ -235,3 +237,19 @@ def settling_findings(names: Sequence[str]) -> tuple[Finding, ...]:
         "error of such a left-out prediction may change by as much as it differs from the joint fit's own"
     )
     return (Finding("left_out_not_settled", "info", text, names[0]),)
+
+
+def poor_findings(held: Sequence[HeldOut]) -> tuple[Finding, ...]:
+    """Return the finding on recordings that the others predict badly."""
+    poor = [row for row in held if row.metrics.rms_percent_of_peak > POOR[row.mode]]
+    if not poor:
+        return ()
+    told = ", ".join(
+        f"{row.name} {row.metrics.rms_percent_of_peak:.2g} % ({row.mode.replace('_', ' ')})" for row in poor
+    )
+    limits = " and ".join(f"{POOR[mode]:g} % ({mode.replace('_', ' ')})" for mode in MODES)
+    text = (
+        f"left out, these recordings are predicted worse than {limits}: {told}; a run at their speed and load that was "
+        "not recorded is not known better than that"
+    )
+    return (Finding("predicted_badly", "warning", text, poor[0].name),)
