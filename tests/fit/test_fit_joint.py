@@ -252,7 +252,7 @@ def test_a_parameter_that_a_bound_holds_does_not_move_the_others(z, wanted):
     assert abs(np.linalg.solve(matrix, pull)[1]) > 4.0
 
 
-def test_few_others_are_fitted_on_until_they_settle(joint, solved, monkeypatch):
+def test_few_others_are_fitted_again_where_the_linear_step_fails(joint, solved, monkeypatch):
     problem, solution = solved
     index, found = 2, shares(solution)
     z, settled = fitted_without(joint, found, index)
@@ -263,12 +263,12 @@ def test_few_others_are_fitted_on_until_they_settle(joint, solved, monkeypatch):
         rest = leftout_room._without(problem, values, index)
         return try_at(joint_task(rest, rest.start, 0.0), rest.start).chi_square
 
-    assert chi_square(z) <= min(chi_square(near), chi_square(solution.z)) + 0.1
+    assert chi_square(z) < chi_square(solution.z) <= chi_square(near)
     own = [k for k, parameter in enumerate(problem.parameters) if parameter.recording == index]
     np.testing.assert_array_equal(z[own], solution.z[own])
     # from a place where the valley is long, one step is too few, and it is said
     away = replace(joint, solution=replace(solution, z=problem.start + 0.3 * problem.steps))
-    monkeypatch.setattr(leftout_room, "left_out_values", lambda *_: away.solution.z.copy())
+    monkeypatch.setattr(leftout_room, "left_out_values", lambda *_: away.solution.z + 3.0 * problem.steps)
     monkeypatch.setattr(leftout_room, "FIT_ON_STEPS", 1)
     assert not fitted_without(away, found, index)[1]
     (told,) = settling_findings(["a", "b"])
@@ -277,7 +277,7 @@ def test_few_others_are_fitted_on_until_they_settle(joint, solved, monkeypatch):
     assert settling_findings([]) == ()
     # of many, each is a small part: the step is taken as it is
     monkeypatch.setattr(leftout_room, "MOST_FITTED_ON", 2)
-    np.testing.assert_array_equal(fitted_without(away, found, index)[0], away.solution.z)
+    np.testing.assert_array_equal(fitted_without(away, found, index)[0], away.solution.z + 3.0 * problem.steps)
 
 
 def test_recordings_that_the_others_predict_badly_are_told(campaign):

@@ -1,9 +1,10 @@
 """Every recording predicted by the others: own zero and end of delivery fitted, and blind from its line pressure.
 
 The fit of the others begins one step from the joint minimum: the recording's own normal equations are taken off, within
-the bounds, which is exact for a linear model and costs nothing, however many recordings there are. A few others are
-fitted on from there, since each of a few weighs enough for the step to leave what is linear. Where the delivery ends,
-and which correction the lift table needs, a prediction takes from the others as `predict --from` does.
+the bounds, which is exact for a linear model and costs nothing, however many recordings there are. Where they are few,
+each weighs enough for the step to leave what is linear: if it makes their chi-square larger they are fitted again.
+Where the delivery ends, and which correction the lift table needs, a prediction takes from the others as
+`predict --from` does.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ LARGEST_STEP = 3.0
 POOR = {MODES[0]: 0.3, MODES[1]: 1.0}
 """Error of a left-out prediction, by its mode, above which the campaign says so [% of the peak torque]."""
 MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
-"""Largest campaign whose recordings are fitted on without each in turn, and the iterations of that."""
+"""Largest campaign whose recordings are fitted again without one where the step fails, and the iterations of that."""
 
 
 @dataclass(frozen=True)
@@ -115,21 +116,32 @@ def _cautious(information: Array) -> Array:
 def fitted_without(fit: JointFit, found: Shares, index: int) -> tuple[Array, bool]:
     """Return the values that all recordings but one give (the own ones of that one as they are); whether they settled.
 
-    Few recordings are fitted on from the linear step, or from the joint minimum where that step makes their chi-square
-    larger.
+    Where the linear step makes chi-square of the others larger, as it may where they are few, they are fitted again
+    from the joint minimum.
     """
     problem, near = fit.problem, left_out_values(fit, found, index)
     if len(problem.data) > MOST_FITTED_ON:
         return near, True
-    starts = [_without(problem, z, index) for z in (near, fit.solution.z)]
-    task = joint_task(starts[1], starts[1].start, 0.0)
-    best = min(starts, key=lambda rest: try_at(task, rest.start).chi_square)
-    solved = solve_many(best, best.start, FIT_ON_STEPS)
-    keys = [_key(best, k) for k in range(best.size)]
-    values, z = dict(zip(keys, solved.z.tolist(), strict=True)), near
-    for k in range(problem.size):
-        z[k] = values.get(_key(problem, k), z[k])
-    return z, solved.converged
+    near = _followed(fit, near, index)
+    stepped, joint = (_without(problem, z, index) for z in (near, fit.solution.z))
+    task = joint_task(joint, joint.start, 0.0)
+    if try_at(task, stepped.start).chi_square <= try_at(task, joint.start).chi_square:
+        return near, True
+    solved = solve_many(joint, joint.start, FIT_ON_STEPS)
+    keys = [_key(joint, k) for k in range(joint.size)]
+    values = dict(zip(keys, solved.z.tolist(), strict=True))
+    return np.array([values.get(_key(problem, k), near[k]) for k in range(problem.size)]), solved.converged
+
+
+def _followed(fit: JointFit, z: Array, index: int) -> Array:
+    """Return values whose own ones of the other recordings follow the step of the shared ones."""
+    hessian, gradient = fit.solution.hessian, fit.solution.gradient
+    step, z, everything = z - fit.solution.z, z.copy(), np.ones(z.size, dtype=bool)
+    for k, place in enumerate(hessian.places):
+        if k != index:
+            shared, _, _, back = hessian.reduced(k, gradient, everything, pseudo=True)
+            z[place[hessian.recording[place] >= 0]] += back[:, -1] - back[:, :-1] @ step[shared]
+    return np.clip(z, *fit.problem.bounds)
 
 
 def _without(problem: Problem, z: Array, index: int) -> Problem:
