@@ -236,7 +236,7 @@ def test_check_shows_the_cut_flow_and_what_the_recording_is_enough_for(capsys: p
 def test_check_says_what_a_recording_of_three_cycles_lacks_for_run(tmp_path: Path) -> None:
     recording = read_recording(write_folder(tmp_path / "r", [clean_log(revolutions=4.2)], PLANS["hdf5"]))
     cycles = align(recording)
-    assert check.missing_for_run(recording, cycles) == ["4 used cycles are needed, odd and even ones"]
+    assert check.missing_for_run(recording, cycles) == ["3 used cycles, at least 4 are needed"]
     with pytest.raises(Refusal, match=f"at least {check.LEAST_CYCLES} are needed"):
         mean_cycles(cycles)
 

@@ -13,7 +13,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.compiled import load_compiler
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
-from camtorque.ingest import read_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.jsonable import now
 from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings
@@ -93,7 +93,7 @@ def analyse_recording(
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
         rigid = rigid_torque(recording, cycles)
         found = load_findings(cycles, rigid, recording.config.pump)
-        recording = replace(recording, findings=(*recording.findings, *found))
+        recording = replace(recording, findings=(*summarise(recording).findings, *found))
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)

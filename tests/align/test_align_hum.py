@@ -32,11 +32,18 @@ def told(*arguments, **options) -> str:
     return found[0].text if found else ""
 
 
-@pytest.mark.parametrize(("rpm", "hertz"), [(500.0, 50.0), (300.0, 50.0), (600.0, 60.0)])
+@pytest.mark.parametrize(("rpm", "hertz"), [(500.0, 50.0), (300.0, 50.0), (600.0, 60.0), (1000.0, 50.0)])
 def test_locked_hum_is_told_on_the_base_circle(rpm, hertz):
     text = told(rpm, hertz, 0.03)
-    assert text.startswith(f"{hertz:.0f} Hz hum of 0.03")
+    assert text.startswith(f"{hertz:.0f} Hz hum of 0.0")
+    assert float(text.split()[4]) == pytest.approx(0.03, rel=0.05)
     assert "stays in the mean cycle" in text
+
+
+@pytest.mark.parametrize(("amplitude", "severity"), [(0.03, "info"), (1.0, "warning")])
+def test_large_hum_that_stays_in_the_mean_cycle_is_a_warning(amplitude, severity):
+    torque, speed, index = cycles(1000.0, 50.0, amplitude)
+    assert [row.severity for row in hum_findings(THETA, torque, speed, index, LIFT)] == [severity]
 
 
 @pytest.mark.parametrize("hertz", MAINS_HZ)

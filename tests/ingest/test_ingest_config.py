@@ -107,6 +107,8 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
         ),
         ("zero_after_V = 0.0301", "zero_after_V = 0.0301\nidle_from_s = 3.0", "idle_from_s < idle_to_s"),
         ("[trigger]", "[triger]", "is it 'triger'"),
+        ("roller_radius_m", "rollerradius_m", "roller_radius_m: this key is missing, is it 'rollerradius_m'?"),
+        ("roller_radius_m = 0.008\n", "", "roller_radius_m: this key is missing; radius"),
         ("[pump]", "[pump", "is not valid TOML"),
     ],
 )

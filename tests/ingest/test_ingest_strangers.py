@@ -148,6 +148,12 @@ def test_three_decimals_are_no_thousands(tmp_path: Path):
     assert_read(both(file), torque=TORQUE + 70.0)
 
 
+def test_commas_of_two_kinds_are_named(tmp_path: Path):
+    file = write(tmp_path, "Time,Torque,Pressure", *(f"0,{k:05d},1,5{k:02d},2,7{k:02d}" for k in range(50)))
+    with pytest.raises(Refusal, match=r"found 6 columns of numbers under 3 names .* export with a semicolon or tab"):
+        both(file)
+
+
 def test_quotes_hold_decimal_commas_together(tmp_path: Path):
     body = [",".join(f'"{field}"' for field in line.replace(".", ",").split(";")) for line in rows(";")]
     assert_read(both(write(tmp_path, '"Zeit [s]","Torque [Nm]","Pressure [bar]"', *body)))

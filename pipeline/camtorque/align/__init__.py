@@ -11,7 +11,7 @@ measured, channels     which channels are aligned; one pass over each
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
 quality, jitter        which cycles are used, and why not
 budget, summary        angle error budget; plain numbers for a file
-hum                    mains frequency on the torque
+hum, drift             mains frequency on the torque; levels that move during the recording
 revolution             angle inside the revolution from torque and inertia (used by the driveline effect)
 cycles                 `align`: all of it, in order
 """

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_unseen
 from camtorque.align.channels import AlignedChannel, align_channels, covered
+from camtorque.align.drift import drift_findings
 from camtorque.align.flanks import check_flanks
-from camtorque.align.hum import hum_findings
+from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.jitter import refuse_jitter
 from camtorque.align.jumps import EDGE_NOISES
 from camtorque.align.measured import CUT_BY, align_others, measured
@@ -28,8 +29,13 @@ from camtorque.align.quality import CycleTable, apply_cuts
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.signal.threshold import Threshold
 from camtorque.stacks import mean_of
 from camtorque.units import TURN
+
+LEAST_USED = Threshold(
+    0.5, "1", "convention", "Share of the complete cycles below which the use of so few is reported."
+)
 
 
 def align(recording: Recording, options: AlignOptions | None = None) -> CamCycles:
@@ -56,7 +62,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     others, untied = align_others(channels.other, angle, cycles, base.clocks, options)
     base = replace(base, findings=(*base.findings, *findings, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle)
-    return replace(found, findings=(*found.findings, *_hum(recording, found)))
+    return replace(found, findings=(*found.findings, *_rare(found), *_at_rest(recording, found)))
 
 
 def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow, ...]) -> Refusal:
@@ -67,13 +73,32 @@ def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow
     )
 
 
-def _hum(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
-    """Return the findings on mains hum on the torque."""
+def _rare(found: CamCycles) -> tuple[Finding, ...]:
+    """Tell a recording of which most cycles are rejected, and what for."""
+    worst = max(found.cut_flow, key=lambda row: row.cycles_single)
+    used = found.index.size
+    if used >= LEAST_USED * found.cycles_found:
+        return ()
+    text = (
+        f"only {used} of {found.cycles_found} complete cycles are used, most others fail {worst.reason!r} "
+        f"({worst.cycles_single}: {worst.text}): are the used ones the running that is meant?"
+    )
+    return (Finding("few_cycles_used", "warning", text, "cut-flow"),)
+
+
+def _at_rest(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
+    """Return what the base circle tells of hum on the torque, and of levels that drift."""
     table = recording.lift_table
-    if found.torque is None or table is None:
+    if table is None:
         return ()
     lift = np.interp(found.theta, table.theta, table.lift, period=TURN)
-    return hum_findings(found.theta, found.torque, found.speed, found.index, lift)
+    rows = (
+        {"pressure": found.pressure} if found.torque is None else {"torque": found.torque, "pressure": found.pressure}
+    )
+    drifts = drift_findings(idle_points(found.theta, lift), rows, found.index)
+    if found.torque is None:
+        return drifts
+    return (*hum_findings(found.theta, found.torque, found.speed, found.index, lift), *drifts)
 
 
 def _table(

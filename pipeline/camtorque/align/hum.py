@@ -39,7 +39,7 @@ SMALLEST_SHARE = Threshold(
 MARGIN = 20.0 * DEGREE
 """Base circle that is left out after the lift has ended: what rings there is not hum."""
 FEWEST_PERIODS = Threshold(
-    1.5, "periods", "statistics",
+    1.4, "periods", "statistics",
     "Periods of the mains that the base circle has to hold: fewer are no different from drift."
 )  # fmt: skip
 OTHERS_HZ = (23.0, 31.0, 39.0, 71.0, 83.0, 97.0)
@@ -60,6 +60,12 @@ class Hum:
     coherence: float
 
 
+LARGE_SHARE = Threshold(
+    5.0e-3, "1", "convention",
+    "Share of the peak torque from which on hum that stays in the mean cycle spoils what is fitted."
+)  # fmt: skip
+
+
 def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Array) -> tuple[Finding, ...]:
     """Return the finding about mains hum, if there is any.
 
@@ -75,7 +81,9 @@ def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Ar
     for frequency in MAINS_HZ:
         coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
         if coherence > LOCKED:
-            hum = _on_base_circle(frequency, theta, mean_of(torque), float(np.mean(speed)), lift, coherence)
+            hum = _on_base_circle(
+                frequency, theta, mean_of(torque), float(np.mean(speed)), idle_points(theta, lift), coherence
+            )
         else:
             hum = _over_cycles(frequency, bins, speed, start, coherence)
         found += [] if hum is None else [hum]
@@ -85,12 +93,14 @@ def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Ar
     hum = max(real, key=lambda h: h.amplitude / h.stderr)
     stays = hum.coherence > LOCKED
     fate = (
-        "the speed is locked to it, so it stays in the mean cycle and in the residual"
+        "the speed is locked to it, so it stays in the mean cycle; earth and shield the cable, or record at a speed "
+        "that is no even fraction of the mains"
         if stays
         else f"its phase drifts over the cycles, so {100.0 * hum.coherence:.0f} % of it stay in the mean cycle"
     )
     text = f"{hum.frequency:.0f} Hz hum of {hum.amplitude:.3f} +- {hum.stderr:.3f} N m on the torque: {fate}"
-    return (Finding("mains_hum", "info", text, "torque"),)
+    spoils = stays and hum.amplitude > LARGE_SHARE * peak
+    return (Finding("mains_hum", "warning" if spoils else "info", text, "torque"),)
 
 
 def _starts(speed: Array, index: Any) -> Array:
@@ -137,10 +147,9 @@ def _turning(frequency: float, speed: Array, start: Array) -> Any:
 
 
 def _on_base_circle(
-    frequency: float, theta: Array, mean: Array, speed: float, lift: Array, coherence: float
+    frequency: float, theta: Array, mean: Array, speed: float, idle: Any, coherence: float
 ) -> Hum | None:
     """Return the hum from the mean cycle where the lift is nil."""
-    idle = _idle(theta, lift)
     time = theta[idle] / speed
     if time.size < POINTS // 10 or np.ptp(time) * frequency < FEWEST_PERIODS:
         return None
@@ -152,7 +161,7 @@ def _on_base_circle(
     return Hum(frequency, amplitude, float(stderr), coherence)
 
 
-def _idle(theta: Array, lift: Array) -> Any:
+def idle_points(theta: Array, lift: Array) -> Any:
     """Return the points of the longest stretch without lift, but for a margin after it starts, in time order."""
     still = lift < 1e-3 * np.max(lift)
     turned = np.flatnonzero(~still)

@@ -58,7 +58,8 @@ def mark_jumps(
             Finding(
                 "clock_jump",
                 "warning",
-                f"{odd} pulse periods differ from both neighbours as no shaft can run: samples lost or the clock set, "
+                f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
+                "samples lost or the clock set, "
                 "the cycles there are cut out",
                 f"near {places}",
             )

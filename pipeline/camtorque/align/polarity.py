@@ -152,6 +152,13 @@ def _typical(
         return middle
     if repeating:
         raise Refusal(f"{channel.path.name}, channel {channel.name!r}: {repeating[0].text}")
+    still = float(np.mean(np.ptp(some, axis=1) <= 1e-3 * least))
+    if 0.0 < still < 1.0:
+        raise Refusal(
+            f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} stands still in "
+            f"{100.0 * still:.0f} % of the cycles, expected in few: sensor, cable or amplifier failed during the "
+            "recording; cut the log there, or record again"
+        )
     unit, size = {"torque": ("N m", 1.0), "pressure": ("bar", BAR)}[channel.quantity]
     reason = (
         f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {LEAST_SWING:.0f} times that"

@@ -79,7 +79,7 @@ def missing_for_run(recording: Recording, cycles: CamCycles) -> list[str]:
         "torque is missing": cycles.torque is None,
         "pressure is missing": not recording.of("pressure"),
         "[pump] with its lift table is missing": recording.lift_table is None,
-        f"{LEAST_CYCLES} used cycles are needed, odd and even ones": (
+        f"{cycles.index.size} used cycles, at least {LEAST_CYCLES} are needed": (
             cycles.index.size < LEAST_CYCLES or bool(cycles.held_out.all()) or not cycles.held_out.any()
         ),
     }
@@ -89,17 +89,18 @@ def missing_for_run(recording: Recording, cycles: CamCycles) -> list[str]:
 def cut_flow_lines(cycles: CamCycles, lacks: list[str]) -> list[str]:
     """Return the cut-flow as a table and what the recording can be used for; ``lacks`` is what `run` misses."""
     lines = [f"{cycles.index.size} of {cycles.cycles_found} cycles used"]
-    for row in cycles.cut_flow:
+    for row in (row for row in cycles.cut_flow if row.cycles_single):
         lines.append(f"  {row.reason:24}{row.cycles_single:>6} fail {row.cycles_left:>6} left   {row.text}")
     return [
         *lines,
-        f"enough for: align; run lacks or refuses {', '.join(lacks)}" if lacks else "enough for: align, run",
+        f"enough for: align; run refuses it: {'; '.join(lacks)}" if lacks else "enough for: align, run",
     ]
 
 
 def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:
     speed = summary.speed_rpm if cycles is None else float(np.mean(cycles.speed)) / RPM
-    lines = [f"{summary.id}  ({summary.file_format or 'format by content'}), {speed:.1f} rpm by its pulses"]
+    by_pulses = f"{speed:.1f} rpm by its pulses" if np.isfinite(speed) else "no speed by its pulses"
+    lines = [f"{summary.id}  ({summary.file_format or 'format by content'}), {by_pulses}"]
     for row in summary.channels:
         quantity = CHANNEL_QUANTITIES[row.quantity]
         low, high = quantity.shown_factor * row.low, quantity.shown_factor * row.high

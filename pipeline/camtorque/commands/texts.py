@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from camtorque.report.answer import NOT_LOSSES, bump_place
 from camtorque.report.numbers import named, near, plus_minus, typeset, words
+
+PULLED, MOST_PULLED = "prior_pulled", 3
+"""Finding of a value far from what was expected: a run that fails has many, for one cause that is another."""
 
 
 def run_table(doc: Mapping[str, Any]) -> str:
@@ -27,11 +31,10 @@ def run_table(doc: Mapping[str, Any]) -> str:
     lines.append(f"{'measured':22}{'':32}{metrics['rigid']['return_min_measured_nm']:13.2f} N m")
     trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
     lines += ["", f"effects   {', '.join(doc['effects']) or 'none'}"]
-    lines.append(f"trigger   {_value(trigger, 'deg')}, nominal {trigger['nominal']:.2f}")
+    lines.append(f"trigger   {_value(trigger, 'deg', doc)}, nominal {trigger['nominal']:.2f}")
     if chamber and chamber["peak_bar"]:
-        lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar')}")
-    parts = [f"{k.replace('_', ' ')} {losses[k]:.2f}" for k in ("pressure", "friction", "damping") if k in losses]
-    lines.append(f"work      {losses['input']:.2f} J/rev = {', '.join(parts)}; open {losses['closure_percent']:+.2f} %")
+        lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar', doc)}")
+    lines.append(f"work      {losses['input']:.2f} J/rev = {_work(losses)}")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
 
 
@@ -39,14 +42,22 @@ def unexplained_lines(doc: Mapping[str, Any]) -> list[str]:
     """Return where the model fails, nothing where it explains the recording."""
     if doc["explained"]:
         return []
-    places = [f"{bump['start_deg']:.0f} to {bump['stop_deg']:.0f} deg ({bump['phase']})" for bump in doc["bumps"]]
+    places = [bump_place(bump) for bump in doc["bumps"]]
     where = f" at {'; '.join(places)}" if places else ""
     return [f"UNEXPLAINED: the model fails{where}; no interval below can be relied on"]
 
 
-def _value(estimate: Mapping[str, Any], unit: str) -> str:
-    error = estimate["stderr"]
-    text = near(estimate["value"], error)
+def _work(losses: Mapping[str, Any]) -> str:
+    """Return where the work of a revolution goes; what rounds to nothing is left out."""
+    parts = {words(k): v for k, v in losses.items() if k not in NOT_LOSSES}
+    parts["unaccounted for"] = 0.01 * losses["closure_percent"] * losses["input"]
+    return " + ".join(f"{name} {value:.2f}" for name, value in parts.items() if abs(value) >= 0.005)
+
+
+def _value(estimate: Mapping[str, Any], unit: str, doc: Mapping[str, Any]) -> str:
+    """Return a value with its standard error, if that can be relied on."""
+    error = estimate["stderr"] if doc["explained"] else None
+    text = near(estimate["value"], estimate["stderr"])
     return f"{text} ± {plus_minus(error)} {unit}" if error else f"{text} {unit}"
 
 
@@ -82,8 +93,12 @@ def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per warning and error; notes are counted, they stand on the page."""
     loud = sorted((row for row in findings if row["severity"] != "info"), key=lambda row: row["severity"])
     notes = len(findings) - len(loud)
+    pulled = [row for row in loud if row.get("code") == PULLED]
+    many = pulled[MOST_PULLED:]
+    loud = [row for row in loud if row not in many]
     tail = [f"info      {notes} {'note' if notes == 1 else 'notes'} on the page"] if notes else []
-    return [*finding_lines(loud), *tail]
+    more = [f"warning   {len(many)} more values far from what was expected, see the page"] if many else []
+    return [*finding_lines(loud), *more, *tail]
 
 
 def limit_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -131,8 +131,10 @@ class Table:
                 where = f"{self.file} {self.header or 'top'}"
                 raise Refusal(f"{where}: unknown key {key[:80]!r}{expected_one_of(key, tuple(known))}")
 
-    def value(self, key: Key) -> Any:
+    def value(self, key: Key, known: Sequence[str] = ()) -> Any:
         """Return the value of a key in SI, its default where it is left out and may be.
+
+        ``known`` keys are not taken for a misspelt one.
 
         Raises
         ------
@@ -141,7 +143,9 @@ class Table:
         if key.name not in self.values:
             if not key.required:
                 return key.default
-            hint = did_you_mean(key.name, tuple(self.values)).replace("did you mean", "is it")
+            hint = did_you_mean(key.name, tuple(k for k in self.values if k not in known)).replace(
+                "did you mean", "is it"
+            )
             raise Refusal(f"{self.where(key.name)}: this key is missing{hint}; {key.meaning}")
         if self.values[key.name] == UNKNOWN:
             raise Refusal(f"{self.where(key.name)}: is still {UNKNOWN!r}; {key.meaning}")
@@ -171,7 +175,7 @@ def read_keys(table: Table, schema: TableSchema, problems: Problems) -> dict[str
     values = {}
     for key in schema.keys:
         with problems.collecting():
-            value = table.value(key)
+            value = table.value(key, schema.names)
             if key.used:
                 values[key.attribute] = value
     return values

@@ -131,6 +131,17 @@ def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...
     return found
 
 
+def _refuse_commas_of_two_kinds(path: Path, rows: list[list[str]], n_columns: int) -> None:
+    """Refuse a file whose commas separate columns and mark decimals: every number falls in two."""
+    named = next((row for row in rows if 2 * len(row) == n_columns and all(map(_is_text, row))), None)
+    if named:
+        raise Refusal(
+            f"{path}: found {n_columns} columns of numbers under {len(named)} names ({', '.join(named[:3])}, ...): the "
+            "comma seems to mark decimals and to separate columns; export with a semicolon or tab between columns, or "
+            "with a decimal point"
+        )
+
+
 def names_of(
     path: Path, rows: list[list[str]], first: list[str], wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
@@ -153,6 +164,7 @@ def names_of(
     if not candidates:
         if not wanted:
             return tuple(map(numbered_name, range(n_columns))), ("",) * n_columns, ()
+        _refuse_commas_of_two_kinds(path, rows, n_columns)
         raise Refusal(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; add a line with the "
             f"names, or name columns by their place: channel = {numbered_name(0)!r} to {numbered_name(n_columns - 1)!r}"

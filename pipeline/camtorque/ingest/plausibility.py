@@ -17,7 +17,7 @@ import numpy as np
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
-from camtorque.units import BAR, STEEL_DENSITY
+from camtorque.units import BAR, STEEL_DENSITY, short
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
 CLOSING_LIFT = (0.04, 0.5)
@@ -142,7 +142,7 @@ def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
     where = f"{config.path} [pump]"
     for ratio in PUMP_RATIOS.values():
         value = ratio.value(config.pump, table)
-        text = f"{ratio.what} is {value:.3g}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; check {ratio.keys}"
+        text = f"{ratio.what} is {short(value)}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; check {ratio.keys}"
         if not ratio.possible[0] <= value <= ratio.possible[1]:
             problems.texts.append(f"{where}: {text}")
         elif not ratio.usual[0] <= value <= ratio.usual[1]:
@@ -207,9 +207,9 @@ def check_loads(recording: Recording) -> list[Finding]:
     other = (spring + pump.follower_mass * speed**2 * rise) * slope
     measured = _largest(torque[0])
     text = (
-        f"the largest torque is {measured:.3g} N m, the largest pressure of {peak / BAR:.4g} bar gives "
-        f"{by_pressure:.3g} N m on a plunger of {1e3 * pump.plunger_diameter:g} mm where the lift rises steepest "
-        f"({1e3 * slope:.3g} mm/rad)"
+        f"the largest torque is {short(measured)} N m, the largest pressure of {peak / BAR:.4g} bar gives "
+        f"{short(by_pressure)} N m on a plunger of {1e3 * pump.plunger_diameter:g} mm where the lift rises steepest "
+        f"({short(1e3 * slope)} mm/rad)"
     )
     low, high = measured / (by_pressure + other), measured / by_pressure
     if not is_loaded:
@@ -226,9 +226,9 @@ def check_loads(recording: Recording) -> list[Finding]:
 def _implied(pump: PumpData, slope: float, ratio: float) -> str:
     diameter = 1e3 * pump.plunger_diameter * math.sqrt(ratio)
     return (
-        f"one is wrong: plunger_diameter_m ({diameter:.3g} mm would fit), the unit of the lift table "
-        f"({1e3 * slope * ratio:.3g} mm/rad), the sensitivity of pressure (x {ratio:.3g}) or of torque "
-        f"(x {1.0 / ratio:.3g}); or the logs are not of one run"
+        f"one is wrong: plunger_diameter_m ({short(diameter)} mm would fit), the unit of the lift table "
+        f"({short(1e3 * slope * ratio)} mm/rad), the sensitivity of pressure (x {short(ratio)}) or of torque "
+        f"(x {short(1.0 / ratio)}); or the logs are not of one run"
     )
 
 

@@ -223,15 +223,20 @@ def _with_zero(
     return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="standstill")
 
 
-def _refuse_millivolts(off: float, tolerance: float, calibration: SensorCalibration, line: CertificateLine) -> None:
+def _refuse_millivolts(
+    off: float, tolerance: float, calibration: SensorCalibration, line: CertificateLine, taken: Readings
+) -> None:
     """Refuse standstill readings that fit the certificate only if they are in millivolts."""
     shrunk = abs(line.gain) * abs(1e-3 * calibration.zero_volts - line.zero_volts)
     if abs(off) > 5.0 * tolerance and shrunk <= tolerance and abs(calibration.zero_volts) > MILLIVOLTS:
-        value = calibration.zero_volts
+        readings = [reading for reading in (taken.before, taken.after) if reading is not None]
+        said = " and ".join(f"{reading:g}" for reading in readings)
+        large = [reading for reading in readings if abs(reading) > MILLIVOLTS]
+        meant = " and ".join(f"{reading:g} mV = {1e-3 * reading:g} V" for reading in large)
         raise Refusal(
-            f"[sensors.{calibration.quantity}] zero_before_V, zero_after_V: a zero of {value:g} V is "
-            f"{100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's: did you mean "
-            f"{value:g} mV = {1e-3 * value:g} V?"
+            f"[sensors.{calibration.quantity}] zero_before_V, zero_after_V: found {said} V, "
+            f"{100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's on average: did you "
+            f"mean {meant}?"
         )
 
 
@@ -257,7 +262,7 @@ def _zero_findings(
     if calibration.zero_source != "standstill" or abs(off) <= tolerance:
         return []
     if readings.unit == "V":
-        _refuse_millivolts(off, tolerance, calibration, line)
+        _refuse_millivolts(off, tolerance, calibration, line, readings)
     text = (
         f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
         f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used"

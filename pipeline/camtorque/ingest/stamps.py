@@ -196,11 +196,12 @@ def _break_findings(index: np.ndarray, size: Array, first: tuple[int, float], st
     found = []
     forward, back = size > 0.0, size <= -step
     for chosen, code, what in (
-        (forward, "time_gap", "gaps in time"),
-        (~forward & ~back, "time_short_step", "steps that are too short"),
-        (back, "time_not_monotonic", "places where time runs back"),
+        (forward, "time_gap", ("gap in time", "gaps in time")),
+        (~forward & ~back, "time_short_step", ("step that is too short", "steps that are too short")),
+        (back, "time_not_monotonic", ("place where time runs back", "places where time runs back")),
     ):
-        if chosen.any():
+        count = int(chosen.sum())
+        if count:
             at = ", ".join(f"sample {i} ({s:+.6g} s)" for i, s in zip(index[chosen][:3], size[chosen][:3], strict=True))
-            found.append(Finding(code, "error", f"{int(chosen.sum())} {what}: {at}", where))
+            found.append(Finding(code, "error", f"{count} {what[count > 1]}: {at}", where))
     return found

@@ -25,6 +25,10 @@ CHECKS = {
 }
 """Phase of the pump -> what to look at where the model fails in it."""
 SAME_RESONANCE = 0.05
+NOT_LOSSES = ("unit", "input", "closure_percent")
+"""Keys of the losses that are no cause."""
+WIDE_DEG, AROUND_DEG = 90.0, 320.0
+"""A wider stretch of the residual has more than one phase; one all around the revolution is nowhere."""
 NOTICED = 0.5
 """A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
 Document = Mapping[str, Any]
@@ -61,10 +65,18 @@ def missed_limits(held: Document) -> list[str]:
     ]
 
 
+def bump_place(bump: Mapping[str, Any]) -> str:
+    """Return the stretch where a residual stands out, and the phase of its largest value."""
+    start, stop = bump["start_deg"], bump["stop_deg"]
+    width = (stop - start) % 360.0 or 360.0
+    place = "all around" if width > AROUND_DEG else f"{fixed(start, 0)} to {fixed(stop, 0)} deg"
+    return f"{place} ({'largest: ' if width > WIDE_DEG else ''}{bump['phase']})"
+
+
 def bump_places(doc: Document) -> str:
     """Return where the residual stands out, in words, empty where it does not."""
     return "; ".join(
-        f"{fixed(bump['start_deg'], 0)} to {fixed(bump['stop_deg'], 0)} deg ({bump['phase']}): up to "
+        f"{bump_place(bump)}: up to "
         f"{signed(bump['peak_nm'])} N m, {num(bump['times_repeatability'], 2)} times what the cycles repeat"
         + (f", swinging at {num(bump['frequency_hz'], 2)} Hz" if bump["frequency_hz"] else "")
         for bump in doc["bumps"]
@@ -227,7 +239,7 @@ def cards(doc: Document) -> list[dict[str, str]]:
         (f"{num(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
         (
             f"{fixed(doc['losses']['input'], 2)} J",
-            f"work per revolution, {plus(doc['losses']['closure_percent'])} % open",
+            f"work per revolution, {plus(doc['losses']['closure_percent'])} % unaccounted for",
         ),
         (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
     ]

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from camtorque.records import KNOWLEDGE, Array, ReadOnly
+from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.numbers import unit_text, words
 from camtorque.report.sources import shares
@@ -84,7 +85,6 @@ NUMBERS = (
 SECTIONS = tuple(dict.fromkeys(path[0] for *_, path in (*CONDITIONS, *NUMBERS)))
 PARAMETER_KEYS = ("value", "stderr", "unit", "source", "knowledge")
 """What is kept of a result.json."""
-NOT_LOSSES = ("unit", "input", "closure_percent")
 
 
 def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignView:

@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from camtorque.records import KNOWLEDGE, LossEvidence, ParameterEstimate
+from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
 from camtorque.report.gaps import RESIDUAL, GapShare, gap_shares
 from camtorque.report.numbers import UNKNOWN, fixed, num, plus, unit_text, words
 from camtorque.report.sources import shares, source_chart
 
-NOT_LOSSES = ("input", "closure_percent")
 CONSERVED = 1.0e-4
 """Share of the input below which a cause gives back over the revolution what it takes."""
 SMALLEST_SHARE = 2.0e-3

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import Document
+from camtorque.report.answer import NOT_LOSSES, Document
 from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
 
 METRIC_NAMES = {
@@ -146,7 +146,7 @@ def loss_rows(losses: Mapping[str, Any]) -> list[dict[str, str]]:
     total = losses["input"]
     rows = []
     for name, value in losses.items():
-        if name in ("unit", "input", "closure_percent") or value is None:
+        if name in NOT_LOSSES or value is None:
             continue
         conserved = abs(value) < 1e-6 * abs(total)
         rows.append({

@@ -1,0 +1,97 @@
+"""Levels that move during a recording: the torque on the base circle, and the line pressure there.
+
+The mean cycle has one level of each. A transducer that drifts, or a pump that still warms up, gives every cycle another
+one, and what the fit then calls constant drag is half of that drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from camtorque.records import Array, Finding
+from camtorque.signal.threshold import Count, Threshold
+from camtorque.stacks import mean_of
+from camtorque.units import BAR, short
+
+FEWEST = Count(6, "cycles", "convention", "Cycles below which a drift cannot be told from their scatter.")
+SIGNIFICANT = Threshold(3.0, "1", "statistics", "Standard errors that a drift has to exceed before it is reported.")
+
+TORQUE_SHARE = Threshold(
+    0.005, "1", "simulated rigs",
+    "Share of the peak torque by which its level may drift: sound runs reach 0.004."
+)  # fmt: skip
+PRESSURE_SHARE = Threshold(
+    0.02, "1", "convention", "Share of the peak pressure by which the rest pressure of the line may drift."
+)
+
+
+@dataclass(frozen=True)
+class Drifting:
+    """How a drifting level is told: unit, its size in SI, share of the peak that matters, and what follows."""
+
+    unit: str
+    size: float
+    share: Threshold
+    advice: str
+
+
+DRIFTING: Mapping[str, Drifting] = {
+    "torque": Drifting(
+        "N m", 1.0,
+        TORQUE_SHARE,
+        "the transducer's zero drifts or the pump still warms up; drag and work of the mean cycle hold half of that; "
+        "warm up before recording, and note the zero at standstill before and after",
+    ),
+    "pressure": Drifting(
+        "bar", BAR,
+        PRESSURE_SHARE,
+        "the load was not settled or the sensor drifts; the mean cycle is used for all; record once it is steady",
+    ),
+}  # fmt: skip
+
+
+def drift_findings(idle: Any, rows: Mapping[str, Array], index: Any) -> tuple[Finding, ...]:
+    """Return what drifts between the first and the last used cycle.
+
+    Parameters
+    ----------
+    idle : points of the grid on the base circle
+    rows : quantity -> (n_cycles, n_theta) in SI
+    index : (n_cycles,) cycle number
+    """
+    if index.size < FEWEST or not idle.size:
+        return ()
+    return tuple(
+        Finding(f"{quantity}_drifts", "warning", text, quantity)
+        for quantity, kind in DRIFTING.items()
+        if quantity in rows and rows[quantity].size
+        for text in _told(kind, quantity, rows[quantity], idle, index)
+    )
+
+
+def _told(kind: Drifting, quantity: str, values: Array, idle: Any, index: Any) -> list[str]:
+    share = np.zeros(values.shape[1])
+    share[idle] = 1.0 / idle.size
+    # a product: an hour's cycles are not copied
+    level, peak = values @ share, float(np.max(mean_of(values)))
+    drift, stderr = _line(level, index - np.mean(index))
+    if abs(drift) < max(SIGNIFICANT * stderr, kind.share * peak):
+        return []
+    return [
+        f"the {quantity} on the base circle drifts by {'+' * (drift > 0.0)}{short(drift / kind.size)} {kind.unit} "
+        f"({short(100.0 * abs(drift) / peak, 2)} % of the peak) during the recording: {kind.advice}"
+    ]
+
+
+def _line(level: Array, place: Array) -> tuple[float, float]:
+    """Return the change of a level from the first to the last cycle by a straight line, and its standard error."""
+    square = float(np.sum(place**2))
+    slope = float(np.sum(place * level)) / square
+    rest = level - np.mean(level) - slope * place
+    span = float(np.ptp(place))
+    return slope * span, span * math.sqrt(float(np.sum(rest**2)) / (level.size - 2) / square)

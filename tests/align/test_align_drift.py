@@ -1,0 +1,84 @@
+"""Levels that move during a recording are told, and so is a recording of which little is used."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.align import align
+from camtorque.align.drift import FEWEST, drift_findings
+from camtorque.ingest import read_recording
+from camtorque.ingest.raw import ArraySource
+from camtorque.records import Refusal
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
+N = 360
+IDLE = np.arange(200, N)
+CYCLE = np.where(np.arange(N) < 60, 50.0, 0.0)
+
+
+def told(quantity: str, drift: float, cycles: int = 40, scatter: float = 0.05, size: float = 1.0) -> str:
+    level = drift * np.linspace(0.0, 1.0, cycles) + np.random.default_rng(2).normal(0.0, scatter, cycles)
+    found = drift_findings(IDLE, {quantity: size * (CYCLE + level[:, None])}, np.arange(cycles))
+    return found[0].text if found else ""
+
+
+def test_a_drifting_zero_is_told_with_its_size() -> None:
+    assert re.match(r"the torque on the base circle drifts by \+2 N m \(3\.9 % of the peak\)", told("torque", 2.0))
+    assert "drifts by -2" in told("torque", -2.0)
+
+
+def test_a_rest_pressure_that_moves_is_told_in_bar() -> None:
+    assert re.match(r"the pressure .* drifts by \+5 bar", told("pressure", 5.0, size=1e5, scatter=0.01))
+    assert told("pressure", 0.5, size=1e5) == ""
+
+
+@pytest.mark.parametrize(("drift", "cycles", "scatter"), [(0.2, 40, 0.05), (0.5, 40, 1.0), (2.0, FEWEST - 1, 0.05)])
+def test_a_small_drift_one_within_the_scatter_and_few_cycles_are_not_told(drift, cycles, scatter) -> None:
+    assert told("torque", drift, cycles, scatter) == ""
+
+
+def sampled(recording, quantity: str, change):
+    """Return the recording with the voltages of one channel changed: change(volts, first sample)."""
+
+    def changed(channel):
+        if channel.quantity != quantity:
+            return channel
+        return replace(channel, source=ArraySource(change(channel.read_volts().astype(float))), scale=1.0)
+
+    return replace(recording, channels=tuple(changed(channel) for channel in recording.channels))
+
+
+def test_a_zero_that_drifts_through_the_alignment_is_told() -> None:
+    recording = read_recording(EXAMPLES / "A_1000rpm")
+    clean = {row.code for row in align(recording).findings}
+    drifting = align(sampled(recording, "torque", lambda volts: volts + 0.05 * np.linspace(0.0, 1.0, volts.size)))
+    assert "torque_drifts" in {row.code for row in drifting.findings}
+    assert not {"torque_drifts", "pressure_drifts", "few_cycles_used"} & clean
+
+
+def test_a_channel_that_died_is_refused_as_such() -> None:
+    def dead(volts):
+        volts[volts.size // 4 :] = volts[volts.size // 4]
+        return volts
+
+    with pytest.raises(Refusal, match=r"the torque stands still in 7\d % of the cycles, expected in few"):
+        align(sampled(read_recording(EXAMPLES / "A_1000rpm"), "torque", dead))
+
+
+def test_a_recording_of_which_most_is_rejected_is_told() -> None:
+    """A speed that rises by a tenth: only the revolutions of one speed are used."""
+
+    def ramp(volts):
+        place = np.arange(volts.size)
+        return np.interp(place + 0.1 * place * (volts.size - place) / volts.size, place, volts)
+
+    recording = read_recording(EXAMPLES / "A_1000rpm")
+    for quantity in ("torque", "pressure", "trigger"):
+        recording = sampled(recording, quantity, ramp)
+    texts = [row.text for row in align(recording).findings if row.code == "few_cycles_used"]
+    assert len(texts) == 1
+    assert re.match(r"only \d+ of \d+ complete cycles are used, most others fail 'speed_outlier'", texts[0])

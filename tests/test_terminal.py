@@ -1,0 +1,107 @@
+"""What a run prints: no interval where the model fails, work that adds up, causes before their many consequences."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from camtorque import run
+from camtorque.align import align
+from camtorque.commands import check
+from camtorque.commands.texts import finding_lines, loud_findings, run_table
+from camtorque.ingest import read_recording
+from camtorque.ingest.raw import ArraySource
+from camtorque.records import CutFlowRow
+from camtorque.report.answer import bump_place
+
+EXAMPLE = Path(__file__).resolve().parents[1] / "raw_examples" / "A_1000rpm"
+LOSSES = {"unit": "J", "pressure": 7.7, "friction": 4.3, "driveline": -0.2, "inertia": 1e-7}
+
+
+def document(explained: bool = True) -> dict[str, Any]:
+    row = {"rms_nm": 0.02, "rms_percent_of_peak": 0.04, "forward_gap_percent": 0.0, "return_min_model_nm": -51.0,
+           "return_min_measured_nm": -51.2}  # fmt: skip
+    return {
+        "recording": {"name": "r", "speed_rpm": 1000.0, "cycles_used": 4, "cycles_found": 4},
+        "explained": explained,
+        "bumps": [{"start_deg": 0.0, "stop_deg": 359.9, "phase": "delivery"}],
+        "metrics": {"rigid": row, "fitted_held_out_cycles": row},
+        "alignment": {"trigger_angle_deg": {"value": 20.83, "stderr": 0.21, "nominal": 20.0}},
+        "chamber": {"peak_bar": {"value": 1396.0, "stderr": 12.0}},
+        "effects": ["chamber"],
+        "losses": {**LOSSES, "input": 12.0, "closure_percent": 100.0 * (12.0 - 11.8) / 12.0},
+        "findings": [],
+    }
+
+
+def test_the_parts_of_the_work_add_up() -> None:
+    line = next(line for line in run_table(document()).splitlines() if line.startswith("work"))
+    total, parts = line.split("J/rev = ")
+    assert sum(map(float, re.findall(r"-?\d+\.\d\d", parts))) == pytest.approx(float(total.split()[1]), abs=0.02)
+    assert "unaccounted for 0.20" in parts
+    assert "inertia" not in parts
+
+
+def test_no_interval_where_the_model_fails() -> None:
+    assert "20.83 ± 0.21 deg" in run_table(document())
+    failed = run_table(document(explained=False))
+    assert "±" not in failed
+    assert "the model fails at all around (largest: delivery)" in failed
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "text"),
+    [
+        (24.0, 46.0, "24 to 46 deg (delivery)"),
+        (0.0, 120.0, "0 to 120 deg (largest: delivery)"),
+        (350.0, 10.0, "350 to 10 deg (delivery)"),
+        (5.0, 5.0, "all around (largest: delivery)"),
+    ],
+)
+def test_a_wide_stretch_has_more_than_one_phase(start: float, stop: float, text: str) -> None:
+    assert bump_place({"start_deg": start, "stop_deg": stop, "phase": "delivery"}) == text
+
+
+def test_values_far_from_expected_are_counted_beyond_the_first() -> None:
+    rows = [{"code": "prior_pulled", "severity": "warning", "text": f"value {k}", "where": ""} for k in range(5)]
+    cause = {"code": "other", "severity": "warning", "text": "cause", "where": ""}
+    lines = loud_findings([*rows, cause])
+    assert sum("value" in line for line in lines) == 4
+    assert "warning   2 more values far from what was expected, see the page" in lines
+    assert finding_lines([cause])[0] in lines
+
+
+class Stop(Exception):
+    """Ends a run before its fit."""
+
+
+def test_a_run_tells_what_check_tells_of_the_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spikes had gone into the mean cycle of a run that did not mention them."""
+    recording = read_recording(EXAMPLE)
+    torque = recording.of("torque")[0]
+    volts = torque.read_volts().astype(float)
+    volts[::2003] += 3.0
+    spiked = replace(torque, source=ArraySource(volts), scale=1.0)
+    channels = tuple(spiked if channel is torque else channel for channel in recording.channels)
+    seen: list[Any] = []
+
+    def stop(prepared: Any, *_: Any) -> None:
+        seen.append(prepared)
+        raise Stop
+
+    monkeypatch.setattr(run, "prepare", stop)
+    with pytest.raises(Stop):
+        run.analyse_recording(replace(recording, channels=channels), run.RunOptions())
+    assert "isolated_samples" in {row.code for row in seen[0].findings}
+
+
+def test_check_lists_the_cuts_that_reject() -> None:
+    cycles = align(read_recording(EXAMPLE))
+    assert check.cut_flow_lines(cycles, []) == ["49 of 49 cycles used", "enough for: align, run"]
+    cut = replace(cycles, cut_flow=(CutFlowRow("misfire", 2, "no pressure", 2, 47),))
+    assert check.cut_flow_lines(cut, ["3 used"])[1:] == [
+        f"  {'misfire':24}     2 fail     47 left   no pressure", "enough for: align; run refuses it: 3 used",
+    ]  # fmt: skip
