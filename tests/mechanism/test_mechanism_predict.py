@@ -225,7 +225,7 @@ def test_missing_files_are_refused(tmp_path):
 
 @pytest.mark.parametrize("speeds", [[], [0.0], [-5.0], [float("nan")]])
 def test_speeds_have_to_be_positive(speeds):
-    with pytest.raises(Refusal, match="expected at least one positive speed"):
+    with pytest.raises(Refusal, match=r"found the speeds .* rpm, expected at least one positive speed"):
         predict(load_pump_config(PAPER), speeds)
 
 

@@ -24,6 +24,7 @@ from camtorque.fit.shared_lift import SharedLift
 from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
+from camtorque.report.forecast_page import assumed_of
 from camtorque.report.forecast_texts import assumptions, beyond_text, step_text
 from report_cases import run_result
 
@@ -316,6 +317,11 @@ def test_a_load_beyond_the_fitted_ones_is_told() -> None:
     assert beyond_text(2.1e7, (2e7, 3e7)) == beyond_text(3.2e7, (2e7, 3e7)) == ()
     (text,) = beyond_text(3.5e7, (2e7, 3e7))
     assert "reaches 350 bar, those of the fitted recordings 200 to 300 bar" in text
+
+
+def test_assumptions_stand_in_the_order_of_the_runs() -> None:
+    runs = [SimpleNamespace(assumed=("Laws.", "At 900 rpm.")), SimpleNamespace(assumed=("Laws.", "At 1400 rpm."))]
+    assert assumed_of(runs) == ["Laws.", "At 900 rpm.", "At 1400 rpm."]  # type: ignore[arg-type]
 
 
 def test_what_python_prints_of_predicted_runs_is_a_line() -> None:

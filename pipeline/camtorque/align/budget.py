@@ -124,18 +124,16 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
     (`revolution.angle_correction`); J is not on the sheet, so its product with the angle is given.
     """
     text = (
-        "one pulse per revolution cannot see how the speed varies within it: a ripple of 1 % of order n moves the cam "
-        "angle by 0.57 / n degrees"
+        "one pulse per revolution does not show how the speed varies within it: 1 % of order n moves the cam angle by "
+        "0.57 / n degrees"
     )
     if torque is not None:
         moved = np.degrees(np.max(np.abs(angle_correction(torque, speed, spec.nominal_angle, inertia=1.0))))
-        text += (
-            f"; the measured torque alone moves it by {moved:.2g} degrees at most over the inertia of the drive in "
-            f"kg m^2 (1 degree at {moved:.2g} kg m^2)"
-        )
+        text += f"; the measured torque moves it by 1 degree at most on a drive of {moved:.2g} kg m^2, "
+            "less on a heavier one"
     return text + (
-        f"; parts of the lift table more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees apart would be "
-        "told; the driveline effect rebuilds it from the torque"
+        f"; more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees would be told; the driveline of the fit "
+        "rebuilds it from the torque"
     )
 
 

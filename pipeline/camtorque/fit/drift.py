@@ -75,8 +75,9 @@ def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
     return tuple(
         Finding(
             "shared_parameter_drifts", "warning",
-            f"{drift.name} should be the same in every recording but drifts by {drift.slope_per_1000_rpm:+.3g} +- "
-            f"{drift.slope_stderr:#.2g} {drift.unit} per 1000 rpm fitted alone: a law may be missing", drift.name,
+            f"{drift.name} should be the same in every recording, but where each is fitted alone it drifts by "
+            f"{drift.slope_per_1000_rpm:+.3g} +- {drift.slope_stderr:#.2g} {drift.unit} per 1000 rpm: "
+            "a law may be missing", drift.name,
         )
         for drift in drifts if drift.significant
     )  # fmt: skip

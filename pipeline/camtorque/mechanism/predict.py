@@ -160,7 +160,8 @@ def _positive(speeds: Sequence[float] | Array) -> Array:
     """Return the speeds as an array; refuses none, and one that is not positive."""
     speed = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
     if speed.size == 0 or not np.all(np.isfinite(speed) & (speed > 0.0)):
-        raise Refusal(f"predict: speeds are {speed.tolist()} rad/s, expected at least one positive speed")
+        shown = ", ".join(f"{value:.4g}" for value in speed / RPM) or "none"
+        raise Refusal(f"predict: found the speeds {shown} rpm, expected at least one positive speed")
     return speed
 
 

@@ -17,7 +17,7 @@ FIGURES: dict[str, FigureSpec] = {
         "rebuilt from the torque and the laws of the chamber, and is what loads the plunger.",
         part_figures.pressures, "curves", True, True,
     ),
-    "lift": FigureSpec("Lift", "It tells the strokes.", part_figures.lift, "curves", True),
+    "lift": FigureSpec("Lift", "The strokes are those of the lift.", part_figures.lift, "curves", True),
     "torque_forward": FigureSpec(
         "Forward stroke", "The lift rises; the pump is loaded.", torque_figures.forward_stroke, "strokes",
     ),

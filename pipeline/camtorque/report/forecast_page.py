@@ -86,6 +86,11 @@ def _value(value: Array | float, std: Array | float) -> dict[str, Any]:
     }
 
 
+def assumed_of(items: Sequence[Forecast]) -> list[str]:
+    """Return what was assumed, each sentence once, in the order of the runs."""
+    return list(dict.fromkeys(text for item in items for text in item.assumed))
+
+
 def forecast_document(
     items: Sequence[Forecast], forces: Sequence[Sequence[Forces]], source: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -98,7 +103,7 @@ def forecast_document(
     """
     return jsonable({
         "schema": SCHEMA, "version": __version__, "created": now(), **source,
-        "assumed": sorted({text for item in items for text in item.assumed}),
+        "assumed": assumed_of(items),
         "sweep": [sweep_row(item, force) for item, force in zip(items, forces, strict=True)],
         "curves": [
             {
