@@ -75,4 +75,4 @@ def test_notes_of_the_options_stand_among_the_findings() -> None:
 
 def test_note_on_ripple_gives_the_angle_that_the_torque_makes() -> None:
     (note,) = (item for item in align(make(RIG)).findings if item.code == "ripple_unseen")
-    assert re.search(r"by 1 degree at most on a drive of 0\.\d+ kg m\^2, less on a heavier one", note.text)
+    assert re.search(r"by 1 degree at most on a drive of 0\.\d+ kg m\^2, less on heavier", note.text)

@@ -129,8 +129,7 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
     )
     if torque is not None:
         moved = np.degrees(np.max(np.abs(angle_correction(torque, speed, spec.nominal_angle, inertia=1.0))))
-        text += f"; the measured torque moves it by 1 degree at most on a drive of {moved:.2g} kg m^2, "
-            "less on a heavier one"
+        text += f"; the measured torque moves it by 1 degree at most on a drive of {moved:.2g} kg m^2, less on heavier"
     return text + (
         f"; more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees would be told; the driveline of the fit "
         "rebuilds it from the torque"
