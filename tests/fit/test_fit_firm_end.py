@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.ends import LEAST_STD, Curve, load_for
-from camtorque.fit.firm_end import END_OF, WIDTHS_OF, Lever, lever_of
+from camtorque.fit.firm_end import END_OF, WIDTHS_OF, Lever, levers_of
 from camtorque.fit.forecast import _draws
 from camtorque.fit.known_fit import FittedAt, KnownFit
 
@@ -19,6 +19,7 @@ CHAIN = SimpleNamespace(
 SPEEDS, WIDTHS, END = {"a": 50.0, "b": 60.0, "c": 75.0}, [0.1, 0.2, 0.15], 0.8
 OVER_WIDTH = [1.0 / width for width in WIDTHS]
 LEVERS = {"land": Lever("land", 0.3), "spill": Lever("spill", -0.01, float(np.mean(OVER_WIDTH)))}
+"""That land's line pressure falls where the port has closed by a size, that spill's as it begins to open."""
 
 
 def falling(speed: float) -> Curve:
@@ -66,14 +67,16 @@ def test_an_end_is_looked_for_where_the_fit_knows_it(structure: str) -> None:
 
 @pytest.mark.parametrize("structure", list(LEVERS))
 def test_what_a_fit_trades_in_all_recordings_alike_moves_no_end_against_another(structure: str) -> None:
-    known = lever_of(traded(LEVERS[structure], common=0.5), structure, traded(LEVERS[structure]).recordings)
-    assert known.pull == pytest.approx(LEVERS[structure].pull, rel=1e-3)
-    assert known.middle == pytest.approx(LEVERS[structure].middle)
+    both = levers_of(traded(LEVERS[structure], common=0.5), structure, traded(LEVERS[structure]).recordings)
+    assert [known.pull for known in both] == pytest.approx(2 * [LEVERS[structure].pull], rel=1e-3)
+    assert [known.middle for known in both] == pytest.approx(
+        [np.mean(WIDTHS if structure == "land" else OVER_WIDTH), 0.0]
+    )
 
 
 def test_ends_without_widths_of_their_own_are_taken_as_they_are() -> None:
     recordings = tuple(FittedAt(one, speed, "land", 0.01, True) for one, speed in SPEEDS.items())
     fit = KnownFit(tuple(f"end_of_delivery__{one}" for one in SPEEDS), np.array([0.7, 0.8, 0.9]),
                    ArrowCovariance.whole(np.eye(3)), recordings)  # fmt: skip
-    assert lever_of(fit, "land", recordings) == Lever("land")
+    assert levers_of(fit, "land", recordings) == (Lever("land"),)
     assert Lever("spill").shift(0.1) == 0.0

@@ -16,7 +16,17 @@ from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, Curve, KnownEnd, found_end, load_for, matched_end, width_of
+from camtorque.fit.ends import (
+    LEAST_STD,
+    UNKNOWN_STD,
+    Curve,
+    KnownEnd,
+    found_end,
+    load_for,
+    matched_end,
+    taught_by,
+    width_of,
+)
 from camtorque.fit.forecast import DRAWS, Load, _draws, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.load_file import refuse_other_load
@@ -98,7 +108,7 @@ def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float 
         KnownEnd(n, end, falling(0.8, speeds[n]), {k: 1.0}) for k, (n, end) in enumerate(zip("abc", ends, strict=True))
     ]
     curve = replace(falling(0.8, at), step=step, points=np.arange(0.0, 2.0 * np.pi, step) if step else np.zeros(0))
-    return found_end(fit, known_ends, curve, RISING)
+    return found_end(known_ends, curve, RISING, taught_by(fit, known_ends, RISING, curve.coarse_step))
 
 
 def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
@@ -111,7 +121,8 @@ def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
     assert coarse.stderr > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
     alone = FittedAt("a", 50.0, "land", 0.01, True)
     fit = KnownFit(("end_of_delivery__a",), np.array([0.8]), ArrowCovariance.whole(np.eye(1)), (alone,))
-    end = found_end(fit, [KnownEnd("a", 0.8, falling(0.8, 50.0))], falling(0.8, 60.0), RISING)
+    known_ends = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
+    end = found_end(known_ends, falling(0.8, 60.0), RISING, taught_by(fit, known_ends, RISING, 0.0))
     assert end.stderr == pytest.approx(UNKNOWN_STD)
 
 

@@ -24,7 +24,7 @@ from camtorque.fit.firm_end import (
     combined,
     firm_place,
     flank_of,
-    lever_of,
+    levers_of,
     variance_of,
 )
 from camtorque.fit.forecast import Load
@@ -82,6 +82,11 @@ class Curve(ReadOnly):
     def coarse(self) -> bool:
         """True for a file whose points blur the end of delivery."""
         return self.step > self.fine_step
+
+    @property
+    def coarse_step(self) -> float:
+        """Distance of the points of a coarse file [rad], 0 for others."""
+        return self.step if self.coarse else 0.0
 
     def at(self, angles: Array) -> Array:
         """Return the pressure at angles as a share of the highest."""
@@ -178,9 +183,12 @@ def load_for(
     shown = [item for item in known.recordings if item.structure in END_OF and item.id in templates]
     alike = [item for item in shown if item.structure == source.structure]
     teachers = sorted(alike or shown, key=lambda item: abs(np.log(item.speed / curve.speed)))[:MOST_ENDS]
-    lever = lever_of(known, source.structure, teachers) if alike else Lever(teachers[0].structure)
-    ends = [_known_end(known, lever, flank, item.id, templates[item.id]) for item in teachers]
-    end = found_end(known, ends, curve, flank.theta)
+    levers = levers_of(known, source.structure, teachers) if alike else (Lever(teachers[0].structure),)
+    tried = [
+        _ends_at(known, lever, flank, {item.id: templates[item.id] for item in teachers}, curve) for lever in levers
+    ]
+    lever, (ends, taught, _) = min(zip(levers, tried, strict=True), key=lambda pair: pair[1][2])
+    end = found_end(ends, curve, flank.theta, taught)
     near = nearest_ends(ends, curve.speed)
     if not alike:
         left_open = np.mean([variance_of(known, item.moves) for item in near])
@@ -192,11 +200,18 @@ def load_for(
     return _with_widths(known, source, teachers, lever, place, [item.id for item in near], curve.std)
 
 
-def _known_end(known: KnownFit, lever: Lever, flank: Flank, recording: str, curve: Curve) -> KnownEnd:
-    place, weights = firm_place(known, lever, recording)
-    angle = flank.angle(lever.structure, place)
-    per = 1.0 / flank.per_angle(lever.structure, angle)
-    return KnownEnd(recording, angle, curve, combined([(per, weights)]))
+def _ends_at(
+    known: KnownFit, lever: Lever, flank: Flank, templates: Mapping[str, Curve], curve: Curve
+) -> tuple[list[KnownEnd], Taught | None, float]:
+    """Return fitted ends where a lever has them, what they teach, and how far they miss each other [SI^2]."""
+    ends, per = [], []
+    for recording, one in templates.items():
+        place, weights = firm_place(known, lever, recording)
+        angle = flank.angle(lever.structure, place)
+        per.append(flank.per_angle(lever.structure, angle))
+        ends.append(KnownEnd(recording, angle, one, combined([(1.0 / per[-1], weights)])))
+    taught = taught_by(known, ends, flank.theta, curve.coarse_step)
+    return ends, taught, 0.0 if taught is None else float(taught.rest @ np.square(per))
 
 
 def _with_widths(
@@ -262,17 +277,28 @@ def away(ends: Sequence[KnownEnd], speed: float) -> float:
     return float(np.mean([np.log(speed / end.curve.speed) for end in nearest_ends(ends, speed)]))
 
 
-def found_end(known: KnownFit, ends: Sequence[KnownEnd], curve: Curve, rising: Array) -> Estimate:
-    """Return the angle at which delivery ends by shape [rad], as the fitted recordings teach, each left out in turn.
+@dataclass(frozen=True)
+class Taught(ReadOnly):
+    """How far the ends of fitted recordings are missed by the others'.
 
-    Misses that grow with the distance in speed are taken off; the standard error is that of what remains, less what the
-    fit itself leaves open, and of that growth.
+    growth : per ln speed [rad], with its information ``known_growth``; rest : (n,) mean squares of what remains
+    [rad^2], ``left_open`` what of it the fit leaves open
     """
-    place = matched_end(ends, curve, rising)
-    step = curve.step if curve.coarse else 0.0
+
+    growth: float
+    known_growth: float
+    rest: Array
+    left_open: Array
+
+
+def taught_by(known: KnownFit, ends: Sequence[KnownEnd], rising: Array, step: float) -> Taught | None:
+    """Return what the fitted recordings teach, each left out in turn; None where they are too few.
+
+    ``step`` : of the points of a coarse file, as which they are looked at; 0 for a recording
+    """
     n = len(ends)
     if n < LEAST_ENDS:
-        return Estimate(place, float(np.sqrt(UNKNOWN_STD**2 + step**2 / 12.0)))
+        return None
     missed, distance, left_open = [], np.zeros(n), np.zeros(n)
     for k, end in enumerate(ends):
         others = [other for other in ends if other is not end]
@@ -286,8 +312,20 @@ def found_end(known: KnownFit, ends: Sequence[KnownEnd], curve: Curve, rising: A
     known_growth = squares / scatter + 1.0 / GROWTH_STD**2
     growth = float(distance @ mean) / scatter / known_growth
     rest = np.mean(np.square(np.array(missed) - growth * distance[:, None]), axis=1)
-    widened = student(n - 1) ** 2
-    new = away(ends, curve.speed)
-    variance = max(widened * float(np.sum(rest - left_open)) / (n - 1), LEAST_STD**2)
-    variance += widened * new**2 / known_growth
-    return Estimate(place - growth * new, float(np.sqrt(variance)))
+    return Taught(growth, known_growth, rest, left_open)
+
+
+def found_end(ends: Sequence[KnownEnd], curve: Curve, rising: Array, taught: Taught | None) -> Estimate:
+    """Return the angle at which delivery ends by shape [rad], as the fitted recordings teach.
+
+    Misses that grow with the distance in speed are taken off; the standard error is that of what remains, less what the
+    fit itself leaves open, and of that growth.
+    """
+    place = matched_end(ends, curve, rising)
+    if taught is None:
+        return Estimate(place, float(np.sqrt(UNKNOWN_STD**2 + curve.coarse_step**2 / 12.0)))
+    freedom, new = len(ends) - 1, away(ends, curve.speed)
+    widened = student(freedom) ** 2
+    variance = max(widened * float(np.sum(taught.rest - taught.left_open)) / freedom, LEAST_STD**2)
+    variance += widened * new**2 / taught.known_growth
+    return Estimate(place - taught.growth * new, float(np.sqrt(variance)))

@@ -60,9 +60,8 @@ class Lever:
     """How fits of recordings that end alike trade the place of an end against its width w.
 
     A land has closed by some size at a constant share of its end's w; the edge of a spill has opened some area at a
-    lift of that area over w: ``place - shift(w)`` is known where place and w are not. A land's place is where it has
-    closed, behind the fall of the line pressure by such a share. A spill's is where it begins to open, as the pressure
-    begins to fall, and is shifted against those of the others alone: by 1 / w less ``middle``, the mean of theirs.
+    lift of that area over w: ``place - shift(w)`` is known where place and w are not. ``middle`` is the w, or 1 / w, at
+    which nothing is shifted: 0, or the mean of the recordings, which are then shifted against each other alone.
     """
 
     structure: str
@@ -82,15 +81,16 @@ class Lever:
         return self.pull * (1.0 if self.structure == "land" else -1.0 / width**2) if self.pull else 0.0
 
 
-def lever_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) -> Lever:
+def levers_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) -> tuple[Lever, ...]:
     """Return the trade that the covariance of some recordings' ends shows from one to another, none without widths.
 
-    What the fit trades in all of them alike does not count: it moves no end against another.
+    What the fit trades in all of them alike does not count: it moves no end against another. Whether the line pressure
+    falls where a port has opened by that size, or as it begins to, is not known: both are returned.
     """
     owns = [own for item in recordings if WIDTHS_OF[structure][0] in (own := known.own(item.id))]
     n = len(owns)
     if n < 2:
-        return Lever(structure)
+        return (Lever(structure),)
     one = Lever(structure, 1.0)
     places = [own[END_OF[structure]] for own in owns] + [own[WIDTHS_OF[structure][0]] for own in owns]
     widths = known.values[places[n:]].tolist()
@@ -98,8 +98,9 @@ def lever_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) ->
     covariance = known.predictive.among(places) * np.outer(scale, scale)
     apart = np.eye(n) - 1.0 / n
     alone = float(np.sum(apart * covariance[n:, n:]))
-    middle = 0.0 if structure == "land" else float(np.mean([one.along(width) for width in widths]))
-    return Lever(structure, float(np.sum(apart * covariance[:n, n:])) / alone if alone > 0.0 else 0.0, middle)
+    pull = float(np.sum(apart * covariance[:n, n:])) / alone if alone > 0.0 else 0.0
+    middle = float(np.mean([one.along(width) for width in widths]))
+    return Lever(structure, pull, middle), Lever(structure, pull)
 
 
 def firm_place(known: KnownFit, lever: Lever, recording: str) -> tuple[float, Mapping[int, float]]:
