@@ -15,12 +15,12 @@ from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
-from camtorque.fit.prepare import mean_cycles
+from camtorque.fit.prepare import MeanCycles, mean_cycles
 from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
-from camtorque.ingest import read_recording
+from camtorque.ingest import read_recording, summarise
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Array, Recording, Refusal
@@ -35,6 +35,8 @@ from camtorque.version import __version__
 
 SCHEMA = "camtorque.compare/1"
 CAMPAIGN = "campaign.json"
+GAIN_CHANGE, GAIN_LEFT = 0.02, 0.02
+"""A torque is another one times a gain: this far from 1, but for this share of the squares of their difference."""
 
 
 @dataclass(frozen=True)
@@ -211,13 +213,39 @@ def compare_document(
         ],
         "inflation": {"mean": [item.found.inflation[0] for item in compared],
                       "difference": [item.found.inflation[1] for item in compared]},
-        "parameters": _rows(parameters), "losses": _rows(losses),
+        "parameters": _rows(parameters), "losses": _rows(losses), "findings": _loud(compared),
         "torque": {
             "rms_difference_nm": float(np.sqrt(np.mean(np.concatenate(apart) ** 2))),
             "max_difference_nm": float(np.max(np.abs(np.concatenate(apart)))),
             "odd_even_rms_nm": float(np.sqrt(np.mean(np.concatenate(repeat) ** 2))),
+            "ratio": torque_ratio([item.before.means for item in compared], [item.after.means for item in compared]),
         },
     }  # fmt: skip
+
+
+def torque_ratio(before: Sequence[MeanCycles], after: Sequence[MeanCycles]) -> float | None:
+    """Return torque after over torque before where that is all that differs, at about the same line pressure.
+
+    A pump does not change so: a transducer, its range or its certificate does.
+    """
+    one, two = (np.concatenate([side.torque_all - np.median(side.torque_all) for side in sides])
+                for sides in (before, after))  # fmt: skip
+    ratio = float(one @ two / (one @ one))
+    left = float(np.sum((two - ratio * one) ** 2) / max(np.sum((two - one) ** 2), 1e-300))
+    lines = [np.concatenate([side.pressure_all for side in sides]) for sides in (before, after)]
+    by_line = float(lines[0] @ lines[1] / (lines[0] @ lines[0]))
+    is_gain = abs(ratio - 1.0) > GAIN_CHANGE and left < GAIN_LEFT and abs(by_line - 1.0) < 0.5 * abs(ratio - 1.0)
+    return ratio if is_gain else None
+
+
+def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
+    """Return the warnings and errors of both sides, each once, with the recording that it is of."""
+    rows = {
+        (finding.text, finding.where): {**asdict(finding), "recording": side.recording.config.id}
+        for item in compared for side in (item.before, item.after)
+        for finding in (*summarise(side.recording).findings, *side.cycles.findings) if finding.severity != "info"
+    }  # fmt: skip
+    return list(rows.values())
 
 
 def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:

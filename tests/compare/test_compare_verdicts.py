@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
-from camtorque.compare import left_out_rows, matched, recording_path, refuse_same
+from camtorque.compare import left_out_rows, matched, recording_path, refuse_same, torque_ratio
 from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
@@ -34,6 +34,22 @@ def test_the_interval_of_a_change_that_is_told_has_its_sign() -> None:
     assert replace(told, verdict="cannot tell").ci95 == pytest.approx((-0.494, 0.094), abs=1e-3)
     sharp = replace(told, stderr=1e-3)
     assert sharp.ci95 == pytest.approx((-0.20196, -0.19804), rel=1e-3)
+
+
+def means(torque: np.ndarray, pressure: np.ndarray) -> list[SimpleNamespace]:
+    return [SimpleNamespace(torque_all=torque, pressure_all=pressure)]
+
+
+def test_a_gain_is_told_from_a_change_of_the_pump() -> None:
+    """A transducer ten percent off had become a spring, a fluid and a valve, with more than 99 %."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    torque = np.where(angle < 1.0, 60.0 * np.sin(np.pi * angle), 0.0)
+    line = 1e7 + 5e7 * (angle < 0.8)
+    before = means(torque, line)
+    assert torque_ratio(before, means(1.1 * torque + 0.3, line)) == pytest.approx(1.1)
+    assert torque_ratio(before, means(1.005 * torque, line)) is None
+    assert torque_ratio(before, means(1.1 * torque, 1.1 * line)) is None
+    assert torque_ratio(before, means(torque + 2.0 * np.abs(torque) ** 0.5, line)) is None
 
 
 def test_pairs_of_one_pump_add_what_they_know() -> None:

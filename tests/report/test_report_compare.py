@@ -12,10 +12,12 @@ from camtorque.report.compare_page import (
     ComparedCurves,
     ComparePage,
     compare_answer,
+    compare_cautions,
     compare_drawings,
     compare_rows,
     write_compare,
 )
+from camtorque.report.numbers import tied
 from report_cases import NASTY
 
 
@@ -46,6 +48,18 @@ def pair(with_chamber: bool = True) -> ComparedCurves:
     chamber = 1e7 * (1.0 + np.sin(theta)) if with_chamber else None
     return ComparedCurves("1000 rpm", theta, lift, torque, 1.1 * torque, np.full(720, 0.02), 1e7 + 0 * theta,
                           1.1e7 + 0 * theta, chamber, chamber)  # fmt: skip
+
+
+def test_cautions_stand_on_the_page(tmp_path: Path) -> None:
+    finding = {"code": "torque_drifts", "severity": "warning", "text": "it drifts", "where": "torque", "recording": "B"}
+    torque = {"rms_difference_nm": 1.5, "max_difference_nm": 6.2, "odd_even_rms_nm": 0.03, "ratio": 1.1}
+    doc = {**document(), "torque": torque, "inflation": {"mean": [4.0], "difference": [5.6]}, "findings": [finding]}
+    write_compare(ComparePage(doc, (pair(),)), tmp_path)
+    text = unescape((tmp_path / "compare.html").read_text(encoding="utf-8")).replace("\u00a0", " ")
+    for part in ("The torque after is 1.1 times that before", "they leave 5.6 times what", "It drifts"):
+        assert part in text
+    assert compare_cautions(document()) == ()
+    assert "differs by 1.5\u00a0N\u00a0m RMS" in tied(compare_answer(doc))
 
 
 def test_page_says_what_changed_and_what_would_have_been_seen(tmp_path: Path) -> None:

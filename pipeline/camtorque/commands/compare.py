@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
+from camtorque.commands.texts import loud_findings
 from camtorque.compare import compare
-from camtorque.report.compare_page import compare_events, left_out
+from camtorque.report.compare_page import compare_cautions, compare_events, left_out
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -25,6 +26,7 @@ def compare_table(doc: Mapping[str, Any]) -> str:
     lines = [
         f"{before['name']} ({speeds[0]} rpm) against {after['name']} ({speeds[1]} rpm): {doc['verdict']}",
         *(f"  {probability:>6}  {event}" for event, probability in compare_events(doc)),
+        *(f"warning   {text}" for text in compare_cautions(doc)),
         "",
         f"{'':24}{'before':>12}{'after':>12}{'difference':>22}{'would be seen':>16}",
     ]
@@ -37,4 +39,11 @@ def compare_table(doc: Mapping[str, Any]) -> str:
                     f"{row['stderr']:<6.2g}{row['smallest_change']:16.2g}  {row['unit']}  {verdict}"
                 )
     unknown = [name.replace("_", " ") for name, row in rows.items() if row["verdict"] == "cannot tell"]
-    return "\n".join([*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else []), *left_out(doc)])
+    return "\n".join(
+        [*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else []), *left_out(doc), *_of_recordings(doc)]
+    )
+
+
+def _of_recordings(doc: Mapping[str, Any]) -> list[str]:
+    """Return what is odd in the recordings, with the recording's name."""
+    return loud_findings([{**row, "text": f"{row['recording']}: {row['text']}"} for row in doc.get("findings", ())])

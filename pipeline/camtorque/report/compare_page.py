@@ -39,6 +39,8 @@ EVENTS: dict[str, str] = {
     "drive": "inertia or control of the drive",
 }
 """Event -> its name for somebody at the rig."""
+UNEXPLAINED_DIFFERENCE = 2.0
+"""Inflation of the difference above which events leave more than the recordings allow."""
 TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
 
 
@@ -97,6 +99,7 @@ def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
         "compare.html", live_charts(drawings), named, title=title, doc=document, drawings=drawings,
         tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
         answer=compare_answer(document), events=compare_events(document), left_out=left_out(document),
+        cautions=compare_cautions(document), findings=document.get("findings", ()),
     )  # fmt: skip
     write_page(folder / "compare.html", html)
     write_json(folder / "compare.json", document)
@@ -121,6 +124,26 @@ def compare_answer(document: Mapping[str, Any]) -> str:
         f"{text} The mean torque differs by {num(torque['rms_difference_nm'], 2)} N m RMS, "
         f"{num(torque['max_difference_nm'], 2)} N m at most{repeat if torque['odd_even_rms_nm'] is not None else ''}."
     )
+
+
+def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return why the verdicts are to be taken with care: a gain that changed, events that leave much over."""
+    found = []
+    ratio = document.get("torque", {}).get("ratio")
+    if ratio is not None:
+        found.append(
+            f"The torque after is {num(ratio, 3)} times that before all around the revolution, at about the same line "
+            "pressure: no pump changes so; check the torque transducer, its range and its certificate first."
+        )
+    left = max(
+        (value for value in document.get("inflation", {}).get("difference", ()) if value is not None), default=0.0
+    )
+    if left > UNEXPLAINED_DIFFERENCE:
+        found.append(
+            f"The events below explain the difference only in part: they leave {num(left, 2)} times what these "
+            "recordings allow. Something else changed, or a sensor did; take events and sizes as hints."
+        )
+    return tuple(found)
 
 
 def left_out(document: Mapping[str, Any]) -> tuple[str, ...]:

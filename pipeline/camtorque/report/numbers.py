@@ -26,7 +26,7 @@ SIGNS = (
 
 
 UNITS = "%|rpm|bar|GPa|deg|Hz|kHz|s|ms|min|minutes|mm|mm\u00b2|mm\u00b3|\u00b5m|N|N m|kN|J"
-TIES = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w\u00b2\u00b3]))|(?<=\u00b1) ")
+TIES = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w\u00b2\u00b3]))|(?<=\u00b1) |(?<=\d N) (?=m\b)")
 """Spaces between a number and its unit, and after ±."""
 
 
