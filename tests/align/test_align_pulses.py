@@ -11,7 +11,7 @@ from camtorque.align import align, resample_compiled
 from camtorque.align.clocks import best_lag, clock_steps, fit_clock, robust_line
 from camtorque.align.pulses import clean_pulses
 from camtorque.align.resample import hermite_slopes, interval_polynomials, resample_block
-from camtorque.signal.running import percentile, running_median
+from camtorque.signal.running import median, percentile, running_median
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -222,7 +222,9 @@ def test_the_compiled_pass_and_the_plain_one_agree(seed: int, samples_per_step: 
     values=st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=12),
     share=st.sampled_from([0.0, 5.0, 10.0, 50.0, 95.0, 99.9, 100.0]),
 )
-def test_a_percentile_is_that_of_numpy_bit_for_bit(values: list[float], share: float) -> None:
+def test_percentiles_and_medians_are_those_of_numpy_bit_for_bit(values: list[float], share: float) -> None:
+    assert median(np.array(values)) == np.median(values)
+    assert np.isnan(median(np.array([*values, np.nan])))
     assert percentile(np.array(values), share) == np.percentile(values, share)
     whole = np.array(values).astype(np.int64)
     assert percentile(whole, share) == np.percentile(whole, share)

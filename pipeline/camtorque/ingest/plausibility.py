@@ -17,6 +17,7 @@ import numpy as np
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.signal.running import percentile
 from camtorque.units import BAR, STEEL_DENSITY, short
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
@@ -262,4 +263,4 @@ def _largest(channel: Channel) -> float:
     every = -(-min(channel.n_samples, BLOCKS * BLOCK_SAMPLES) // MOST_RANKED)
     volts: Array = np.concatenate([channel.read_volts(int(s), int(s) + BLOCK_SAMPLES)[::every] for s in starts])
     values = np.abs(channel.from_volts(volts[np.isfinite(volts)]))
-    return float(np.percentile(values, 99.9, overwrite_input=True)) if values.size else math.nan
+    return percentile(values, 99.9) if values.size else math.nan

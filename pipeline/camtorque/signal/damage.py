@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from camtorque.records import Array, SensorCalibration
 from camtorque.signal import passes_compiled
+from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Count, Threshold
 
 FLAT_RUN = Count(
@@ -135,4 +136,4 @@ def converter_step(volts: Array) -> float:
     """Return the step of the converter as far as neighbouring samples show it: a low percentile of their changes."""
     change = np.abs(np.diff(volts))
     change = change[(change > 0.0) & (change < NO_VOLTAGE)]
-    return float(np.percentile(change, 5.0)) if change.size else 0.0
+    return percentile(change, 5.0) if change.size else 0.0

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from camtorque.records import Array
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE, count_missing
-from camtorque.signal.running import percentile, running_maximum, running_median
+from camtorque.signal.running import median, percentile, running_maximum, running_median
 from camtorque.signal.threshold import Threshold
 
 HYSTERESIS = Threshold(
@@ -76,7 +76,7 @@ def noise_of(volts: Array) -> float:
     n = volts.size // stride
     differences = np.abs(volts[1 : n * stride : stride] - volts[: n * stride : stride])
     finite = differences[np.isfinite(differences)]
-    return 1.4826 / np.sqrt(2.0) * float(np.median(finite)) if finite.size else 0.0
+    return 1.4826 / np.sqrt(2.0) * median(finite) if finite.size else 0.0
 
 
 def _pooled_windows(low: Array, high: Array, least_height: float) -> int:

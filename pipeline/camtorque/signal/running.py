@@ -18,26 +18,29 @@ def running_median(values: Array, size: int) -> Array:
     if n >= size:
         out[half : n - half] = np.sort(sliding_window_view(values, size), axis=1)[:, half]
     for i in (*range(min(half, n)), *range(max(n - half, min(half, n)), n)):
-        out[i] = _middle(values[max(0, i - half) : i + half + 1])
+        out[i] = median(values[max(0, i - half) : i + half + 1])
     return out
 
 
-def _middle(values: Array) -> float:
-    """Return the median of a few values in a tenth of `np.median`'s time, nan where one of them is."""
-    ordered = np.sort(values)
-    if np.isnan(ordered[-1]):
+def median(values: NDArray[np.generic]) -> float:
+    """Return the middle value, or the mean of the middle two, as `np.median` does: nan where one of them is."""
+    if np.isnan(np.min(values)):
         return np.nan
-    return 0.5 * float(ordered[(values.size - 1) // 2] + ordered[values.size // 2])
+    half = values.size // 2
+    # a partition about one place takes a tenth of the time of one about two
+    ordered = np.partition(values, half)
+    high = float(ordered[half])
+    return high if values.size % 2 else 0.5 * (float(np.max(ordered[:half])) + high)
 
 
 def percentile(values: NDArray[np.generic], share: float) -> float:
     """Return the value that ``share`` percent lie below, between two of them by a line, as `np.percentile` does."""
-    ordered = np.sort(values)
     place = (values.size - 1) * (share / 100.0)
     low, part = int(place), place - int(place)
-    before, after = float(ordered[low]), float(ordered[min(low + 1, values.size - 1)])
-    step = after - before
-    return after - step * (1.0 - part) if part >= 0.5 else before + step * part
+    ordered = np.partition(values, low)
+    before = float(ordered[low])
+    after = float(np.min(ordered[low + 1 :])) if low + 1 < values.size else before
+    return after - (after - before) * (1.0 - part) if part >= 0.5 else before + (after - before) * part
 
 
 def running_maximum(values: Array, size: int) -> Array:

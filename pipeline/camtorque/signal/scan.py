@@ -12,6 +12,7 @@ import numpy as np
 
 from camtorque.records import Array, Channel
 from camtorque.signal.damage import NO_VOLTAGE, clipped_samples, clips_below, converter_step, missing_samples
+from camtorque.signal.running import median
 from camtorque.signal.threshold import Threshold
 
 BLOCK = 1_000_000
@@ -90,7 +91,7 @@ def isolated_samples(volts: Array) -> np.ndarray:
     bend = np.zeros(volts.size)
     bend[1:-1] = volts[1:-1] - 0.5 * (volts[:-2] + volts[2:])
     size = np.abs(bend)
-    usual = np.nanmedian(size)
+    usual = float(np.nanmedian(size)) if np.isnan(np.min(size)) else median(size)
     least = max(SPIKE_TIMES_MEDIAN * usual, SPIKE_STEPS * converter_step(volts), LEAST_SWING_VOLTS)
     candidates = np.flatnonzero(size > least)
     candidates = candidates[(candidates >= OVERLAP) & (candidates < volts.size - OVERLAP)]
