@@ -64,8 +64,10 @@ def test_rates_that_contradict():
     base = read_stamps(times, 10_010.0, "log")
     assert base.rate == pytest.approx(10_000.0, rel=1e-6)
     assert [finding.code for finding in base.findings] == ["rate_differs"]
-    with pytest.raises(Refusal, match="the time stamps say 10000 Hz"):
+    with pytest.raises(Refusal, match=r"the time stamps say 10000 Hz, .* the one that is wrong$"):
         read_stamps(times, 20_000.0, "log")
+    with pytest.raises(Refusal, match=r"wrong, or the unit of the stamps \(ms or us for s\?\)"):
+        read_stamps(times, 1e7, "log")
 
 
 @pytest.mark.parametrize(

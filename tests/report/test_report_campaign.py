@@ -19,7 +19,7 @@ from camtorque.fit.shared_lift import SharedLift
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page, verdict_text
-from camtorque.report.campaign_view import CampaignView, Column, campaign_view
+from camtorque.report.campaign_view import CampaignView, Column, campaign_view, trends_of_losses
 from camtorque.report.campaign_write import campaign_document, write_campaign
 from camtorque.report.document import result_document
 from camtorque.report.files import write_rows
@@ -70,6 +70,11 @@ def test_what_is_shown_comes_from_the_reports(small: tuple[Path, CampaignResult]
     assert by_label["parameter: feed pressure"].unit == "bar"
     assert view.torque.shape == (3, 360)
     np.testing.assert_allclose(view.torque[0], np.mean(run_result().cycles.torque, axis=0)[::2])
+
+
+def test_what_a_revolution_gives_back_is_no_trend() -> None:
+    documents = [{"losses": {"unit": "J", "input": 15.0, "friction": 4.0, "inertia": 1e-7, "closure_percent": 0.1}}]
+    assert [column.label for column in trends_of_losses(documents)] == ["loss: friction"]
 
 
 def test_curves_stand_from_slow_to_fast_and_open_their_report(small: tuple[Path, CampaignResult]) -> None:

@@ -156,7 +156,8 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
     where = f"{channel.path.name} {channel.name}"
     speed = _speed(times, config)
     if not np.isfinite(speed):
-        return [Finding("few_pulses", "error", f"{times.size} trigger pulses in {channel.duration:.3g} s", where)]
+        text = f"found {times.size} trigger pulses in {channel.duration:.3g} s, expected at least 3; record longer"
+        return [Finding("few_pulses", "error", text, where)]
     found = []
     if abs(speed / config.nominal_speed - 1.0) > SPEED_TOLERANCE:
         text = f"the pulses tell {speed / RPM:.4g} rpm, recording.toml says {config.nominal_speed / RPM:.4g} rpm"

@@ -118,7 +118,9 @@ def agreed_rate(
         return declared_rate, ()
     text = f"{what} {rate:.8g} Hz, recording.toml says {declared_rate:.8g} Hz"
     if difference > RATE_GROSS:
-        raise Refusal(f"{where}: {text}; correct the one that is wrong")
+        thousand = any(abs(rate * factor / declared_rate - 1.0) <= RATE_GROSS for factor in (1e3, 1e6))
+        hint = ", or the unit of the stamps (ms or us for s?)" if thousand else ""
+        raise Refusal(f"{where}: {text}; correct the one that is wrong{hint}")
     if difference <= RATE_NOTE:
         return rate, ()
     return rate, (Finding("rate_differs", "warning", f"{text}; the rate of the file is used", where),)

@@ -16,6 +16,7 @@ import numpy as np
 from camtorque.records import KNOWLEDGE, Array, ReadOnly
 from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import CampaignEntry
+from camtorque.report.fit_figures import CONSERVED
 from camtorque.report.numbers import unit_text, words
 from camtorque.report.sources import shares
 
@@ -99,7 +100,7 @@ def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignVi
     quantities = [_column(label, unit, path, found) for label, unit, path in NUMBERS]
     return CampaignView(
         tuple(entry.name for entry in used), tuple(f"{quote(place)}/report.html" for place in places),
-        _shared_by_enough(conditions), _shared_by_enough([*quantities, *_losses(found), *_parameters(found)]),
+        _shared_by_enough(conditions), _shared_by_enough([*quantities, *trends_of_losses(found), *_parameters(found)]),
         np.arange(points) * 2.0 * np.pi / points, curves[:, 0], curves[:, 1], _budget(found),
     )  # fmt: skip
 
@@ -149,8 +150,14 @@ def _shared_by_enough(columns: Sequence[Column]) -> tuple[Column, ...]:
     return tuple(column for column in columns if np.count_nonzero(np.isfinite(column.values)) >= FEWEST)
 
 
-def _losses(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
-    names = dict.fromkeys(name for doc in documents for name in doc.get("losses", {}) if name not in NOT_LOSSES)
+def trends_of_losses(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
+    """Return the work by cause; what gives back over a revolution what it takes is no trend."""
+    names = dict.fromkeys(
+        name
+        for doc in documents
+        for name, value in doc.get("losses", {}).items()
+        if name not in NOT_LOSSES and abs(value or 0.0) > CONSERVED * abs(doc["losses"]["input"])
+    )
     return [_column(f"loss: {words(name)}", "J per revolution", ("losses", name), documents) for name in names]
 
 

@@ -140,7 +140,7 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
     )
     if left > UNEXPLAINED_DIFFERENCE:
         found.append(
-            f"The events below explain the difference only in part: they leave {num(left, 2)} times what these "
+            f"The events named here explain the difference only in part: they leave {num(left, 2)} times what these "
             "recordings allow. Something else changed, or a sensor did; take events and sizes as hints."
         )
     return tuple(found)
