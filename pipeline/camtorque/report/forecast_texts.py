@@ -86,7 +86,8 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
     alike = any(item.structure == source.structure for item in known.recordings)
     kind = ENDED_BY[source.structure]
     how = (
-        f"by {kind} as in {source.id}: where the line pressure looks as it does there" if alike else
+        f"by {kind} as in {source.id}: where the line pressure looks as it does there, for the mean sharpness of the "
+        "fitted ends (another begins elsewhere, which is in the band)" if alike else
         f"by {kind}, as no fitted recording does: where the line pressure looks as it does at their ends; how sharply "
         "is as unsure as before any fit"
     )  # fmt: skip
