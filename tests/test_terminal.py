@@ -52,6 +52,14 @@ def test_no_interval_where_the_model_fails() -> None:
     assert "the model fails at all around (largest: delivery)" in failed
 
 
+def test_a_residual_above_the_limit_of_a_good_fit_is_told() -> None:
+    doc = document()
+    held = {**doc["metrics"]["fitted_held_out_cycles"], "rms_percent_of_peak": 1.03}
+    assert "LOOK CLOSER" not in run_table(doc)
+    told = run_table({**doc, "metrics": {**doc["metrics"], "fitted_held_out_cycles": held}}).splitlines()[1]
+    assert told == "LOOK CLOSER: residual 1 %, at most 0.35 % expected"
+
+
 @pytest.mark.parametrize(
     ("start", "stop", "text"),
     [
