@@ -69,6 +69,22 @@ def test_a_channel_that_died_is_refused_as_such() -> None:
         align(sampled(read_recording(EXAMPLES / "A_1000rpm"), "torque", dead))
 
 
+def test_missing_pulses_that_leave_two_strokes_in_a_revolution_are_told() -> None:
+    """Every second pulse is gone: the rest are regular."""
+
+    def halved(volts):
+        rising = np.flatnonzero((volts[1:] > 2.5) & (volts[:-1] <= 2.5))
+        for start in rising[::2]:
+            volts[start - 200 : start + 400] = 0.0
+        return volts
+
+    recording = read_recording(EXAMPLES / "A_1000rpm")
+    texts = [row.text for row in align(sampled(recording, "trigger", halved)).findings if row.code == "several_strokes"]
+    assert len(texts) == 1
+    assert texts[0].startswith("a revolution by the pulses holds the same torque 2 times, the lift table rises once")
+    assert "several_strokes" not in {row.code for row in align(recording).findings}
+
+
 def test_a_recording_of_which_most_is_rejected_is_told() -> None:
     """A speed that rises by a tenth: only the revolutions of one speed are used."""
 

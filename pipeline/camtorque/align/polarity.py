@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from camtorque.align.quality import SAMPLED_CYCLES, spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.repeats import repeats_every
-from camtorque.signal.threshold import Threshold
+from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import BAR
 
 INVERTED_CORRELATION = Threshold(
@@ -47,6 +47,8 @@ DWELL_LIFT_VELOCITY = Threshold(
     0.05, "1", "convention",
     "Part of the largest lift velocity below which the follower stands still."
 )  # fmt: skip
+SAME_STROKE = Threshold(0.97, "1", "simulated rigs", "Correlation of the torque with itself a part of a turn on.")
+MOST_STROKES = Count(4, "1", "convention", "Strokes looked for in what the pulses call a revolution.")
 COARSE_GRID = 720
 COMPARED = 200
 """Cycles that are compared with their neighbours, at most."""
@@ -83,6 +85,7 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
         return Checked(typical, repeating)
     torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
+    repeating = (*repeating, *_strokes(torque, velocity, recording))
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
     straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
     # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
@@ -107,6 +110,20 @@ def _repeating(rows: Array, sound: NDArray[np.bool_], stride: int, recording: Re
         f"{every * now} under [trigger] (it is {now})"
     )
     return (Finding("revolutions_alternate", "error", text, f"{recording.config.path.name} [trigger]"),)
+
+
+def _strokes(torque: Array, velocity: Array, recording: Recording) -> tuple[Finding, ...]:
+    """Tell a revolution that holds the torque several times where the lift table rises once: pulses are missing."""
+    for n in range(MOST_STROKES, 1, -1):
+        turned = [np.roll(curve, curve.size // n) for curve in (torque, velocity)]
+        if _correlation(torque, turned[0]) > SAME_STROKE and _correlation(velocity, turned[1]) < 0.5:
+            text = (
+                f"a revolution by the pulses holds the same torque {n} times, the lift table rises once: {n - 1} "
+                f"of {n} pulses are missing, or the lift table lacks lobes; check the sensor's gap and its pulses, or "
+                "give the whole lift table"
+            )
+            return (Finding("several_strokes", "error", text, f"{recording.config.path.name} [trigger]"),)
+    return ()
 
 
 def _turned(recording: Recording, mean: float, straight: float) -> Finding:
