@@ -110,6 +110,20 @@ def test_many_reports_against_limits(tmp_path: Path, reports: Path, capsys: pyte
     assert "at most 1 bar; 0.7 above the band; pump sheet" in printed
 
 
+def test_reports_are_judged_in_the_order_of_their_recordings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The folders of a campaign are named by hashes."""
+    for folder, name in (("0a", "B"), ("0b", "A")):
+        place = tmp_path / "runs" / folder
+        place.mkdir(parents=True)
+        document = {"schema": "camtorque.result/1", "recording": {"name": name}, "metrics": {"x": 1.0}}
+        (place / "result.json").write_text(json.dumps(document), encoding="utf-8")
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
+    cli.main(["limits", str(file), str(tmp_path / "runs"), "--json"])
+    assert [row["name"] for row in json.loads(capsys.readouterr().out)["results"]] == ["A", "B"]
+
+
 def test_a_quantity_that_no_report_has(tmp_path: Path, reports: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = limits_file(tmp_path, '[[limit]]\nquantity = "parameters.feed_presure.value"\nmax = 1\n')
     assert cli.main(["limits", str(path), str(reports)]) == 2

@@ -20,6 +20,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         {"name": documents[folder]["recording"]["name"], "report": folder, **limits_document(rows)}
         for folder, rows in judged.items()
     ]
+    # folders of a campaign are named by hashes: their order says nothing
+    results.sort(key=lambda result: str(result["name"]))
     lines = []
     for result in results:
         lines += [
