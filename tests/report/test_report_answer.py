@@ -70,6 +70,14 @@ def test_an_unexplained_run_says_so_loudly_and_states_no_interval(tmp_path: Path
     assert "bump 1" in (tmp_path / "figures" / "torque_full.svg").read_text(encoding="utf-8")
 
 
+def test_what_is_wrong_with_the_input_is_said_first_where_the_model_fails() -> None:
+    doc = result_document(run_result(explained=False))
+    cause = {"code": "closing_lift_unusual", "severity": "warning", "text": "the angle is wrong", "where": ""}
+    parts = {part["head"]: part["text"] for part in answer({**doc, "findings": [*doc["findings"], cause]})}
+    assert "First: the angle is wrong. " in parts["What to do"]
+    assert "left out of the fit" not in parts["How sure"]
+
+
 def test_parameters_stand_by_what_the_data_added(tmp_path: Path) -> None:
     write_run(run_result(), tmp_path)
     groups = parameter_groups(result_document(run_result()))

@@ -25,6 +25,11 @@ CHECKS = {
 }
 """Phase of the pump -> what to look at where the model fails in it."""
 SAME_RESONANCE = 0.05
+INPUT_CAUSES = frozenset({
+    "several_strokes", "revolutions_alternate", "closing_lift_unusual", "trigger_angle_doubtful", "uneven_running",
+    "torque_against_model", "speed_off_nominal", "pump_unusual", "torque_drifts",
+})  # fmt: skip
+"""Findings on the input that explain a model that fails: the first of them is said first."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
 WIDE_DEG, AROUND_DEG = 90.0, 320.0
@@ -140,7 +145,7 @@ def sureness_text(doc: Document) -> str:
     text = shape_text(accuracy)
     if doc["bumps"] and doc["explained"]:
         text += f" It stands out at {bump_places(doc)}."
-    if accuracy["block_cv_rms_percent"] is not None:
+    if accuracy["block_cv_rms_percent"] is not None and doc["explained"]:
         text += f" Stretches of the angle left out of the fit: {num(accuracy['block_cv_rms_percent'], 2)} %."
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
@@ -196,7 +201,8 @@ def next_text(doc: Document) -> str:
     serious = sum(row["severity"] != "info" for row in doc["findings"])
     text = f"Read the {serious} warning{'s' if serious > 1 else ''} below. " if serious else ""
     if not doc["explained"]:
-        return text + unexplained_advice(doc)
+        odd = next((row["text"] for row in doc["findings"] if row["code"] in INPUT_CAUSES), "")
+        return text + (f"First: {odd}. " if odd else "") + unexplained_advice(doc)
     if not doc["next_measurement"]:
         return text + "Nothing: this recording determines everything that was fitted."
     first = doc["next_measurement"][0].split(" (now:")[0]
