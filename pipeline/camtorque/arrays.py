@@ -73,8 +73,8 @@ def recording_from_arrays(
 
     Raises
     ------
-    Refusal : an array that is missing, empty, not of one dimension, not of real or finite numbers; a rate or speed that
-        is not positive; an angle of the trigger beyond a turn
+    Refusal : an array that is missing, empty, not of one dimension, not of real or finite numbers; arrays of different
+        lengths at one rate; a rate or speed that is not positive; an angle of the trigger beyond a turn
     """
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
     _positive(mark.speed_rpm, "speed_rpm")
@@ -82,10 +82,15 @@ def recording_from_arrays(
         raise Refusal(
             f"trigger_angle_deg: found {mark.angle_deg!r}, expected -{WHOLE_TURN_DEG:g} to {WHOLE_TURN_DEG:g}"
         )
+    values = {quantity: _checked(arrays[quantity], quantity) for quantity in QUANTITIES if quantity in arrays}
+    sizes = {quantity: array.size for quantity, array in values.items()}
+    if not isinstance(rates, Mapping) and len(set(sizes.values())) > 1:
+        raise Refusal(
+            f"arrays at one sample_rate: found {', '.join(f'{size} of {name}' for name, size in sizes.items())} "
+            "samples, expected as many of each; give a sample_rate by name, or cut them to what they share"
+        )
     channels = tuple(
-        _channel(quantity, _checked(arrays[quantity], quantity), _rate(rates, quantity), sensors.get(quantity))
-        for quantity in QUANTITIES
-        if quantity in arrays
+        _channel(quantity, array, _rate(rates, quantity), sensors.get(quantity)) for quantity, array in values.items()
     )
     findings = (
         *notes,
