@@ -83,6 +83,7 @@ def recording_from_arrays(
             f"trigger_angle_deg: found {mark.angle_deg!r}, expected -{WHOLE_TURN_DEG:g} to {WHOLE_TURN_DEG:g}"
         )
     values = {quantity: _checked(arrays[quantity], quantity) for quantity in QUANTITIES if quantity in arrays}
+    every = {quantity: _rate(rates, quantity) for quantity in values}
     sizes = {quantity: array.size for quantity, array in values.items()}
     if not isinstance(rates, Mapping) and len(set(sizes.values())) > 1:
         raise Refusal(
@@ -90,7 +91,7 @@ def recording_from_arrays(
             "samples, expected as many of each; give a sample_rate by name, or cut them to what they share"
         )
     channels = tuple(
-        _channel(quantity, array, _rate(rates, quantity), sensors.get(quantity)) for quantity, array in values.items()
+        _channel(quantity, array, every[quantity], sensors.get(quantity)) for quantity, array in values.items()
     )
     findings = (
         *notes,

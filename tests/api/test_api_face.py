@@ -121,7 +121,10 @@ def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> No
         ({"trigger_angle_deg": 4000.0}, "trigger_angle_deg: found 4000.0, expected -360 to 360"),
         ({"sample_rate": {"torque": 1e4}}, "found no entry 'pressure'|found no entry 'trigger'"),
         ({"sample_rate": 0.0}, "sample_rate: found 0.0, expected a positive number"),
-        ({"pressure": np.ones(9)}, "arrays at one sample_rate: found .* 9 of pressure.* expected as many of each"),
+        (
+            {"pressure": np.ones(9), "sample_rate": 1e4},
+            "arrays at one sample_rate: found .* 9 of pressure.* expected as many of each",
+        ),
         ({"speed_rpm": -1.0}, "speed_rpm: found -1.0, expected a positive number"),
     ],
 )
