@@ -10,18 +10,15 @@ loaded angles; *told* where a run that does not is refused or called unexplained
 
 from __future__ import annotations
 
-import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-from benches import as_declared, bench_parser, outcomes, run_from_files, tell
-from coverage import CURVES, Outcome, compared, covers
+from benches import as_declared, bench_parser, outcomes, tell
+from coverage import Outcome, covers, outcome_of
 from rigs.families import FAMILIES
 from rigs.rig import simulate
 from rigs.truth import BAR, DEGREE, change
@@ -97,15 +94,7 @@ def one_run(varied: Varied, level: float, end: str) -> Outcome:
     sensor = truth.torque_sensor
     truth = change(truth, torque_sensor__delay=ELECTRONICS + sensor.damping / (np.pi * sensor.cutoff_hz))
     run = simulate(truth, running[SPEED], running[LOAD], n_cycles=int(running[CYCLES]), seed=1, step=1e-5)
-    with tempfile.TemporaryDirectory() as temporary:
-        began = time.perf_counter()
-        refused, result = run_from_files(run, Path(temporary), ("tdms", "single"), 1)
-        seconds = time.perf_counter() - began
-        if refused:
-            return Outcome(end, refused, seconds)
-        with h5py.File(Path(temporary) / "out" / "cycles.h5") as file:
-            curves = {name: file["model"][name][:] for name in CURVES if name in file["model"]}
-    return compared(end, run, running[LOAD], seconds, result, curves)
+    return outcome_of(run, running[LOAD], end, ("tdms", "single"), 1)
 
 
 def verdict(found: Outcome) -> str:

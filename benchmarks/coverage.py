@@ -88,9 +88,14 @@ def one_rig(family: str, draw: int, cycles: int) -> Outcome:
     truth = change(as_declared(FAMILIES[family](rng)), name=f"{family}_{draw}")
     speed, load = float(rng.uniform(400.0, 1300.0)), float(rng.uniform(0.55, 0.95))
     run = simulate(truth, speed, load, n_cycles=cycles, seed=draw, step=1e-5)
+    return outcome_of(run, load, family, BENCHES[draw % len(BENCHES)], draw)
+
+
+def outcome_of(run: RigRun, load: float, family: str, bench: tuple[str, str], seed: int) -> Outcome:
+    """Return what `camtorque run` makes of a run, written as a bench (format, loggers) leaves it."""
     with tempfile.TemporaryDirectory() as temporary:
         began = time.perf_counter()
-        refused, result = run_from_files(run, Path(temporary), BENCHES[draw % len(BENCHES)], draw)
+        refused, result = run_from_files(run, Path(temporary), bench, seed)
         seconds = time.perf_counter() - began
         if refused:
             return Outcome(family, refused, seconds)
