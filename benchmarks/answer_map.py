@@ -3,7 +3,7 @@
 Two simulated benches (`tests/rigs`: a delivery that ends by a land, one that ends by spill), as files, `camtorque run`
 with defaults; one property at a time is set to each of its levels. A cell is *right* where every run of it holds the
 true trigger angle in its 95 % interval and the chamber pressure within two standard deviations at nine tenths of the
-loaded angles; *told* where a run that does not is refused or called unexplained; else *wrong*: a silent one.
+loaded angles; *told* where a run that does not is refused, called unexplained or one to look closer at; else *wrong*.
 
     python benchmarks/answer_map.py --workers 2 --write docs/answer_map_figures.md --chart docs/answer_map.svg
 """
@@ -100,7 +100,7 @@ def one_run(varied: Varied, level: float, end: str) -> Outcome:
 def verdict(found: Outcome) -> str:
     """Return whether an outcome is right, told not to be, or wrong."""
     right = bool(found.rows) and covers(*found.rows["trigger_offset"]) and found.chamber_inside >= INSIDE
-    return "right" if right else "wrong" if found.status == "ok" else "told"
+    return "right" if right else "wrong" if found.status == "good" else "told"
 
 
 def worst(cell: Sequence[Outcome]) -> str:

@@ -18,6 +18,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from benches import as_declared, bench_parser, interval_table, outcomes, run_from_files, tell
+from camtorque.report.answer import verdict
 from rigs.families import FAMILIES
 from rigs.rig import RigRun, end_angle, lift_of, simulate
 from rigs.truth import RigTruth, change
@@ -112,7 +113,6 @@ def compared(family: str, run: RigRun, load: float, seconds: float, result: dict
         stated = known.get(name)
         if stated and stated["ci95"] and None not in stated["ci95"]:
             rows[name] = (true, stated["value"], *stated["ci95"])
-    codes = {finding["code"] for finding in result["findings"]}
     trigger = rows.get("trigger_offset", (np.nan, np.nan))
     values = {
         "trigger_error": trigger[1] - trigger[0],
@@ -128,8 +128,7 @@ def compared(family: str, run: RigRun, load: float, seconds: float, result: dict
             chamber_inside=100.0 * float(np.mean(z < 2.0)), chamber_worst=float(z.max()),
             chamber_rms=100.0 * float(np.sqrt(np.mean(error**2))) / peak,
         )  # fmt: skip
-    status = "unexplained" if "unexplained" in codes else "ok"
-    return Outcome(family, status, seconds, rows, **values)
+    return Outcome(family, verdict(result)["level"], seconds, rows, **values)
 
 
 def family_lines(rigs: list[Outcome]) -> list[str]:

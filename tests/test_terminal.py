@@ -58,6 +58,9 @@ def test_a_residual_above_the_limit_of_a_good_fit_is_told() -> None:
     assert "LOOK CLOSER" not in run_table(doc)
     told = run_table({**doc, "metrics": {**doc["metrics"], "fitted_held_out_cycles": held}}).splitlines()[1]
     assert told == "LOOK CLOSER: residual 1 %, at most 0.35 % expected"
+    unusual = {"code": "values_implausible", "severity": "warning", "text": "far off", "where": "cutoff"}
+    told = run_table({**doc, "findings": [unusual]}).splitlines()[1]
+    assert told == "LOOK CLOSER: values that are unusual together"
 
 
 @pytest.mark.parametrize(

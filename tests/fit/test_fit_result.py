@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit import minima
-from camtorque.fit.findings import prior_findings
+from camtorque.fit.findings import implausible_findings, largest_chi_square, prior_findings
 from camtorque.fit.minima import judged
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
@@ -22,6 +22,7 @@ from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncerta
 from camtorque.laws.chain import binned
 from camtorque.records import Refusal
 from fit_cases import bridged, quick, quick_data, quick_prepared
+from scipy.stats import chi2
 
 LAND = ("closed_volume", 0, 1000.0)
 
@@ -75,15 +76,40 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
             assert std[names.index("dead_volume")] < today[names.index("dead_volume")]
 
 
-def test_nuisances_pulled_off_their_sheet_are_told(fit):
+@pytest.fixture(scope="module")
+def record(fit):
     prepared = quick_prepared(*LAND)
-    record = fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+    return fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+
+
+def test_nuisances_pulled_off_their_sheet_are_told(record):
     assert prior_findings(record.parameters) == tuple(f for f in record.findings if f.code == "prior_pulled")
     row = next(row for row in record.parameters if row.name == "cutoff")
     pulled = replace(row, value=row.prior[0] + 4.0 * row.prior[1], at_bound=False)
     (finding,) = prior_findings([pulled])
     assert "4.0 standard deviations off" in finding.text
     assert finding.where == "cutoff"
+
+
+def test_values_that_are_unusual_together_are_told(record):
+    assert implausible_findings(record.parameters) == ()
+    rows = [row for row in record.parameters if row.prior is not None]
+    off = [replace(row, value=row.prior[0] + 1.2 * row.prior[1], stderr=0.5 * row.prior[1], at_bound=False)
+           for row in rows]  # fmt: skip
+    # 1.2 deviations each is usual for one and unusual for all of them: chi-square 1.92 for each degree of freedom
+    assert implausible_findings(off[:3]) == ()
+    (finding,) = implausible_findings(off)
+    assert finding.severity == "warning"
+    assert "one bench in a thousand (chiefly" in finding.text
+    # what the data do not tell stays where it is expected: it is no evidence of a sound bench
+    silent = [replace(row, name=f"{row.name}_2", value=row.prior[0], stderr=row.prior[1]) for row in off]
+    assert implausible_findings([*off, *silent]) == implausible_findings(off)
+    assert implausible_findings([replace(row, at_bound=True) for row in off]) == ()
+
+
+@pytest.mark.parametrize("degrees", [1.0, 8.0, 20.0, 60.0])
+def test_the_largest_chi_square_is_that_of_the_tables(degrees):
+    assert largest_chi_square(degrees) == pytest.approx(chi2.isf(1e-3, degrees), rel=0.035)
 
 
 def test_bumps_are_where_the_residual_stands_out():

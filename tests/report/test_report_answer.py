@@ -47,6 +47,14 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert parts["What to do"].endswith("To learn more: record standstill readings.")
 
 
+def test_values_that_are_unusual_together_ask_to_look_closer() -> None:
+    doc = result_document(run_result())
+    unusual = {"code": "values_implausible", "severity": "warning", "text": "", "where": ""}
+    head = verdict({**doc, "findings": [*doc["findings"], unusual]})
+    assert (head["level"], head["head"]) == ("look", "Look closer")
+    assert head["text"].endswith("only with values that are unusual together: see the warnings before using them.")
+
+
 def test_what_was_not_computed_is_not_mentioned() -> None:
     result = run_result()
     doc = result_document(replace(result, fitted=replace(result.fitted, details={}, evidence=(), alternatives=())))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.answer import NOT_LOSSES, bump_place, missed_limits
+from camtorque.report.answer import NOT_LOSSES, bump_place, missed_limits, unusual_values
 from camtorque.report.numbers import named, near, plus_minus, typeset, words
 
 PULLED, MOST_PULLED = "prior_pulled", 3
@@ -39,9 +39,9 @@ def run_table(doc: Mapping[str, Any]) -> str:
 
 
 def unexplained_lines(doc: Mapping[str, Any]) -> list[str]:
-    """Return where the model fails, or which limits of a good fit are missed; nothing where all is well."""
+    """Return where the model fails, or what else asks to look closer; nothing where all is well."""
     if doc["explained"]:
-        missed = missed_limits(doc["metrics"]["fitted_held_out_cycles"])
+        missed = [*missed_limits(doc["metrics"]["fitted_held_out_cycles"]), *unusual_values(doc)]
         return [f"LOOK CLOSER: {'; '.join(missed)}"] if missed else []
     places = [bump_place(bump) for bump in doc["bumps"]]
     where = f" at {'; '.join(places)}" if places else ""

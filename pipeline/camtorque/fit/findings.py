@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,8 @@ from camtorque.mechanism.smoothing import table_error
 from camtorque.records import CamTable, Finding, ParameterEstimate
 from camtorque.units import DEGREE, short
 
+RARE = 3.0902
+"""Standard deviations that a normal number stays below in 999 of 1000 cases."""
 PULLED = 2.5
 """A nuisance pulled this many standard deviations off its prior is told."""
 
@@ -35,6 +38,33 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)
+
+
+def implausible_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
+    """Return the finding on values that are what no bench as expected has, all taken together.
+
+    A value that the data tell lies off its expectation by that one's standard deviation, one that they do not tell not
+    at all: squares of such distances add up to a chi-square number of as many degrees as the data tell values.
+    """
+    known = [(row, row.prior) for row in parameters if row.prior is not None and not row.at_bound]
+    pulls = {row.name: (row.value - mean) / std for row, (mean, std) in known}
+    told = sum(max(1.0 - (row.stderr / std) ** 2, 0.0) for row, (_, std) in known)
+    if sum(pull**2 for pull in pulls.values()) <= largest_chi_square(max(told, 1.0)):
+        return ()
+    worst = sorted(pulls, key=lambda name: -abs(pulls[name]))[:2]
+    chief = " and ".join(f"{name.replace('_', ' ')}, {abs(pulls[name]):.1f}" for name in worst)
+    text = (
+        "the values together lie farther from what was expected than on one bench in a thousand (chiefly "
+        f"{chief} standard deviations off): the model meets the recording, but some values may stand in for a property "
+        "of pump or bench that it lacks"
+    )
+    return (Finding("values_implausible", "warning", text, worst[0]),)
+
+
+def largest_chi_square(degrees: float) -> float:
+    """Return what a chi-square number stays below in 999 of 1000 cases (Wilson & Hilferty, PNAS 17 (1931))."""
+    variance = 2.0 / (9.0 * degrees)
+    return degrees * (1.0 - variance + RARE * math.sqrt(variance)) ** 3
 
 
 def table_findings(table: CamTable) -> tuple[Finding, ...]:

@@ -30,6 +30,8 @@ INPUT_CAUSES = frozenset({
     "torque_against_model", "speed_off_nominal", "pump_unusual", "torque_drifts",
 })  # fmt: skip
 """Findings on the input that explain a model that fails: the first of them is said first."""
+UNUSUAL = {"values_implausible": "values that are unusual together"}
+"""Finding on values that may stand in for what the model lacks -> how the headline names them."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
 WIDE_DEG, AROUND_DEG = 90.0, 320.0
@@ -48,10 +50,18 @@ def verdict(doc: Document) -> dict[str, Any]:
         f"{num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, where the "
         f"rigid model is off by {num(rigid['rms_percent_of_peak'], 2)} %."
     )
-    missed = missed_limits(held)
+    missed, odd = missed_limits(held), unusual_values(doc)
     if missed:
         text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
-    return {"level": "look" if missed else "good", "head": "Look closer" if missed else "Explained", "text": text}
+    if odd:
+        text += f" The model meets it only with {odd[0]}: see the warnings before using them."
+    look = bool(missed or odd)
+    return {"level": "look" if look else "good", "head": "Look closer" if look else "Explained", "text": text}
+
+
+def unusual_values(doc: Document) -> list[str]:
+    """Return that the values are unusual, in words, where no bench as expected has them."""
+    return [UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL]
 
 
 def missed_limits(held: Document) -> list[str]:
