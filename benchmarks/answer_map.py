@@ -121,22 +121,21 @@ Cells = dict[tuple[Varied, float], list[Outcome]]
 def table(cells: Cells) -> str:
     """Return a line a property."""
     lines = ["| property | level: verdict (trigger off, deg, by a land and by spill / chamber rms, %) |", "|---|---|"]
-    for varied in (one for group in VARIED.values() for one in group):
+    for varied in dict.fromkeys(varied for varied, _ in cells):
         told = [f"{level:g}: **{worst(cells[varied, level])}** ({words(cells[varied, level])})"
-                for level in varied.levels if (varied, level) in cells]  # fmt: skip
-        if told:
-            lines.append(f"| {varied.label} | {'; '.join(told)} |")
+                for level in varied.levels]  # fmt: skip
+        lines.append(f"| {varied.label} | {'; '.join(told)} |")
     counted = [worst(cell) for cell in cells.values()]
     sums = ", ".join(f"{counted.count(name)} {name}" for name in COLOURS)
-    refusals = sorted({f"{o.status}" for cell in cells.values() for o in cell if not o.rows})
+    refusals = sorted({o.status for cell in cells.values() for o in cell if not o.rows})
     return "\n".join([*lines, "", f"{len(counted)} cells: {sums}.", *(f"- {text}" for text in refusals)]) + "\n"
 
 
 def draw(cells: Cells, path: Path) -> None:
     """Draw a row a property, a box a level."""
-    rows = [(group, varied) for group, found in VARIED.items() for varied in found]
+    rows = list(dict.fromkeys(varied for varied, _ in cells))
     figure, axes = plt.subplots(figsize=(10.0, 0.34 * len(rows) + 0.8))
-    for row, (_, varied) in enumerate(rows):
+    for row, varied in enumerate(rows):
         for column, level in enumerate(varied.levels):
             cell = cells[varied, level]
             axes.add_patch(plt.Rectangle((column, row), 0.96, 0.9, color=COLOURS[worst(cell)]))
@@ -144,7 +143,7 @@ def draw(cells: Cells, path: Path) -> None:
             axes.text(column + 0.48, row + 0.68, words(cell), ha="center", va="center", fontsize=6)
     axes.set_xlim(0.0, 5.0)
     axes.set_ylim(len(rows), 0.0)
-    axes.set_yticks([row + 0.45 for row in range(len(rows))], [f"{varied.label}" for _, varied in rows], fontsize=8)
+    axes.set_yticks([row + 0.45 for row in range(len(rows))], [varied.label for varied in rows], fontsize=8)
     axes.set_xticks([])
     axes.set_title("level; trigger off by land and by spill [deg] / chamber rms [%]", fontsize=8)
     handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in COLOURS.values()]

@@ -18,7 +18,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
     lines = [
         f"{recording['name']}  {recording['speed_rpm']:.1f} rpm, {recording['cycles_used']} of "
         f"{recording['cycles_found']} cycles used",
-        *unexplained_lines(doc),
+        *verdict_lines(doc),
         "",
         f"{'':22}{'RMS':>16}{'forward gap':>14}{'return minimum':>17}",
     ]
@@ -38,7 +38,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
     return "\n".join([*lines, *loud_findings(doc["findings"])])
 
 
-def unexplained_lines(doc: Mapping[str, Any]) -> list[str]:
+def verdict_lines(doc: Mapping[str, Any]) -> list[str]:
     """Return where the model fails, or what else asks to look closer; nothing where all is well."""
     if doc["explained"]:
         missed = [*missed_limits(doc["metrics"]["fitted_held_out_cycles"]), *unusual_values(doc)]

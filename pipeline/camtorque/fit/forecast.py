@@ -48,6 +48,7 @@ class Load(ReadOnly):
     pressure_std : (n,) standard uncertainty of the line pressure on the chain's grid [Pa], empty for none
     means : such parameters that are weighted means of fitted ones -> place of each in the fit -> weight; what the fit
         leaves open of the mean is in its covariance, the standard error of ``ends`` is what comes on top
+    pulls : end -> width that moves it, and by how much per unit of the width's own error [SI]
     """
 
     ends: Mapping[str, Estimate]

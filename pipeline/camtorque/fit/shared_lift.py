@@ -64,7 +64,7 @@ def asked_by(problem: Problem, z: Array, index: int, inflation: float) -> Asked:
     values, coefficients = problem.values(z, index)
     output = evaluate(item.chain, values)
     modes = lift_modes(item, output, values)
-    residual = (item.torque - output.torque - output.linear @ coefficients) * item.weight
+    residual = item.residual(output, coefficients)
     felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T
     return Asked(felt_by @ felt_by.T / inflation, felt_by @ (modes.vectors.T @ residual) / inflation)
 
