@@ -243,7 +243,8 @@ def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
     rows = {
         (finding.text, finding.where): {**asdict(finding), "recording": side.recording.config.id}
         for item in compared for side in (item.before, item.after)
-        for finding in (*summarise(side.recording).findings, *side.cycles.findings) if finding.severity != "info"
+        for finding in (*summarise(side.recording, side.cycles.pulses).findings, *side.cycles.findings)
+        if finding.severity != "info"
     }  # fmt: skip
     return list(rows.values())
 

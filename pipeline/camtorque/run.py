@@ -93,7 +93,7 @@ def analyse_recording(
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
         rigid = rigid_torque(recording, cycles)
         found = load_findings(cycles, rigid, recording.config.pump)
-        recording = replace(recording, findings=(*summarise(recording).findings, *found))
+        recording = replace(recording, findings=(*summarise(recording, cycles.pulses).findings, *found))
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)

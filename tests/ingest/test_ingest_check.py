@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.ingest import read_recording, summarise
+from camtorque.align import align
+from camtorque.ingest import check, read_recording, summarise
 from camtorque.signal import scan
 from camtorque.signal.scan import isolated_samples, scan_channel
 from damaged.logs import Plan, clean_log, write_folder
@@ -68,6 +69,38 @@ def test_the_summary_counts_pulses_and_speed(tmp_path: Path):
     # edges to the sample, 21 revolutions in 2.1 s
     assert summary.speed_rpm == pytest.approx(600.0, rel=1e-4)
     assert summary.channels[1].high == pytest.approx(460e5, rel=0.01)
+
+
+def test_an_isolated_sample_beside_the_border_of_two_blocks_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    volts = LOG.volts["pressure"].copy()
+    volts[5001] += 5.0
+    channel = read_recording(write_folder(tmp_path / "r", [LOG.with_volts("pressure", volts)], Plan("hdf5"))).channels[
+        1
+    ]
+    monkeypatch.setattr(scan, "BLOCK", 5000)
+    found = scan_channel(channel)
+    assert (found.isolated, found.first_isolated) == (1, 5001)
+
+
+@settings(deadline=None, max_examples=200)
+@given(seed=st.integers(0, 10_000), spikes=st.integers(0, 4), kind=st.sampled_from(["noise", "steps", "pulses", "nan"]))
+def test_the_compiled_look_leaves_out_no_isolated_sample(seed: int, spikes: int, kind: str):
+    rng = np.random.default_rng(seed)
+    volts = np.sin(rng.uniform(0.001, 0.05) * np.arange(rng.integers(3, 4000))) + 0.1 * rng.standard_cauchy()
+    volts += rng.uniform(0.0, 0.1) * (rng.standard_cauchy if seed % 2 else rng.standard_normal)(volts.size)
+    volts = {"steps": np.round(volts, 2), "pulses": np.where(volts > 0.9, 5.0, 0.0)}.get(kind, volts)
+    at = rng.integers(0, volts.size, spikes)
+    volts[at] += 10.0 ** rng.uniform(-2.0, 8.0, spikes)
+    if kind == "nan":
+        volts[rng.integers(0, volts.size)] = np.nan
+    assert isolated_samples(volts, compiled=True).tolist() == isolated_samples(volts).tolist()
+
+
+def test_pulses_that_the_alignment_found_are_not_looked_for_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    recording = read_recording(write_folder(tmp_path / "r", [LOG], Plan("hdf5")))
+    cycles, plain = align(recording), summarise(recording)
+    monkeypatch.setattr(check, "find_pulses", None)
+    assert summarise(recording, cycles.pulses) == plain
 
 
 def test_a_speed_far_from_nominal_is_told(tmp_path: Path):

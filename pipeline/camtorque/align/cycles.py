@@ -165,6 +165,7 @@ def _cam_cycles(
         trigger_jitter_s=base.edge_noise, findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
         details={**alignment_details(table.options, base, aligned), **_deviation(angle, theta)},
+        pulses={logger: trigger.edges.time for logger, trigger in base.triggers.items()},
     )  # fmt: skip
 
 

@@ -34,9 +34,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
             raise
         text = "\n".join([f"{len(refusals.problems)} things have to be put right:", *refusals.problems])
         return Outcome(text, {"schema": SCHEMA, "refused": list(refusals.problems)}, REFUSED)
-    summary = summarise(recording)
     tell("aligning to the cam angle")
     cycles, refusal = _aligned(recording)
+    summary = summarise(recording, cycles.pulses if cycles else {})
     lacks = missing_for_run(recording, cycles) if cycles else []
     rows = (*summary.findings, *(cycles.findings if cycles else ()))
     if cycles and not lacks:

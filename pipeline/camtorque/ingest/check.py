@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -53,17 +55,19 @@ class RecordingSummary:
     findings: tuple[Finding, ...]
 
 
-def summarise(recording: Recording) -> RecordingSummary:
-    """Look at every sample once and sum up."""
+def summarise(recording: Recording, pulses: Mapping[str, Array] = MappingProxyType({})) -> RecordingSummary:
+    """Look at every sample and sum up; ``pulses`` are those that `CamCycles` knows: others are looked for."""
     config: RecordingConfig = recording.config
     findings = list(recording.findings)
     summaries, speeds = [], []
+    first_triggers = {channel.logger: channel for channel in reversed(recording.of("trigger"))}
     for channel in recording.channels:
         scan = scan_channel(channel)
         findings += _sample_findings(channel, scan)
         times = np.empty(0)
         if channel.quantity == "trigger" and not scan.is_constant:
-            times, more = _pulses(channel, config)
+            known = pulses.get(channel.logger) if channel is first_triggers[channel.logger] else None
+            times, more = _pulses(channel, config, known)
             findings += more
             speeds.append(_speed(times, config))
         summaries.append(_summary(channel, scan, times.size))
@@ -72,13 +76,13 @@ def summarise(recording: Recording) -> RecordingSummary:
     return RecordingSummary(config.id, config.file_format, tuple(summaries), speed, tuple(findings))
 
 
-def _pulses(channel: Channel, config: RecordingConfig) -> tuple[Array, list[Finding]]:
+def _pulses(channel: Channel, config: RecordingConfig, known: Array | None) -> tuple[Array, list[Finding]]:
     """Return the pulse times of a trigger [s], and what is to be said of them."""
     try:
-        edges = find_pulses(channel, config.trigger.sensor, config.trigger.edge)
+        times = find_pulses(channel, config.trigger.sensor, config.trigger.edge).time if known is None else known
     except Refusal as refusal:
         return np.empty(0), [Finding("few_pulses", "error", str(refusal))]
-    return edges.time, _pulse_findings(channel, edges.time, config)
+    return times, _pulse_findings(channel, times, config)
 
 
 def _summary(channel: Channel, scan: Scan, pulses: int) -> ChannelSummary:

@@ -60,6 +60,7 @@ class CamCycles(ReadOnly):
     held_out : (n_cycles,) True for the cycles that score (even numbers among the used)
     cycles_found : complete cycles in the recording
     speed_ripple_percent : spread of the cycle speeds, 100 * std / mean
+    pulses : logger -> times of the edges of its first trigger (or of what tells the angle) as found, on its clock [s]
     """
 
     theta: Array
@@ -79,6 +80,7 @@ class CamCycles(ReadOnly):
     torque_delay: Estimate
     details: Mapping[str, Any] = field(default_factory=dict)
     channels: Mapping[str, Array] = field(default_factory=dict)
+    pulses: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n_cycles = self.speed.size

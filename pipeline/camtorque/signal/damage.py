@@ -80,22 +80,24 @@ def _runs(volts: Array, two_sided: bool) -> tuple[int, int]:
     for extreme in (np.nanmax(values), np.nanmin(values))[: 2 if two_sided else 1]:
         at = np.flatnonzero(values == extreme)
         if at.size:
-            longest = at[np.argmax(lengths[at])]
-            run = int(lengths[longest])
-            flat = max(flat, run if _is_clipped(volts, run, int(starts[longest]) + run - 1) else 0)
+            longest = at[[np.argmax(lengths[at])]]
+            run = lengths[longest]
+            flat = max(flat, int(run[0]) if _are_clipped(volts, run, starts[longest] + run - 1)[0] else 0)
     return int(lengths.max()), flat
 
 
-def _is_clipped(volts: Array, run: int, end: int) -> bool:
-    """Tell whether a run of equal samples that ends at ``end`` is a clipped top or bottom."""
-    before, after = end - 2 * run + 1, end + run
-    if run < FLAT_RUN or before < 0 or after >= volts.size:
-        return False
+def _are_clipped(volts: Array, runs: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which runs of equal samples, by length and last sample, are clipped tops or bottoms."""
+    long = (runs >= FLAT_RUN) & (ends - 2 * runs + 1 >= 0) & (ends + runs < volts.size)
+    if not long.any():
+        return long
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(volts))
         step = np.min(change, where=change > 0.0, initial=np.inf)
-        fall = min(abs(volts[end] - volts[before]), abs(volts[end] - volts[after]))
-    return bool(fall > STEPS_BESIDE_FLAT * step)
+        run, end = runs[long], ends[long]
+        before, after = np.abs(volts[end] - volts[end - 2 * run + 1]), np.abs(volts[end] - volts[end + run])
+    long[long] = np.where(after < before, after, before) > STEPS_BESIDE_FLAT * step
+    return long
 
 
 def clips_below(calibration: SensorCalibration | None) -> bool:
@@ -105,9 +107,11 @@ def clips_below(calibration: SensorCalibration | None) -> bool:
 
 def clipped_samples(volts: Array, extreme: float) -> int:
     """Count the samples in clipped runs at one extreme of a channel."""
-    starts, ends = _stretches(volts == extreme)
-    runs = ends - starts
-    return int(sum(run for run, end in zip(runs, ends, strict=True) if _is_clipped(volts, int(run), int(end) - 1)))
+    there = volts == extreme
+    if np.count_nonzero(there) < FLAT_RUN:
+        return 0
+    starts, ends = _stretches(there)
+    return int(np.sum((ends - starts)[_are_clipped(volts, ends - starts, ends - 1)]))
 
 
 def missing_samples(volts: Array, carried: int) -> tuple[int, int, int]:

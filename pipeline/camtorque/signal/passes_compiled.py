@@ -114,3 +114,64 @@ def _repeated(volts: Array) -> tuple[int, int]:
     if volts.size > 1:
         pairs += volts[-1] == volts[-2]
     return pairs, threes
+
+
+BENT, REACH = 1024, 3
+"""Samples whose bends are worked on at a time (they stay in the innermost cache), and those on either side of one that
+it is compared with."""
+LOOSELY = 1.0 + 1e-6
+"""So much beyond a limit nothing lies within it by rounding."""
+
+
+@njit(cache=True, nogil=True)
+def may_be_isolated(volts: Array, times_median: float, times_beside: float, apart: float) -> bool:
+    """Tell whether a block may hold isolated samples: `signal.scan` looks closer then, and most blocks hold none.
+
+    The largest bend of that shape is no more than ``times_median`` the median where half of all reach that part of it.
+    """
+    largest, bends = 0.0, np.empty(BENT + 2 * REACH)
+    for first in range(1, volts.size - 1 - 2 * REACH, BENT):
+        part = bends[: min(bends.size, volts.size - 1 - first)]
+        _fill_bends(volts[first - 1 : first + 1 + part.size], part)
+        largest = max(largest, _largest_lone(part, LOOSELY / times_beside, LOOSELY * apart))
+    return largest > 0.0 and not _reached_by_half(volts, LOOSELY * largest / times_median)
+
+
+@njit(cache=True, nogil=True)
+def _fill_bends(volts: Array, bends: Array) -> None:
+    """Fill in by how much each sample but the first and the last is off the middle of its neighbours."""
+    before, here, after = volts[:-2], volts[1:-1], volts[2:]
+    for i in range(bends.size):
+        bends[i] = here[i] - 0.5 * (before[i] + after[i])
+
+
+@njit(cache=True, nogil=True)
+def _largest_lone(bends: Array, share: float, apart: float) -> float:
+    """Return the largest bend between two of half its size, beyond which none reaches ``share`` of it; 0 for none."""
+    a, b, c, here, d, e, f = bends[:-6], bends[1:-5], bends[2:-4], bends[3:-3], bends[4:-2], bends[5:-1], bends[6:]
+    count, largest = 0, 0.0
+    for i in range(here.size):  # no branch: several at a time
+        count += _is_lone(a[i], b[i], c[i], here[i], d[i], e[i], f[i], share, apart)
+    for i in range(here.size if count else 0):
+        if _is_lone(a[i], b[i], c[i], here[i], d[i], e[i], f[i], share, apart):
+            largest = max(largest, abs(here[i]))
+    return largest
+
+
+@njit(cache=True, nogil=True)
+def _is_lone(a, b, c, here, d, e, f, share, apart):  # type: ignore[no-untyped-def]
+    half, close, low = 0.5 * here, apart * abs(here), share * abs(here)
+    alike = (abs(c + half) < close) & (abs(d + half) < close)
+    return alike & (abs(a) < low) & (abs(b) < low) & (abs(e) < low) & (abs(f) < low)
+
+
+@njit(cache=True, nogil=True)
+def _reached_by_half(volts: Array, limit: float) -> bool:
+    """Tell whether at least half of the bends of a block, nil at its ends, reach a limit."""
+    below, reached = 2, 0
+    before, here, after = volts[:-2], volts[1:-1], volts[2:]
+    for i in range(here.size):
+        size = abs(here[i] - 0.5 * (before[i] + after[i]))
+        below += size < limit
+        reached += size >= limit
+    return below < reached - 1

@@ -5,13 +5,21 @@ Done in blocks, so that a recording larger than memory can be checked. No model 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel
-from camtorque.signal.damage import NO_VOLTAGE, clipped_samples, clips_below, converter_step, missing_samples
+from camtorque.signal import passes_compiled
+from camtorque.signal.damage import (
+    NO_VOLTAGE,
+    clipped_samples,
+    clips_below,
+    converter_step,
+    missing_samples,
+)
 from camtorque.signal.running import median
 from camtorque.signal.threshold import Threshold
 
@@ -23,6 +31,8 @@ SPIKE_STEPS = Threshold(
     5.0, "steps", "convention",
     "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not at all."
 )  # fmt: skip
+SPIKE_SHAPE = 0.1
+"""How far the bends on either side of an isolated sample are from minus half of its own, as a share of it."""
 LEAST_SWING_VOLTS = 1.0e-9
 
 
@@ -53,50 +63,57 @@ class Scan:
         return not self.high - self.low > LEAST_SWING_VOLTS
 
 
-def _blocks(channel: Channel, overlap: int = 0) -> Iterator[tuple[int, Array]]:
-    for start in range(0, channel.n_samples, BLOCK):
-        low = max(start - overlap, 0)
-        yield low, channel.read_volts(low, min(start + BLOCK + overlap, channel.n_samples))
-
-
 def scan_channel(channel: Channel) -> Scan:
-    """Scan a channel twice: for its extremes, then for what happens there and in between."""
-    low, high, missing, longest, carried = np.inf, -np.inf, 0, 0, 0
-    for _, volts in _blocks(channel):
-        count, run, carried = missing_samples(np.ascontiguousarray(volts), carried)
+    """Look at every sample of a channel; it is read once, from front to back."""
+    two_sided, compiled = clips_below(channel.calibration), compiled_pays(channel.n_samples)
+    missing, longest, carried, isolated = 0, 0, 0, np.empty(0, dtype=np.int64)
+    lows, highs = [(np.inf, 0)], [(-np.inf, 0)]
+    for begin in range(0, channel.n_samples, BLOCK):
+        first = max(begin - OVERLAP, 0)
+        volts = np.ascontiguousarray(channel.read_volts(first, min(begin + BLOCK + OVERLAP, channel.n_samples)))
+        isolated = np.r_[isolated, first + isolated_samples(volts, compiled)]
+        own = volts[begin - first :][:BLOCK]
+        low, high, is_whole = _ends(own)
+        count, run, carried = (0, 0, 0) if is_whole else missing_samples(own, carried)
         missing, longest = missing + count, max(longest, run)
-        known = volts[np.abs(volts) < NO_VOLTAGE] if count else volts
-        if known.size:
-            low, high = min(low, float(np.min(known))), max(high, float(np.max(known)))
-    clipped, two_sided = np.zeros(2, dtype=int), clips_below(channel.calibration)
-    isolated, first = 0, -1
-    for start, volts in _blocks(channel):
-        clipped += (clipped_samples(volts, low) if two_sided else 0, clipped_samples(volts, high))
-        places = isolated_samples(volts)
-        if places.size and first < 0:
-            first = start + int(places[0])
-        isolated += places.size
+        lows.append((low, clipped_samples(own, low) if two_sided else 0))
+        highs.append((high, clipped_samples(own, high)))
+    low, high = min(lows)[0], max(highs)[0]
+    # a block whose own extreme is not the channel's has no sample there
+    clipped = [sum(n for end, n in ends if end == extreme) for ends, extreme in ((lows, low), (highs, high))]
     low, high = (low, high) if np.isfinite(low) else (np.nan, np.nan)
-    return Scan(channel.n_samples, low, high, missing, longest, int(clipped[0]), int(clipped[1]), isolated, first)
+    found = isolated.size, int(np.r_[isolated, -1][0])
+    return Scan(channel.n_samples, low, high, missing, longest, clipped[0], clipped[1], *found)
 
 
-def isolated_samples(volts: Array) -> np.ndarray:
+def _ends(volts: Array) -> tuple[float, float, bool]:
+    """Return the extremes of the samples that are voltages, infinite where none is, and whether all are."""
+    low, high = float(np.min(volts)), float(np.max(volts))
+    if -NO_VOLTAGE < low <= high < NO_VOLTAGE:
+        return low, high, True
+    known = volts[np.abs(volts) < NO_VOLTAGE]
+    return float(np.min(known, initial=np.inf)), float(np.max(known, initial=-np.inf)), False
+
+
+def isolated_samples(volts: Array, compiled: bool = False) -> NDArray[np.int64]:
     """Return indices of samples that stand out from both neighbours while these agree with each other.
 
     With the bend d_i = x_i - (x_(i-1) + x_(i+1))/2, one wrong sample gives d_i = s and d_(i+-1) = -s/2; an edge gives
     two equal bends of opposite sign, and noise stays near its median.
     """
+    beside = float(SPIKE_TIMES_BESIDE)
     if volts.size < 2 * OVERLAP + 1:
-        return np.empty(0, dtype=int)
+        return np.empty(0, dtype=np.int64)
+    if compiled and not passes_compiled.may_be_isolated(volts, float(SPIKE_TIMES_MEDIAN), beside, SPIKE_SHAPE):
+        return np.empty(0, dtype=np.int64)
     bend = np.zeros(volts.size)
     bend[1:-1] = volts[1:-1] - 0.5 * (volts[:-2] + volts[2:])
     size = np.abs(bend)
     usual = float(np.nanmedian(size)) if np.isnan(np.min(size)) else median(size)
-    least = max(SPIKE_TIMES_MEDIAN * usual, SPIKE_STEPS * converter_step(volts), LEAST_SWING_VOLTS)
-    candidates = np.flatnonzero(size > least)
-    candidates = candidates[(candidates >= OVERLAP) & (candidates < volts.size - OVERLAP)]
-    here = bend[candidates]
-    sides = [bend[candidates + step] / here for step in (-1, 1)]
-    alone = np.all([np.abs(side + 0.5) < 0.1 for side in sides], axis=0)
-    beside = np.max([size[candidates + step] for step in (-3, -2, 2, 3)], axis=0)
-    return candidates[alone & (np.abs(here) > SPIKE_TIMES_BESIDE * beside)]
+    places = np.flatnonzero(size > max(SPIKE_TIMES_MEDIAN * usual, LEAST_SWING_VOLTS))
+    places = places[(places >= OVERLAP) & (places < volts.size - OVERLAP)]
+    alone = [np.abs(bend[places + step] / bend[places] + 0.5) < SPIKE_SHAPE for step in (-1, 1)]
+    beyond = np.max([size[places + step] for step in (-3, -2, 2, 3)], axis=0)
+    places = places[alone[0] & alone[1] & (size[places] > beside * beyond)]
+    # what a step of the converter is takes longer to find than all else
+    return places[size[places] > SPIKE_STEPS * converter_step(volts)] if places.size else places
