@@ -84,7 +84,7 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
     fit, held = ~cycles.held_out, cycles.held_out
-    torque, pressure = ([mean_of(values, half) for half in (fit, held)] for values in (cycles.torque, cycles.pressure))
+    torque, pressure = cycles.torque_halves, [mean_of(cycles.pressure, half) for half in (fit, held)]
     return MeanCycles(
         torque[0], pressure[0], torque[1], pressure[1], cycles.mean_torque, cycles.mean_pressure,
         float(np.sqrt(np.mean(cycles.torque_std**2) / fit.sum())),

@@ -108,6 +108,12 @@ class CamCycles(ReadOnly):
         return mean_of(cast(Array, self.torque))
 
     @cached_property
+    def torque_halves(self) -> tuple[Array, Array]:
+        """Mean torque of the fitted and of the held-out cycles (n_theta,) [N m]; only with a torque."""
+        torque = cast(Array, self.torque)
+        return mean_of(torque, ~self.held_out), mean_of(torque, self.held_out)
+
+    @cached_property
     def mean_pressure(self) -> Array:
         """Mean line pressure of the used cycles (n_theta,) [Pa]; only with a pressure."""
         return mean_of(self.pressure)

@@ -14,7 +14,7 @@ from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, CamCycles, Recording
 from camtorque.report.files import atomic_file
 from camtorque.report.folder import reserve
-from camtorque.stacks import mean_of, pieces
+from camtorque.stacks import pieces
 from camtorque.version import __version__
 
 if TYPE_CHECKING:  # the aligned cycles are written without a fit
@@ -138,8 +138,7 @@ def _others(cycles: CamCycles) -> list[Variable]:
 
 
 def _halves(cycles: CamCycles) -> list[Variable]:
-    assert cycles.torque is not None
-    fitted, held = (mean_of(cycles.torque, half) for half in (~cycles.held_out, cycles.held_out))
+    fitted, held = cycles.torque_halves
     return [
         Variable("mean/torque_fitted", fitted, "N m", "mean, fitted cycles"),
         Variable("mean/torque_held_out", held, "N m", "mean, held out"),

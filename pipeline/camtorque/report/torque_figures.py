@@ -12,7 +12,6 @@ from camtorque.report.numbers import words
 from camtorque.report.phases import bump_spans, strokes
 from camtorque.report.svg import Scale, drawing, padded, polyline
 from camtorque.report.tones import CYCLE
-from camtorque.stacks import mean_of
 from camtorque.units import DEGREE
 
 MARGIN_DEG = 12.0
@@ -65,8 +64,7 @@ def _torques(result: RunResult, height: float = 250.0, ordinate: str = "drive to
 def _residuals(result: RunResult, height: float = 100.0) -> Panel:
     """Return the residual of the fitted model on held-out cycles with the standard error of the mean."""
     cycles = result.cycles
-    assert cycles.torque is not None
-    residual = mean_of(cycles.torque, cycles.held_out) - result.fitted.torque_held_out
+    residual = cycles.torque_halves[1] - result.fitted.torque_held_out
     error = 2.0 * cycles.torque_std / np.sqrt(max(int(cycles.held_out.sum()), 1))
     limits = padded([residual, error, -error], 0.15)
     largest = max(abs(limits[0]), abs(limits[1]))

@@ -133,7 +133,7 @@ def may_be_isolated(volts: Array, times_median: float, times_beside: float, apar
     for first in range(1, volts.size - 1 - 2 * REACH, BENT):
         part = bends[: min(bends.size, volts.size - 1 - first)]
         _fill_bends(volts[first - 1 : first + 1 + part.size], part)
-        largest = max(largest, _largest_lone(part, LOOSELY / times_beside, LOOSELY * apart))
+        largest = _largest_lone(part, LOOSELY / times_beside, LOOSELY * apart, largest)
     return largest > 0.0 and not _reached_by_half(volts, LOOSELY * largest / times_median)
 
 
@@ -146,12 +146,15 @@ def _fill_bends(volts: Array, bends: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _largest_lone(bends: Array, share: float, apart: float) -> float:
-    """Return the largest bend between two of half its size, beyond which none reaches ``share`` of it; 0 for none."""
+def _largest_lone(bends, share, apart, largest):  # type: ignore[no-untyped-def]
+    """Return the largest bend between two of half its size, beyond which none reaches ``share`` of it.
+
+    ``largest`` is that so far, 0 for none; few parts of a block hold a larger one.
+    """
     a, b, c, here, d, e, f = bends[:-6], bends[1:-5], bends[2:-4], bends[3:-3], bends[4:-2], bends[5:-1], bends[6:]
-    count, largest = 0, 0.0
+    count = 0
     for i in range(here.size):  # no branch: several at a time
-        count += _is_lone(a[i], b[i], c[i], here[i], d[i], e[i], f[i], share, apart)
+        count += _is_lone(a[i], b[i], c[i], here[i], d[i], e[i], f[i], share, apart) & (abs(here[i]) > largest)
     for i in range(here.size if count else 0):
         if _is_lone(a[i], b[i], c[i], here[i], d[i], e[i], f[i], share, apart):
             largest = max(largest, abs(here[i]))
