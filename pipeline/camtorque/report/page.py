@@ -20,6 +20,7 @@ from camtorque.report.answer import answer, cards, verdict
 from camtorque.report.chart import Chart, Curves, Span
 from camtorque.report.numbers import FILTERS
 from camtorque.report.payload import chart_data
+from camtorque.report.template_cache import template_cache
 from camtorque.report.texts import (
     METRIC_NAMES,
     alignment_text,
@@ -133,7 +134,7 @@ def policy(css: str, scripts: Sequence[str]) -> str:
 def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("camtorque", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        finalize=lambda value: clean(value) if type(value) is str else value,
+        finalize=lambda value: clean(value) if type(value) is str else value, bytecode_cache=template_cache(HERE),
     )  # fmt: skip
     environment.filters.update(FILTERS)
     return environment

@@ -153,7 +153,7 @@ def simplified(x: Array, y: Array) -> tuple[Array, Array]:
         places = np.flatnonzero(kept)
         distance = np.abs(y - np.interp(x, x[places], y[places]))
         largest = np.maximum.reduceat(distance, places[:-1]) if places.size > 1 else np.zeros(1)
-        mine = np.clip(np.searchsorted(places, np.arange(x.size), "right") - 1, 0, largest.size - 1)
+        mine = np.minimum(np.cumsum(kept), largest.size) - 1
         more = (distance > SMALLEST_STEP) & (distance >= largest[mine])
         if not np.any(more & ~kept):
             return x[kept], y[kept]
