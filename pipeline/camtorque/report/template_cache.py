@@ -36,4 +36,4 @@ def template_cache(folder: Path) -> TemplateCache | None:
     if sys.dont_write_bytecode or not os.access(place, os.W_OK):
         return None
     made_by = f"{sys.implementation.cache_tag}-jinja2-{version('jinja2')}-camtorque-{__version__}"
-    return TemplateCache(str(place), f"%s.{made_by}.html")
+    return TemplateCache(str(place), f"%s.{made_by}.cache")
