@@ -31,8 +31,10 @@ SPIKE_STEPS = Threshold(
     5.0, "steps", "convention",
     "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not at all."
 )  # fmt: skip
-SPIKE_SHAPE = 0.1
-"""How far the bends on either side of an isolated sample are from minus half of its own, as a share of it."""
+SPIKE_SHAPE = Threshold(
+    0.1, "1", "convention",
+    "The two samples beside it bend by minus half of that, but for this part of it."
+)  # fmt: skip
 LEAST_SWING_VOLTS = 1.0e-9
 
 
@@ -101,10 +103,10 @@ def isolated_samples(volts: Array, compiled: bool = False) -> NDArray[np.int64]:
     With the bend d_i = x_i - (x_(i-1) + x_(i+1))/2, one wrong sample gives d_i = s and d_(i+-1) = -s/2; an edge gives
     two equal bends of opposite sign, and noise stays near its median.
     """
-    beside = float(SPIKE_TIMES_BESIDE)
+    beside, shape = float(SPIKE_TIMES_BESIDE), float(SPIKE_SHAPE)
     if volts.size < 2 * OVERLAP + 1:
         return np.empty(0, dtype=np.int64)
-    if compiled and not passes_compiled.may_be_isolated(volts, float(SPIKE_TIMES_MEDIAN), beside, SPIKE_SHAPE):
+    if compiled and not passes_compiled.may_be_isolated(volts, float(SPIKE_TIMES_MEDIAN), beside, shape):
         return np.empty(0, dtype=np.int64)
     bend = np.zeros(volts.size)
     bend[1:-1] = volts[1:-1] - 0.5 * (volts[:-2] + volts[2:])
@@ -112,7 +114,7 @@ def isolated_samples(volts: Array, compiled: bool = False) -> NDArray[np.int64]:
     usual = float(np.nanmedian(size)) if np.isnan(np.min(size)) else median(size)
     places = np.flatnonzero(size > max(SPIKE_TIMES_MEDIAN * usual, LEAST_SWING_VOLTS))
     places = places[(places >= OVERLAP) & (places < volts.size - OVERLAP)]
-    alone = [np.abs(bend[places + step] / bend[places] + 0.5) < SPIKE_SHAPE for step in (-1, 1)]
+    alone = [np.abs(bend[places + step] / bend[places] + 0.5) < shape for step in (-1, 1)]
     beyond = np.max([size[places + step] for step in (-3, -2, 2, 3)], axis=0)
     places = places[alone[0] & alone[1] & (size[places] > beside * beyond)]
     # what a step of the converter is takes longer to find than all else
