@@ -41,10 +41,18 @@ from camtorque.units import RPM
 
 
 class Recording(records.Recording):
-    """All that one recording holds: configuration, calibrated channels, cam table, files read, findings.
+    """All that one recording holds.
 
     From a folder by `read`, from arrays by `Recording.from_arrays`. ``recording.of("torque")[0].read()`` returns
     samples in SI.
+
+    Attributes
+    ----------
+    config : what recording.toml says, in SI
+    channels : calibrated channels; ``of(quantity)`` gives those of one quantity
+    lift_table : lift over cam angle, None without [pump]
+    inputs : files that were read, with their SHA-256
+    findings : everything odd about them
     """
 
     @classmethod
@@ -79,6 +87,10 @@ class Recording(records.Recording):
             and a warning among the findings that says which
         name : of the recording
 
+        Returns
+        -------
+        recording : as one that `read` returns; what had to be assumed stands among its findings
+
         Raises
         ------
         Refusal : an array that is empty, not of one dimension or without a finite number; no positive rate or speed
@@ -109,10 +121,23 @@ class Recording(records.Recording):
 
 @dataclass(frozen=True, repr=False)
 class Result(RunResult):
-    """A fitted recording: aligned cycles, rigid and fitted model, parameters, losses, findings.
+    """A fitted recording, from `fit`.
 
     ``result.fitted.parameter("leakage").value``; ``result.document`` is the content of result.json;
     `to_pandas` gives the parameters, `to_xarray` the curves with units.
+
+    Attributes
+    ----------
+    recording : what was fitted
+    cycles : aligned cycles, see `CamCycles`
+    rigid : torque by cause and forces of the rigid model
+    fitted : fitted torque by cause, parameters, evidence for each loss, chamber pressure, metrics
+    findings : everything odd, of the files, the alignment and the fit
+    timing : seconds by stage
+    created : ISO-8601 with zone
+    peak_memory_mb : largest resident size of the process so far, nan where the system does not tell
+    seed : of random numbers
+    limits : what a user wants the numbers to stay within
     """
 
     @property
@@ -168,6 +193,10 @@ def read(path: Path | str) -> Recording:
     ----------
     path : folder with recording.toml, or that file (docs/recording_toml.md)
 
+    Returns
+    -------
+    recording : channels in SI; samples stay in the files until they are asked for
+
     Raises
     ------
     Refusal : a file, channel, unit or sheet is missing or does not fit; the message says which and what to do
@@ -207,6 +236,10 @@ def fit(
         ``RunOptions(align=AlignOptions(n_theta=1800), limits=(Limit("parameters.leakage.value", None, 0.6),))``
     progress : called with what is being done, such as ``print``
 
+    Returns
+    -------
+    result : parameters, fitted torque by cause, how sure, findings; `report` writes it
+
     Raises
     ------
     Refusal : no torque, fewer than four usable cycles, or what `align` refuses
@@ -222,6 +255,10 @@ def report(result: RunResult, out: Path | str) -> Path:
     ----------
     result : from `fit`
     out : folder; an earlier report is replaced, anything else is refused
+
+    Returns
+    -------
+    page : path of report.html
 
     Raises
     ------

@@ -25,6 +25,11 @@ def to_pandas(item: RunResult | CamCycles | Prediction) -> pd.DataFrame:
     item : a result gives its parameters (one row each, index ``name``); cycles give one row per cycle (index
         ``cycle``: speed [rad/s], held_out, and the largest and least torque [N m]); a prediction one row per speed
 
+    Returns
+    -------
+    table : parameters in the units of the report (column ``unit``) with ``stderr`` and ends of the 95 % interval;
+        cycles in SI; predictions in the units that the columns name
+
     Raises
     ------
     TypeError : anything else
@@ -62,6 +67,11 @@ def to_xarray(item: RunResult | CamCycles | Prediction) -> Any:
     Parameters
     ----------
     item : a result (all of cycles.h5), cycles (those alone), or a prediction (torque over speed and angle)
+
+    Returns
+    -------
+    dataset : over ``theta`` (n_theta,) [rad] and ``cycle``, or ``speed`` [rad/s] of a prediction; names as in cycles.h5
+        with ``_`` for ``/``
 
     Raises
     ------

@@ -166,6 +166,11 @@ def own_fit(recording: Recording | Path | str) -> OwnFit:
     ----------
     recording : from `read` or `Recording.from_arrays`, or a path
 
+    Returns
+    -------
+    fit : ``parameters()`` gives them as `lmfit.Parameters` in the units of the report; change them, then
+        ``minimizer(parameters).minimize()`` fits (docs/own_fit.md)
+
     Raises
     ------
     Refusal : what `camtorque.fit` refuses

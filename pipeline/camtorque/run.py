@@ -33,7 +33,13 @@ except ImportError:  # not on Windows: the figure is then null
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a user may choose about a run: options of the alignment and of the fit, limits."""
+    """What a user may choose about a run.
+
+    Attributes
+    ----------
+    align, fit : options of the alignment and of the fit
+    limits : bands that numbers of result.json have to stay in; the page and result.json say whether they do
+    """
 
     align: AlignOptions = field(default_factory=AlignOptions)
     fit: FitOptions = field(default_factory=FitOptions)

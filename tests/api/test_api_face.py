@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import camtorque
@@ -205,3 +206,22 @@ def test_arrays_to_a_fit_in_ten_lines(pump_file: Path, arrays: dict[str, np.ndar
     assert len(steps) >= 3
     page = camtorque.report(result, tmp_path / "o")
     assert {"report.html", "result.json", "cycles.h5"} <= {path.name for path in page.parent.iterdir()}
+
+
+@pytest.mark.parametrize("name", [name for name in camtorque.__all__ if name != "__version__"])
+def test_everything_of_the_face_is_documented(name: str) -> None:
+    item = getattr(camtorque, name)
+    told = inspect.getdoc(item) or ""
+    if not isinstance(item, type):
+        assert all(f"\n{head}\n---" in told for head in ("Parameters", "Returns", "Raises"))
+        names = [*inspect.signature(item).parameters]
+    else:
+        names = [field.name for field in fields(item)] if is_dataclass(item) else []
+    listed = re.findall(r"^[\w, ]+(?= : )", told, re.MULTILINE)
+    assert set(names) <= {part.strip() for line in listed for part in line.split(",")}
+
+
+def test_a_refusal_in_python_speaks_of_no_option(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("x", encoding="utf-8")
+    with pytest.raises(camtorque.Refusal, match=r"^output .*: found a folder with other files in it"):
+        camtorque.report(a_result(), tmp_path)

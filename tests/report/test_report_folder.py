@@ -67,7 +67,7 @@ def test_a_full_disk_is_told_though_hdf5_has_no_number_for_it(target: Path) -> N
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
-        with pytest.raises(Refusal, match=r"--out .*out: cannot be written \(File too large"):  # noqa: SIM117
+        with pytest.raises(Refusal, match=r"output .*out: cannot be written \(File too large"):  # noqa: SIM117
             with output_folder(target) as folder, h5py.File(folder / "a.h5", "w") as file:
                 file["a"] = np.zeros(100_000)
     finally:

@@ -78,8 +78,7 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
         raise Refusal("fit: the recording has no torque channel; use `camtorque align` for pressure and trigger only")
     if cycles.theta.size < BINS:
         raise Refusal(
-            f"fit: found an angle grid of {cycles.theta.size} points, expected at least {BINS}; choose another "
-            "--n-theta"
+            f"fit: found an angle grid of {cycles.theta.size} points, expected at least {BINS}; choose a larger n_theta"
         )
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
         raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")

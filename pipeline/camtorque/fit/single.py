@@ -36,9 +36,11 @@ MINIMA = 5
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What a user may choose.
+    """What a user may choose about the fit.
 
-    seed : of random numbers
+    Attributes
+    ----------
+    seed : of random numbers; the same seed gives the same digits
     evidence : whether each loss is weighed (a campaign's joint fit weighs none)
     """
 

@@ -46,6 +46,7 @@ class Prediction(ReadOnly):
     jump, jump_without_pressure : lowest speed at which the follower leaves the cam, with the pressure and without
     flat_pressure_angles : bounds of the flat check [rad]
     roller : as given or assumed
+    findings : everything odd about pump file and pressure curve
     friction : of the pump file
     """
 

@@ -59,7 +59,15 @@ class CamCycles(ReadOnly):
     index : (n_cycles,) cycle number in the recording
     held_out : (n_cycles,) True for the cycles that score (even numbers among the used)
     cycles_found : complete cycles in the recording
+    duration : of the longest channel [s]
     speed_ripple_percent : spread of the cycle speeds, 100 * std / mean
+    cut_flow : how many cycles each cut rejects, in the order of the cuts
+    clocks : every logger's clock against that of the torque
+    angle_errors : the angle error budget by source, before a fit
+    trigger_jitter_s : standard deviation of the time of one trigger edge [s]
+    findings : everything odd about the alignment
+    torque_delay : declared delay of the torque against the trigger with its uncertainty [s]
+    details : further numbers of the alignment, for result.json
     pulses : logger -> times of the edges of its first trigger (or of what tells the angle) as found, on its clock [s]
     """
 

@@ -23,6 +23,7 @@ class RunResult:
     created : ISO-8601 with zone
     limits : what a user wants the numbers to stay within
     peak_memory_mb : largest resident size of the process so far, nan where the system does not tell
+    seed : of random numbers
     """
 
     recording: Recording

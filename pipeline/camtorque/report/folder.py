@@ -53,10 +53,10 @@ def check_output(target: Path) -> None:
     Refusal : the target is a file, or a folder with other things in it
     """
     if target.is_file():
-        raise Refusal(f"--out {target}: found a file, expected a folder; choose another name")
+        raise Refusal(f"output {target}: found a file, expected a folder; choose another name")
     if target.is_dir() and any(target.iterdir()) and not _is_own(target):
         raise Refusal(
-            f"--out {target}: found a folder with other files in it, expected a new one or an earlier report; "
+            f"output {target}: found a folder with other files in it, expected a new one or an earlier report; "
             "choose another name"
         )
     check_writable(target)
@@ -73,9 +73,9 @@ def check_writable(target: Path) -> None:
     while not above.exists():
         above = above.parent
     if not above.is_dir():
-        raise Refusal(f"--out {target}: found a file {above} on the way, expected folders; choose another name")
+        raise Refusal(f"output {target}: found a file {above} on the way, expected folders; choose another name")
     if not os.access(above, os.W_OK | os.X_OK):
-        raise Refusal(f"--out {target}: found that {above} cannot be written to, expected a folder of yours")
+        raise Refusal(f"output {target}: found that {above} cannot be written to, expected a folder of yours")
 
 
 def _is_own(folder: Path) -> bool:
@@ -161,7 +161,7 @@ def _written_beside(target: Path) -> Iterator[Path]:
     except (OSError, RuntimeError) as error:  # HDF5 tells of a full disk by a RuntimeError
         if not is_about(error, partial):
             raise
-        raise CannotWrite(cannot_write(f"--out {target}", error)) from error
+        raise CannotWrite(cannot_write(f"output {target}", error)) from error
     finally:
         for folder in reversed(made):
             with suppress(OSError):
@@ -226,7 +226,7 @@ def _need_space(target: Path, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if free < LEAST_SPACE:
         raise CannotWrite(
-            f"--out {target}: found {free / 1e6:.1f} MB of free space, expected at least {LEAST_SPACE / 1e6:.0f} MB; "
+            f"output {target}: found {free / 1e6:.1f} MB of free space, expected at least {LEAST_SPACE / 1e6:.0f} MB; "
             "free some space and run again"
         )
 
@@ -246,7 +246,7 @@ def _claimed(target: Path, partial: Path) -> int:
             continue  # the run that held it has just finished
         if not locked(lock):
             os.close(lock)
-            raise Busy(f"--out {target}: another run is writing there; wait for its end or choose another name")
+            raise Busy(f"output {target}: another run is writing there; wait for its end or choose another name")
         if _is_file(lock, partial / LOCK):
             break
         os.close(lock)
