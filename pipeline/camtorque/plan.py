@@ -13,6 +13,7 @@ import numpy as np
 
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, chamber_peak, plan, point_of, weighed
+from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
 from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
@@ -120,12 +121,33 @@ def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float
     else:
         gradient = np.eye(len(known.names))[known.names.index(name)]
         value, unit, per = float(known.values[known.names.index(name)]), ROWS[name].unit, ROWS[name].per_unit
+    if relative:
+        need_size(name, value / per, known_to(known, gradient) / per, unit)
     wanted = size / 100.0 * abs(value) if relative else size * per
     return Target(name, unit, value, per, wanted, gradient)
 
 
+def known_to(known: KnownFit, gradient: Array) -> float:
+    """Return the standard uncertainty of a number with that gradient by the parameters."""
+    return float(np.sqrt(gradient @ known.matrix @ gradient))
+
+
+def need_size(name: str, value: float, std: float, unit: str) -> None:
+    """Refuse a share of a number that may as well be zero.
+
+    Raises
+    ------
+    Refusal : its 95 % interval holds zero
+    """
+    if abs(value) < COVERAGE * std:
+        raise Refusal(
+            f"plan: {name} is {value:.2g} ± {std:.2g} {unit}, so that zero is not excluded and a share of it means "
+            f"nothing; expected the wanted uncertainty in {unit}, such as --target '{name} {0.5 * std:.1g}'"
+        )
+
+
 def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Sequence[Step]) -> dict[str, Any]:
-    now = float(np.sqrt(goal.gradient @ known.matrix @ goal.gradient))
+    now = known_to(known, goal.gradient)
     last = steps[-1].std if steps else now
     return {
         "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,

@@ -19,7 +19,7 @@ from camtorque.fit.planning import (
     weighed,
 )
 from camtorque.laws.chain import BINS
-from camtorque.plan import wanted_number
+from camtorque.plan import need_size, wanted_number
 from camtorque.records import Refusal
 
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
@@ -125,3 +125,9 @@ def test_targets_are_read(text: str, found: tuple[str, float, bool]) -> None:
 def test_other_targets_are_refused(text: str, told: str) -> None:
     with pytest.raises(Refusal, match=told):
         wanted_number(text, ("leakage", "chamber_peak"))
+
+
+def test_a_share_of_what_may_be_zero_is_refused() -> None:
+    need_size("leakage", 0.5, 0.2, "mm^3/s/bar")
+    with pytest.raises(Refusal, match=r"leakage is 0.05 ± 0.051 mm.*expected the wanted .*--target 'leakage 0.03'"):
+        need_size("leakage", 0.05, 0.051, "mm^3/s/bar")

@@ -34,9 +34,10 @@ def compare_table(doc: Mapping[str, Any]) -> str:
     for verdict in ("changed", "not changed"):
         for name, row in rows.items():
             if row["verdict"] == verdict:
+                seen = "–" if verdict == "changed" else f"{row['smallest_change']:.2g}"
                 lines.append(
                     f"{name.replace('_', ' '):24}{row['before']:12.4g}{row['after']:12.4g}{row['difference']:+13.3g} ± "
-                    f"{row['stderr']:<6.2g}{row['smallest_change']:16.2g}  {row['unit']}  {verdict}"
+                    f"{row['stderr']:<6.2g}{seen:>16}  {row['unit']}  {verdict}"
                 )
     unknown = [name.replace("_", " ") for name, row in rows.items() if row["verdict"] == "cannot tell"]
     return "\n".join(

@@ -189,7 +189,7 @@ def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
             "after": near(row["after"], row["stderr"]), "difference": _moved(row),
             "error": plus_minus(row["stderr"]), "unit": unit_text(row["unit"]),
             "interval": " … ".join(near(end, row["stderr"]) for end in row["ci95"]) if row["stderr"] else UNKNOWN,
-            "smallest": num(row.get("smallest_change"), 2),
+            "smallest": UNKNOWN if row["verdict"] == "changed" else num(row.get("smallest_change"), 2),
         }
         for name, row in rows
     ]  # fmt: skip
