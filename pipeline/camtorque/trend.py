@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 
 from camtorque.export import safe_text
+from camtorque.records import KNOWLEDGE
 
 AXES = {
     "date": "date",
@@ -50,6 +51,6 @@ def informed_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str,
     found = {}
     for document in documents.values():
         for name, row in document["parameters"].items():
-            if row.get("knowledge") in ("measured", "narrowed") and row.get("role") == "shared":
+            if row.get("knowledge") in KNOWLEDGE[:-1] and row.get("role") == "shared":
                 found[name] = f"{name.replace('_', ' ')} / {row['unit']}"
     return found

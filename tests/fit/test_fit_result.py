@@ -46,9 +46,13 @@ def test_a_prior_alone_leaves_the_prior(fit):
         assert fit.covariance.std[k] == pytest.approx(fit.covariance.prior_std[k], rel=0.05)
 
 
-@pytest.mark.parametrize(("ratio", "word"), [(0.1, "measured"), (0.5, "narrowed"), (0.95, "from the sheet")])
-def test_words_for_what_the_data_added(ratio, word):
-    assert knowledge(ratio, 1.0) == word
+@pytest.mark.parametrize(
+    ("ratio", "least", "word"),
+    [(0.1, 0.3, "measured"), (0.1, 0.0, "upper limit"), (0.1, -0.1, "measured"), (0.5, 0.0, "narrowed"),
+     (0.95, 0.0, "from the sheet")],
+)  # fmt: skip
+def test_words_for_what_the_data_added(ratio, least, word):
+    assert knowledge(ratio, 1.0, least) == word
 
 
 def test_intervals_stop_at_bounds():

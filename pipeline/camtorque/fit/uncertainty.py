@@ -149,10 +149,15 @@ def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Arr
     return tuple(rows)
 
 
-def knowledge(std: float, before: float) -> str:
-    """Return how far the data went beyond what was known."""
+def knowledge(std: float, before: float, least: float) -> str:
+    """Return how far the data went beyond what was known; ``least`` is the lower end of the 95 % interval.
+
+    Intervals end at the bounds (`confidence`), so that one of an amount begins at zero where zero is not excluded.
+    """
     ratio = std / before
-    return "measured" if ratio < MEASURED else "narrowed" if ratio < NARROWED else "from the sheet"
+    if ratio < MEASURED:
+        return "measured" if least != 0.0 else "upper limit"
+    return "narrowed" if ratio < NARROWED else "from the sheet"
 
 
 def confounded_with(problem: Problem, cov: Covariance, index: int) -> tuple[str, ...]:

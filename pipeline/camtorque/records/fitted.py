@@ -10,8 +10,8 @@ from camtorque.records.base import Array, Estimate, Finding, ReadOnly
 from camtorque.records.cycles import AngleError
 from camtorque.records.rigid import Forces
 
-KNOWLEDGE = ("measured", "narrowed", "from the sheet")
-"""How far the data went beyond what was known of a parameter before."""
+KNOWLEDGE = ("measured", "upper limit", "narrowed", "from the sheet")
+"""How far the data went beyond what was known of a parameter before; an amount that may be zero has an upper limit."""
 VERDICTS = ("needed", "not needed", "cannot tell")
 """Of a loss: what the data say of it."""
 

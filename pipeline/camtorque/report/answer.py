@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
+from camtorque.records import KNOWLEDGE
 from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
@@ -162,12 +163,15 @@ def sureness_text(doc: Document) -> str:
             f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
             f"certificate), which no residual shows."
         )
-    counts = {word: sum(row["knowledge"] == word for row in rows) for word in ("measured", "narrowed")}
-    text += (
-        f" Of {len(rows)} parameters {counts['measured']} are measured, {counts['narrowed']} narrowed; the others "
-        f"stand as the sheet or the literature had them."
-    )
+    text += f" Of {len(rows)} parameters {known_text(rows)}; the others stand as the sheet or the literature had them."
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
+
+
+def known_text(rows: Collection[Document]) -> str:
+    """Return how many parameters the data tell something about, and what."""
+    counts = [sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE]
+    limits = f"{counts[1]} have an upper limit (zero is not excluded), " if counts[1] else ""
+    return f"{counts[0]} are measured, {limits}{counts[2]} narrowed"
 
 
 def shape_text(accuracy: Document) -> str:

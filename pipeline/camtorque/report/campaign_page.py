@@ -8,6 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from camtorque.records import KNOWLEDGE
+from camtorque.report.answer import known_text
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
 from camtorque.report.campaign_view import MANY, CampaignView
@@ -73,7 +74,6 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     """Return what the campaign tells, what is not the same in all recordings, and what to do."""
     rows = [row for row in doc["recordings"] if row["status"] == "ok"]
     known = doc["shared_parameters"] or {}
-    measured = sum(row["knowledge"] == KNOWLEDGE[0] for row in known.values())
     parts = []
     if rows:
         gaps = [row["metrics"]["rigid"]["forward_gap_percent"] or 0.0 for row in rows]
@@ -84,7 +84,7 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
         text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
     if known:
-        text = f"Of {len(known)} shared parameters {measured} are measured; the rest are narrowed or as the sheet says."
+        text = f"Of {len(known)} shared parameters {known_text(known.values())}; the rest are as the sheet says."
         parts.append({"head": "How sure", "text": text})
     odd = [row["name"] for row in rows if not row.get("explained", True)]
     advice = []
