@@ -299,6 +299,15 @@ def test_two_fingers_zoom_one_moves_a_double_tap_shows_all(browser: Any, pages: 
         browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
+@pytest.mark.parametrize("name", ["run", "plan", "campaign"])
+def test_on_a_narrow_screen_every_drawing_is_seen_whole(browser: Any, pages: dict[str, Path], name: str) -> None:
+    opened(browser, pages[name], 375)
+    cut = browser.execute_script("""document.querySelectorAll('details').forEach((item) => { item.open = true; });
+      return [...document.querySelectorAll('.plot')].filter((item) => item.closest('figure').className !== 'on'
+        && item.clientWidth > 1 && item.scrollWidth > item.clientWidth).map((item) => item.ariaLabel)""")
+    assert cut == []
+
+
 def test_on_a_narrow_screen_rows_of_wide_tables_name_their_columns(browser: Any, pages: dict[str, Path]) -> None:
     opened(browser, pages["run"], 375)
     shown = """const cell = document.querySelector('table.parameters tbody td:nth-child(5)');

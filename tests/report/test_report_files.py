@@ -172,7 +172,7 @@ def test_page_is_self_contained_escaped_and_complete(written: Path) -> None:
     page.feed(text)
     tags = [tag for tag, _ in page.tags]
     drawn = [name for name, spec in FIGURES.items() if spec.draw(run_result()) is not None]
-    assert tags.count("svg") == len(drawn)
+    assert tags.count("figure") == len(drawn)
     assert tags.count("script") == 3, "the data, uPlot, and the page's own"
     assert NASTY in "".join(page.words)
     for _, attributes in page.tags:

@@ -150,7 +150,7 @@ def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
     reached = {limit: RESPONSES[limit.response].value(design) for limit in problem.limits}
     # a limit of 0 has no size to be scaled by: what gives way to it is missed by little of a large scale
     colliding += [limit for limit, value in reached.items()
-                  if limit not in colliding and _over(limit, value) > SEEN * abs(limit.value)]  # fmt: skip
+                  if limit not in colliding and over(limit, value) > SEEN * abs(limit.value)]  # fmt: skip
     missed = [_missed(limit, reached[limit]) for limit in colliding[:3] or problem.limits[:1]]
     against = " and ".join(missed)
     within = f" within the {', '.join(bounds)}" if bounds else " within the bounds of [free]"
@@ -161,7 +161,7 @@ def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
     )
 
 
-def _over(limit: Limit, value: float) -> float:
+def over(limit: Limit, value: float) -> float:
     """Return by how much a value misses a limit, in its unit; below 0 where it is kept."""
     return {MOST: value - limit.value, LEAST: limit.value - value}.get(limit.kind, abs(value - limit.value))
 

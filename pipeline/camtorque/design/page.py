@@ -9,11 +9,11 @@ import numpy as np
 from markupsafe import Markup
 
 from camtorque.design.answer import Answer, curves_of, responses_of
-from camtorque.design.explain import limit_words, plain_name, unit_of
+from camtorque.design.explain import SEEN, limit_words, over, plain_name, unit_of
 from camtorque.design.front import Front, FrontPoint
 from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
-from camtorque.report.chart import HALF, Curves, Line, Panel
+from camtorque.report.chart import Curves, Line, Panel
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.forecast_page import TITLES, with_band
 from camtorque.report.numbers import num, plus
@@ -21,9 +21,9 @@ from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
 from camtorque.report.tones import CYCLE, fill, stroke
 
-SIZE = (640.0, 420.0)
+SIZE = (480.0, 340.0)
 EDGES = (70.0, 14.0, 14.0, 46.0)
-"""Left, right, top and bottom of the chart [px]."""
+"""Left, right, top and bottom of the front's chart [px], which is read on a phone as well."""
 FAR = 2.0
 """A first guess that is further from the front than so many times its width is not drawn."""
 RARELY = 0.05
@@ -46,13 +46,10 @@ def label_of(name: str) -> str:
 def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before: Mapping[str, float]) -> str:
     """Return the front over two aims; every point is a link to its design, a ring shows the first guess."""
     across, up = axes
-    values = np.array(
-        [[RESPONSES[name].value(p.problem.evaluated(p.variables)) for name in aims] for p in front.points]
-    )
-    x, y = values[:, across], values[:, up]
+    x, y = (_values(front, aims[axis]) for axis in (across, up))
     (width, height), (left, right, top, bottom) = SIZE, EDGES
     first = (before[aims[across]], before[aims[up]])
-    near = all(abs(guess - np.mean(part)) < FAR * np.ptp(part) for guess, part in zip(first, (x, y), strict=True))
+    near = _near(first[0], x) and _near(first[1], y)
     horizontal = Scale(*padded([np.append(x, first[0] if near else x[0])]), left, width - right)
     vertical = Scale(*padded([np.append(y, first[1] if near else y[0])]), height - bottom, top)
     parts = _axes(horizontal, vertical, label_of(aims[across]), label_of(aims[up]))
@@ -64,6 +61,23 @@ def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before
         place = f'cx="{horizontal(x[k]):.1f}" cy="{vertical(y[k]):.1f}" r="{radius}"'
         parts.append(f'<a href="#d{k + 1}"><circle {place} {fill(tone)}><title>{hint}</title></circle></a>')
     return drawing(width, height, f"Pareto front of {aims[across]} and {aims[up]}", parts)
+
+
+def _values(front: Front, name: str) -> Array:
+    return np.array([RESPONSES[name].value(p.problem.evaluated(p.variables)) for p in front.points])
+
+
+def _near(guess: float, values: Array) -> bool:
+    return bool(abs(guess - np.mean(values)) < FAR * np.ptp(values))
+
+
+def _first_guess_words(answer: Answer, before: Mapping[str, float]) -> str:
+    """Return where the charts show the first guess, and which limits it breaks: such a one may lie below the front."""
+    far = [plain_name(name) for name in answer.task.aims if not _near(before[name], _values(answer.front, name))]
+    broken = [plain_name(limit.response) for limit in answer.chosen.problem.limits
+              if over(limit, before[limit.response]) > SEEN * abs(limit.value)]  # fmt: skip
+    seen = f"lies beyond the charts of {' and '.join(far)}" if far else "is the ring"
+    return f"The first guess {seen}" + (f"; it breaks the limit of {' and '.join(broken)}." if broken else ".")
 
 
 def _family_number(front: Front, point: FrontPoint) -> int:
@@ -101,7 +115,7 @@ def design_svg(point: FrontPoint, names: tuple[str, ...]) -> str:
         Panel("torque of all pumps [N m]", torque, height=150.0),
         Panel("Hertz pressure [GPa]", hertz, height=110.0),
     )
-    return curves_svg(Curves(grid, "cam angle from the start of the rise [deg]", panels, width=HALF), "one design")
+    return curves_svg(Curves(grid, "cam angle from the start of the rise [deg]", panels, width=SIZE[0]), "one design")
 
 
 FITTED = ("torque_max_nm", "torque_min_nm", "torque_mean_nm", "chamber_peak_bar", "delivered_mm3", "hertz_max_gpa")
@@ -127,7 +141,7 @@ def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Seque
         designs=designs, chosen=front.chosen + 1,
         families=[law_name(f.name) for f in task.families],
         gains="; ".join(_gain(n, responses[n], before[n]) for n in task.aims), targets=_targets(answer, before),
-        missed=_most_missed(answer),
+        missed=_most_missed(answer), first_guess=_first_guess_words(answer, before),
         prices=[(p.what, p.unit, [p.per_aim.get(name) for name in task.aims]) for p in answer.prices],
         spreads=[(label_of(name), spread) for name, spread in answer.spreads.items()],
         fitted=[(row["load"], fitted_cells(row)) for row in fitted],
@@ -147,6 +161,7 @@ def _targets(answer: Answer, before: Mapping[str, float]) -> list[tuple[str, flo
     asked = dict.fromkeys(problem.task.aims, "aim")
     for limit in problem.limits:
         text = limit_words(limit).removeprefix(f"{plain_name(limit.response)} ")
+        text += "" if limit in problem.task.limits else ", as every cam"
         asked[limit.response] = f"{asked[limit.response]}, {text}" if limit.response in asked else text
     return [(label_of(name), before[name], after[name], text) for name, text in asked.items()]
 

@@ -7,12 +7,11 @@ import numpy as np
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint import CampaignFit
 from camtorque.report.campaign_view import MANY, CampaignView, Column
-from camtorque.report.chart import CAM_ANGLE, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.chart import CAM_ANGLE, NARROW, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.numbers import unit_text, words
 from camtorque.report.tones import RAMP
 from camtorque.units import DEGREE
 
-THIRD = 380.0
 MOST_ROWS = 40
 """Recordings beyond which predictions are drawn over speed, not as one row each."""
 
@@ -48,7 +47,7 @@ def trend(column: Column, over: Column) -> Curves:
     bars = error if error.any() and order.size <= MANY else None
     line = Line(column.label, column.values[order], "fitted", points=True, error=bars)
     panel = Panel(f"[{column.unit}]" if column.unit else "", (line,), height=110.0, zero=False, keys=False)
-    return Curves(over.values[order], over.title, (panel,), full_turn=False, width=THIRD, live=False)
+    return Curves(over.values[order], over.title, (panel,), full_turn=False, width=NARROW, live=False)
 
 
 def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
@@ -64,7 +63,7 @@ def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
         lines.append(Line("joint", np.full(speeds.size, row.value), "muted", 1.2))
     unit = unit_text(drift.unit)
     panel = Panel(f"[{unit}]" if unit else "", tuple(lines), height=110.0, zero=False)
-    return Curves(speeds, "speed [rpm]", (panel,), full_turn=False, width=THIRD, live=False)
+    return Curves(speeds, "speed [rpm]", (panel,), full_turn=False, width=NARROW, live=False)
 
 
 def predictions(joint: CampaignFit, speeds: dict[str, float]) -> Rows | Curves:

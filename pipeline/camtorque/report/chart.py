@@ -8,8 +8,8 @@ from camtorque.records import Array, ReadOnly
 
 CAM_ANGLE = "cam angle [deg]"
 """Name of the axis of most drawings."""
-WIDE, HALF = 960.0, 640.0
-"""Widths of drawings in pixels: over the whole page, or over half of it."""
+WIDE, HALF, NARROW = 960.0, 640.0, 420.0
+"""Widths of drawings in pixels: over the whole page, over half of it, on a phone."""
 
 
 @dataclass(frozen=True)

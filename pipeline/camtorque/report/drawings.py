@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ import resvg_py
 from markupsafe import Markup
 
 from camtorque.process.second_process import in_two
-from camtorque.report.chart import Chart, Rows
+from camtorque.report.chart import NARROW, Chart, Rows
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.page import Drawing
 from camtorque.report.rows_svg import rows_svg
@@ -71,8 +71,16 @@ def drawing_of(
     name: str, chart: Chart, title: str, caption: str = "", section: str = "curves", wide: bool = True
 ) -> Drawing:
     """Return a chart as a figure of a page, see `FigureSpec`."""
-    svg = Markup(svg_of(chart, f"{title}. {caption}" if caption else title))
-    return Drawing(name, title, caption, section, wide, chart, svg)
+    label = f"{title}. {caption}" if caption else title
+    svg = Markup(svg_of(chart, label))
+    return Drawing(name, title, caption, section, wide, chart, svg, Markup("".join(_narrow(chart, label))) or None)
+
+
+def _narrow(chart: Chart, label: str) -> list[str]:
+    """Return a chart that no script redraws as wide as a phone, its panels of rows below each other."""
+    if isinstance(chart, Rows):
+        return [rows_svg(Rows(chart.labels, (panel,), NARROW), label) for panel in chart.panels]
+    return [] if chart.live or chart.width <= NARROW else [curves_svg(replace(chart, width=NARROW), label)]
 
 
 def write_figures(drawings: list[Drawing], folder: Path, wants_png: Callable[[str], bool]) -> None:

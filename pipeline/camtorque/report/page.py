@@ -79,7 +79,10 @@ SECTIONS: dict[str, Section] = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """One figure of a page: the chart and its SVG, with the words around it."""
+    """One figure of a page: the chart and its SVG, with the words around it.
+
+    ``narrow``: the same in drawings that a phone can show, None where the script or ``svg`` itself does.
+    """
 
     name: str
     title: str
@@ -88,6 +91,7 @@ class Drawing:
     wide: bool
     chart: Chart
     svg: Markup
+    narrow: Markup | None = None
 
     @property
     def live(self) -> bool:

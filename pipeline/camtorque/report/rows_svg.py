@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from camtorque.report.svg import (
     ticks,
 )
 
-ROW, TOP, RIGHT, GAP, LEGEND_LINE = 24.0, 8.0, 16.0, 26.0, 18.0
+ROW, TOP, RIGHT, GAP, LEGEND_LINE, LINE = 24.0, 8.0, 16.0, 26.0, 18.0, 15.0
 SMALL = 11.0
 SMALLEST_BAR = 0.3
 """A part of a stack below this width [px] is not drawn."""
@@ -35,7 +36,9 @@ def rows_svg(chart: Rows, label: str) -> str:
     left = 14.0 + max((text_width(name) for name in chart.labels), default=0.0)
     panels = len(chart.panels)
     width = (chart.width - left - RIGHT - GAP * (panels - 1)) / panels
-    legends = [in_lines((item for item in panel.marks if item.label), width, 30.0) for panel in chart.panels]
+    room = width if panels > 1 else chart.width
+    legends = [in_lines((item for item in panel.marks if item.label), room, 30.0) for panel in chart.panels]
+    names = [textwrap.wrap(panel.abscissa, int(chart.width / panels / text_width("n"))) for panel in chart.panels]
     top = TOP + LEGEND_LINE * max(map(len, legends))
     bottom = top + ROW * len(chart.labels)
     parts = [
@@ -44,8 +47,12 @@ def rows_svg(chart: Rows, label: str) -> str:
     for k, (panel, legend) in enumerate(zip(chart.panels, legends, strict=True)):
         start = left + k * (width + GAP)
         parts += _panel(panel, (start, start + width), (top, bottom))
-        parts += _legend(legend, start)
-    return drawing(chart.width, bottom + 40.0, label, parts)
+        parts += _legend(legend, start if panels > 1 else 0.0)
+        for number, words in enumerate(names[k]):  # below the axis, within the drawing
+            half = 0.5 * text_width(words)
+            middle = min(max(start + 0.5 * width, half), chart.width - half)
+            parts.append(text(middle, bottom + 33.0 + LINE * number, words, "middle"))
+    return drawing(chart.width, bottom + 25.0 + LINE * max(map(len, names)), label, parts)
 
 
 def _scale(panel: RowPanel, start: float, stop: float) -> Scale:
@@ -84,7 +91,6 @@ def _panel(panel: RowPanel, across: tuple[float, float], rows: tuple[float, floa
     for item in panel.marks:
         parts += _marks(item, scale, top)
     parts += _notes(panel, scale, top)
-    parts.append(text(0.5 * (across[0] + across[1]), bottom + 33.0, panel.abscissa, "middle"))
     return parts
 
 
