@@ -65,7 +65,7 @@ class Block:
     cycles, lost : used and rejected cycles of the block; reasons : why, by cut
     speed_rpm : mean of the block
     base_torque_nm : mean torque on the base circle, None without torque
-    drift_nm, drift_limit_nm : its change since the first block, and what the scatter allows
+    drift_nm, drift_limit_nm : its change since the first block at this speed, and what the scatter allows
     jitter_deg : jitter of the trigger edge in cam angle
     clipped : cycles with a clipped channel
     noise_percent : of the mean torque of half the cycles so far at this speed, percent of peak; None without torque
@@ -114,9 +114,13 @@ class Level:
 
 @dataclass
 class Pool:
-    """Cycles at one speed so far: their number, degrees of freedom times mean variance, peak of the mean torque."""
+    """Cycles at one speed so far: their number, degrees of freedom times mean variance, peak of the mean torque.
+
+    ``first`` is their first torque on the base circle: drag goes with speed, so that a drift shows at one speed only.
+    """
 
     speed: float
+    first: Level | None = None
     cycles: int = 0
     squares: float = 0.0
     freedom: int = 0
@@ -127,7 +131,6 @@ class Pool:
 class Memory:
     """What a watch remembers between two looks."""
 
-    first: Level | None = None
     pools: list[Pool] = field(default_factory=list)
 
     def pool(self, speed: float) -> Pool:
@@ -158,9 +161,9 @@ def look(
 ) -> Block:
     """Return what the cycles ``rows`` of a recording look like, ``lost`` rejected beside them, and remember them."""
     level = base_level(recording, cycles, rows)
-    memory.first = memory.first or level
-    drift, limit = _drift(memory.first, level)
     pool = memory.pool(cycles.mean_speed)
+    pool.first = pool.first or level
+    drift, limit = _drift(pool.first, level)
     _remember(pool, cycles, rows)
     noise, wanted = _noise(pool, enough_percent)
     speed = float(np.mean(cycles.speed[rows]))

@@ -133,6 +133,15 @@ def test_a_drift_of_the_zero_is_told(aligned: tuple[camtorque.Recording, camtorq
     assert moved.drifted
 
 
+def test_another_speed_is_no_drift(aligned: tuple[camtorque.Recording, camtorque.CamCycles]) -> None:
+    recording, cycles = aligned
+    memory = Memory()
+    seen(aligned, lambda torque: torque, memory)
+    assert cycles.torque is not None
+    slower = replace(cycles, torque=cycles.torque - 0.5, speed=0.3 * cycles.speed)
+    assert look("slower", recording, slower, slice(None), 0, memory, 0.1).drift_nm is None
+
+
 def test_the_noise_is_that_of_half_the_cycles(aligned: tuple[camtorque.Recording, camtorque.CamCycles]) -> None:
     rng = np.random.default_rng(3)
     block = seen(aligned, lambda torque: torque.mean(axis=0) + rng.normal(0.0, 0.6, torque.shape), Memory())

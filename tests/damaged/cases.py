@@ -83,7 +83,7 @@ VERDICTS: dict[str, Verdict] = {
     "unfinished_mf4": refused("never finished it"),
     "unclosed_tdms": used("file_truncated", "samples_missing", "log_ends_early"),
     "wrong_content": refused("file_format says HDF5, but the content is TDMS"),
-    "missing_log": refused("no such file; recording.toml names it"),
+    "missing_log": refused("no such file, expected a log; recording.toml names logs"),
     **{
         f"dialect_{name}": used(lost=0)
         for name in (

@@ -41,7 +41,8 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert "above the rigid model" in parts["The gap"]
     assert "The data need chamber, driveline." in parts["What closes it"]
     assert "They cannot tell whether they need friction." in parts["What closes it"]
-    assert "left out of the fit: 0.31 %" in parts["How sure"]
+    assert "do as well without spring; what stands for it here is what sheet" in parts["What closes it"]
+    assert "left out of a fit in turn, are predicted to 0.31 % of the peak" in parts["How sure"]
     assert "known to ±0.42 %" in parts["How sure"]
     assert "Not ruled out: spill (10 %)" in parts["How sure"]
     assert parts["What to do"].endswith("To learn more: record standstill readings.")

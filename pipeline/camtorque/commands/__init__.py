@@ -35,7 +35,7 @@ COMMANDS: dict[str, Command] = {
     "limits": Command("reports held against bands: pass or fail"),
     "export": Command("tables of a report for other programs; trends"),
     "verify": Command("whether the files of an output are as they were written"),
-    "predict": Command("torque and forces of a pump from its sheet"),
+    "predict": Command("torque and forces of a pump from its sheet, or of a run not made, from a fit"),
     "design": Command("a better cam for a pump: Pareto front, lift table"),
     "study": Command("speed charted against accuracy; stability where methods fail", False),
     "completion": Command("lines that teach a shell to complete commands", False),

@@ -141,7 +141,7 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
         "--format": {"choices": FORMATS, "default": "csv", "help": "of the tables (default csv)"},
         "--trend": flag("one row per report, and a figure over date and speed"),
     },
-    "verify": {"folder": option("DIR", "output of run, align, predict or campaign")},
+    "verify": {"folder": option("DIR", "folder that a command wrote")},
     "predict": {
         "pump": option("PUMP", "pump file, see docs/predict.md", nargs="?"),
         "--from": option("RESULT", "values of a fit: result.json, campaign.json, or the folder that holds it",

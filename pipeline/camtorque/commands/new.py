@@ -28,7 +28,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     with file.open("x", encoding="utf-8") as stream:
         stream.write(new.text)
     left = (
-        f'{len(new.unknown)} values are marked "?": {", ".join(new.unknown)}' if new.unknown else "nothing is unknown"
+        f'{len(new.unknown)} values are marked "?": {", ".join(dict.fromkeys(new.unknown))}'
+        if new.unknown
+        else "nothing is unknown"
     )
     text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {folder}"])
     document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}

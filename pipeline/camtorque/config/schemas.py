@@ -179,8 +179,8 @@ SENSOR = TableSchema("[sensors.*]", "a sensor: its sheet by `calibration`, or th
 
 LOGGER = TableSchema("[[loggers]]", "clocks; one logger with one clock where left out", (
     Key("id", "text", "name of the logger"),
-    Key("clock", "choice", "one clock; own start on a common clock; own clock", default="single",
-        choices=words("single", "synchronised", "independent")),
+    Key("clock", "choice", "single: one clock; synchronised: own start on a common clock; independent: own clock",
+        default="single", choices=words("single", "synchronised", "independent")),
 ), required=False, many=True)  # fmt: skip
 
 CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (

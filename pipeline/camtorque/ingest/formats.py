@@ -142,9 +142,7 @@ def first_bytes(path: Path) -> bytes:
     """Return the first bytes of a log, which has to be there and hold something."""
     try:
         if not path.is_file():
-            raise Refusal(
-                f"{path}: no such file; recording.toml names it as a log (paths are relative to recording.toml)"
-            )
+            raise Refusal(f"{path}: no such file, expected a log; recording.toml names logs relative to its own folder")
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except (OSError, ValueError) as error:

@@ -135,6 +135,14 @@ def gap_size(doc: Document) -> str:
     )
 
 
+SAID = (
+    ("needed", "The data need", ""),
+    ("cannot tell", "They cannot tell whether they need", ""),
+    ("not needed", "They do as well without", "; what stands for it here is what sheet and literature expect"),
+)
+"""Verdict on losses -> what the answer says before and after their names."""
+
+
 def closing_text(doc: Document) -> str:
     """Return the largest causes on both strokes, and the losses that the data need or cannot tell."""
     gap, parts = doc["gap_by_cause"], []
@@ -143,10 +151,10 @@ def closing_text(doc: Document) -> str:
         named = ", ".join(f"{words(row['cause'])} {plus(row[key])}" for row in rows[:3])
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
         parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
-    for verdict_word, text in (("needed", "The data need"), ("cannot tell", "They cannot tell whether they need")):
+    for verdict_word, text, then in SAID:
         names = [words(name) for name, row in doc["evidence"].items() if row["verdict"] == verdict_word]
         if names:
-            parts.append(f"{text} {', '.join(names)}.")
+            parts.append(f"{text} {', '.join(names)}{then}.")
     return " ".join(parts)
 
 
@@ -157,7 +165,8 @@ def sureness_text(doc: Document) -> str:
     if doc["bumps"] and doc["explained"]:
         text += f" It stands out at {bump_places(doc)}."
     if accuracy["block_cv_rms_percent"] is not None and doc["explained"]:
-        text += f" Stretches of the angle left out of the fit: {num(accuracy['block_cv_rms_percent'], 2)} %."
+        left = num(accuracy["block_cv_rms_percent"], 2)
+        text += f" Stretches of the revolution, left out of a fit in turn, are predicted to {left} % of the peak."
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
             f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
@@ -213,7 +222,7 @@ def _structure(row: Document, doc: Document) -> str:
 def next_text(doc: Document) -> str:
     """Return the first of the next measurements, and how many warnings there are."""
     serious = sum(row["severity"] != "info" for row in doc["findings"])
-    text = f"Read the {serious} warning{'s' if serious > 1 else ''} below. " if serious else ""
+    text = f"Read the {f'{serious} warnings' if serious > 1 else 'warning'} below. " if serious else ""
     if not doc["explained"]:
         odd = next((row["text"] for row in doc["findings"] if row["code"] in INPUT_CAUSES), "")
         return text + (f"First: {odd}. " if odd else "") + unexplained_advice(doc)
