@@ -56,7 +56,7 @@ def test_constant_speed_leaves_the_pulse_lag_open() -> None:
     steady = replace(RIG, shaft=replace(RIG.shaft, wander=0.0))
     findings = {f.code: f.text for f in align(make(steady)).findings if f.severity != "info"}
     assert set(findings) == {"clock_lag_ambiguous"}
-    assert "log-likelihood ratio" in findings["clock_lag_ambiguous"]
+    assert "logarithm of the odds" in findings["clock_lag_ambiguous"]
 
 
 def test_logger_with_nothing_in_common_is_refused() -> None:

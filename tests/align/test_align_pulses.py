@@ -66,6 +66,18 @@ def test_lag_is_found_from_the_pattern_of_periods(seed: int, lag: int, lost: int
     assert evidence > 5.0
 
 
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 1000), lag=st.integers(-1, 1), quantum=st.sampled_from([2e-5, 5e-5]))
+def test_few_periods_that_are_alike_by_chance_do_not_cost_cycles(seed: int, lag: int, quantum: float) -> None:
+    # a steady speed, edges told to a sample of each logger: no lag shows, and many that leave a third look alike
+    rng = np.random.default_rng(seed)
+    truth = np.cumsum(PERIOD * (1.0 + 1e-4 * rng.standard_normal(60)))
+    reference = np.ceil(truth[5:50] / quantum) * quantum
+    other = np.ceil((truth[5 - lag : 50 - lag] * (1.0 + 5e-5) + 7.0) / quantum) * quantum
+    found, _, _ = best_lag(reference, other, quantum / np.sqrt(6.0))
+    assert abs(found - lag) <= 3
+
+
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1000), offset=st.floats(-100.0, 100.0), skew_ppm=st.floats(-100.0, 100.0))
 def test_clock_is_within_its_standard_error(seed: int, offset: float, skew_ppm: float) -> None:

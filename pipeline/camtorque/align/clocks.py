@@ -30,7 +30,11 @@ LARGEST_SKEW = Threshold(
 )  # fmt: skip
 CLEAR_EVIDENCE = Threshold(
     5.0, "nat", "statistics",
-    "Log-likelihood ratio (nats) by which the best lag has to beat the next: odds of 150 to 1."
+    "Logarithm of the odds (nats) by which the best lag has to beat the next: 150 to 1."
+)  # fmt: skip
+APART_BEFOREHAND = Threshold(
+    4.0, "nat", "convention",
+    "Loggers of one test are started together: the odds beforehand of a lag that leaves nothing in common."
 )  # fmt: skip
 
 STAIRS_FROM, STAIR_FACTOR = 20, 1.5
@@ -46,7 +50,7 @@ class Clock:
     fit : offset, skew and standard error
     stderr_skew : [-]
     residual_std : of one pulse about the line [s]
-    lag, evidence : pulse ``i`` of the reference is pulse ``i + lag``; log-likelihood ratio to the next best lag
+    lag, evidence : pulse ``i`` of the reference is pulse ``i + lag``; logarithm of the odds against the next best lag
     breaks, steps : reference times at which the clock jumps, and what is added to its time before, between, after [s]
     """
 
@@ -90,13 +94,46 @@ def same_clock(logger: str, method: str = "same clock") -> Clock:
     return Clock(ClockFit(logger, 0.0, 0.0, 0.0, method))
 
 
-def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
+@dataclass(frozen=True)
+class LagTrial:
+    """Periods of two pulse trains at one lag: robust mean square of their differences [s^2], how many there are."""
+
+    lag: int
+    mean_square: float
+    overlap: int
+
+
+def best_lag(reference: Array, other: Array, edge_noise: float = 0.0) -> tuple[int, float, int]:
     """Return lag, evidence and next best lag: ``other[i + lag]`` is the pulse ``reference[i]``.
 
-    The periods of the right lag differ by edge noise only, those of a wrong one by the scatter of the speed too.
-    Evidence = n / 2 ln(mean square difference of the next best lag / that of the best), in nats.
+    The periods of the right lag differ by edge noise only, those of a wrong one by the scatter of the speed too. Of
+    the many lags that are tried some look alike by chance, most of all those of few common periods, so that each is
+    held against what the periods of two wrong pulses differ by, the median of all lags. Evidence is the logarithm of
+    the odds against the next best lag, in nats.
+
+    Parameters
+    ----------
+    edge_noise : standard error of the difference of two edges, one of each logger [s]
     """
-    period, other_period = np.diff(reference), np.diff(other)
+    trials = _lag_trials(np.diff(reference), np.diff(other))
+    if not trials:
+        return 0, 0.0, 0
+    odds = _log_odds(trials, 2.0 * edge_noise**2)
+    order = np.argsort(-odds)
+    if len(trials) == 1:
+        return trials[0].lag, 0.0, trials[0].lag
+    best, rival = trials[order[0]], trials[order[1]]
+    evidence = float(odds[order[0]] - odds[order[1]])
+    if evidence >= CLEAR_EVIDENCE:
+        return best.lag, evidence, rival.lag
+    # Where the pattern does not tell, the lag that lets most pulses overlap loses the fewest cycles.
+    alike = [trials[i] for i in order if odds[order[0]] - odds[i] < CLEAR_EVIDENCE]
+    chosen = max(alike, key=lambda trial: trial.overlap)
+    return chosen.lag, evidence, (best if chosen is not best else rival).lag
+
+
+def _lag_trials(period: Array, other_period: Array) -> list[LagTrial]:
+    """Return all lags at which enough periods overlap."""
     shorter = min(period.size, other_period.size)
     least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
     most = LARGEST_SKEW * float(np.nanmedian(period))
@@ -108,26 +145,19 @@ def best_lag(reference: Array, other: Array) -> tuple[int, float, int]:
         difference = difference[np.isfinite(difference)]
         if difference.size >= least:
             difference = difference - np.clip(np.median(difference), -most, most)
-            trials.append((_robust_mean_square(difference), difference.size, lag))
-    if not trials:
-        return 0, 0.0, 0
-    trials.sort()
-    if len(trials) == 1:
-        return trials[0][2], 0.0, trials[0][2]
-    evidence = _evidence(trials[0], trials[1])
-    if evidence >= CLEAR_EVIDENCE:
-        return trials[0][2], evidence, trials[1][2]
-    # Where the pattern does not tell, the lag that lets most pulses overlap loses the fewest cycles.
-    alike = [trial for trial in trials if _evidence(trials[0], trial) < CLEAR_EVIDENCE]
-    chosen = max(alike, key=lambda trial: trial[1])
-    rival = trials[0] if chosen is not trials[0] else trials[1]
-    return chosen[2], evidence, rival[2]
+            trials.append(LagTrial(lag, _robust_mean_square(difference), difference.size))
+    return trials
 
 
-def _evidence(best: tuple[float, int, int], rival: tuple[float, int, int]) -> float:
-    """Log-likelihood ratio of two (mean square, overlap, lag), in nats."""
-    floor = 1e-9**2
-    return float(0.5 * min(best[1], rival[1]) * np.log((rival[0] + floor) / (best[0] + floor)))
+def _log_odds(trials: list[LagTrial], noise: float) -> Array:
+    """Return the logarithm of the odds of each lag, (n,) [nat]; ``noise``: variance that edges alone make [s^2]."""
+    overlap = np.array([trial.overlap for trial in trials], dtype=float)
+    found = np.array([trial.mean_square for trial in trials])
+    # few periods, told to whole samples, are the same by chance; many are not, and show what edges really scatter
+    floor = min(noise, float(np.min(found[overlap > 0.7 * np.max(overlap)]))) + 1e-9**2
+    ratio = np.maximum(found, floor) / np.median(np.maximum(found, floor))
+    alike = 0.5 * overlap * np.where(ratio < 1.0, ratio - 1.0 - np.log(ratio), 0.0)
+    return np.asarray(alike - APART_BEFOREHAND * (1.0 - overlap / np.max(overlap)))
 
 
 def _robust_mean_square(values: Array) -> float:
@@ -135,18 +165,19 @@ def _robust_mean_square(values: Array) -> float:
     return float(np.mean(np.minimum(np.abs(values), limit) ** 2))
 
 
-def fit_clock(logger: str, reference: Array, other: Array, where: str) -> Clock:
+def fit_clock(logger: str, reference: Array, other: Array, where: str, edge_noise: float = 0.0) -> Clock:
     """Return the clock of a logger from the pulses that it and the reference both recorded.
 
     Parameters
     ----------
     reference, other : pulse times on either clock, one per revolution, nan where a pulse is not proven [s]
+    edge_noise : standard error of the difference of two edges, one of each logger [s]
 
     Raises
     ------
     Refusal : fewer than four common pulses
     """
-    lag, evidence, rival = best_lag(reference, other)
+    lag, evidence, rival = best_lag(reference, other, edge_noise)
     first, stop = max(0, -lag), min(reference.size, other.size - lag)
     a, b = reference[first:stop], other[first + lag : stop + lag]
     good = np.isfinite(a) & np.isfinite(b)
@@ -206,9 +237,9 @@ def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int
         "clock_lag_ambiguous",
         "warning",
         f"logger {logger}: the pattern of {n_pulses} pulse periods does not say which pulse belongs to which: a lag of "
-        f"{lag} pulses is used, {rival} fits nearly as well (log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} "
-        "wanted); the cam angle is right either way, but torque and pressure of a cycle may belong to neighbouring "
-        "revolutions",
+        f"{lag} pulses is used, {rival} fits nearly as well or better (logarithm of the odds {evidence:.1f}, "
+        f"{CLEAR_EVIDENCE:.0f} wanted); the cam angle is right either way, but torque and pressure of a cycle may "
+        "belong to neighbouring revolutions",
         where,
     )
 

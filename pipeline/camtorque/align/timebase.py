@@ -126,7 +126,8 @@ def _clocks(
         elif logger in triggers:
             own = triggers[logger]
             times = [revolution_times(t.train, t.pulses_per_cycle) for t in (main, own)]
-            clocks[logger] = fit_clock(logger, times[0], times[1], channel.path.name)
+            noise = float(np.hypot(main.edges.noise, own.edges.noise))
+            clocks[logger] = fit_clock(logger, times[0], times[1], channel.path.name, noise)
         elif channel.quantity in PHYSICAL:
             clocks[logger] = _clock_by_physics(recording, main, channel, options)
     return clocks
