@@ -39,6 +39,7 @@ ONLY_SHOWN = {
 LONGEST_FUNCTION, LONGEST_FILE = 40, 350
 LONG = {
     "laws.chamber.integrate": "one compiled time step with its derivatives: its parts would hand on a hundred names",
+    "laws.driveline.compliances": "one compiled pass over the harmonics: a compliance and its thirteen derivatives",
     "laws.torque.torque_columns": "torque and its five derivatives at an angle share nearly all of their terms",
     "fit.result.fitted_torque": "fills one record: a line a field",
     "laws.chamber": "rows, balance and derivative of one law, which are one file by intention",

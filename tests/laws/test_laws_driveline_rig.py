@@ -124,7 +124,7 @@ def test_a_wheel_leaves_to_the_twist_what_is_above_its_orders():
 def test_a_coupling_half_before_the_transducer_is_that_of_the_equations_of_motion():
     omega = np.array([40.0, 300.0, 1500.0, 4000.0, 9000.0])
     values = {name: ROWS[name].start for name in COMPLIANCE_NAMES}
-    values.update(half_inertia=0.8e-3, half_place=0.7, shaft_compliance=120e-6, drive_admittance=3.0)
+    values.update(half_inertia=0.8e-3, half_place=0.7, half_damping=0.8, shaft_compliance=120e-6, drive_admittance=3.0)
     total = compliance(omega, values, False)[0][:, None]
     passed, _ = shaft_transfer(omega, values, total)
     values_of_drive = {**values, "shaft_compliance": 0.0}
@@ -132,10 +132,12 @@ def test_a_coupling_half_before_the_transducer_is_that_of_the_equations_of_motio
     inertia = 1.0 / (values["shaft_resonance"] ** 2 * values["shaft_compliance"])
     for k, w in enumerate(omega):
         s = 1j * w
-        soft = values["shaft_compliance"] / (1.0 + 2.0 * values["shaft_damping_ratio"] / values["shaft_resonance"] * s)
+        time = 2.0 * values["shaft_damping_ratio"] / values["shaft_resonance"]
+        times = np.array([1.0, np.exp(0.8)]) / (0.3 + 0.7 * np.exp(0.8)) * time
+        soft = values["shaft_compliance"] / (1.0 + times * s)
         # angles of half and cam, springs to the drive (which yields by itself) and between them, a load of 1 on the cam
-        to_drive = 1.0 / (drive[k] + 0.3 * soft)
-        between = 1.0 / (0.7 * soft)
+        to_drive = 1.0 / (drive[k] + 0.3 * soft[0])
+        between = 1.0 / (0.7 * soft[1])
         stiffness = np.array([[to_drive + between, -between], [-between, between]])
         mass = np.diag([values["half_inertia"], inertia])
         half, cam = np.linalg.solve(stiffness + s**2 * mass, [0.0, -1.0])

@@ -164,7 +164,7 @@ def highest_order(deviation: Array) -> int:
 def drive_response(
     data: ChainInput, values: Mapping[str, float], tangents: bool = True, n_points: int = BINS
 ) -> NDArray[np.complex128]:
-    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES`, (k, 13) or (k, 1).
+    """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES`, (k, 14) or (k, 1).
 
     Its harmonics are those of the twist and those of ``n_points`` points.
     """

@@ -16,7 +16,9 @@ same with w_b, r small. The third is a hub that swings behind the transducer on 
 more compliance.
 
 Before the transducer a coupling has a half of its own: with its inertia I_h a share h of the shaft's compliance lies
-between it and the cam. With B(s) the compliance from the drive up to it and C_2(s) = h C_t / (1 + 2 zeta_t s/w_t)::
+between it and the cam, in an elastomer or in steel, so that its damping time is q times that of the rest; 2 zeta_t/w_t
+is the mean of both by their shares. With B(s) the compliance from the drive up to it and C_2(s) from there to the cam,
+C_2 = h C_t / (1 + q/(1 - h + h q) 2 zeta_t s/w_t)::
 
     C = B + C_2 (1 + I_h s^2 B),   shaft torque / load = 1 / (1 + I_h s^2 B + I_c s^2 C)
 
@@ -74,6 +76,9 @@ COUPLING_ROWS = (
     parameter("half_place", "h", "-", 1.0, (0.6, 0.0, 1.0, 0.1), (0.6, 0.3),
             "share of the shaft's compliance between that half and the cam",
             "couplings yield more than transducers, and less where they are stiff"),
+    parameter("half_damping", "ln q", "-", 1.0, (0.5, -4.0, 4.0, 0.3), (0.5, 1.0),
+            "logarithm of the damping time between half and cam over that of the rest of the shaft",
+            "elastomers are damped up to ten times as much as steel, steel couplings as much"),
 )  # fmt: skip
 
 TWIST_BANDWIDTH_HZ = 2500.0
@@ -119,16 +124,17 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: i
     return TwistBasis(spectrum, omega, shaft_torque.size, phase)
 
 
-COUPLING_NAMES = ("coupling_compliance", "coupling_resonance", "coupling_damping", "half_inertia", "half_place")
+HALF_NAMES = ("half_inertia", "half_place", "half_damping")
+COUPLING_NAMES = ("coupling_compliance", "coupling_resonance", "coupling_damping", *HALF_NAMES)
 COMPLIANCE_NAMES = (
     "shaft_compliance", "shaft_damping_ratio", "shaft_resonance", "drive_admittance", "drive_bandwidth", "drive_reset",
     "drive_lag", *COUPLING_NAMES,
 )  # fmt: skip
-"""Parameters of C(s), in the order of its derivatives: the first three and the last two are those of the shaft."""
+"""Parameters of C(s), in the order of its derivatives: the first three and the last three are those of the shaft."""
 
 
 def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 12) where asked for.
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 13) where asked for.
 
     The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
@@ -145,13 +151,20 @@ def inverse(value):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
-    """Return C(s), then its derivatives where asked for, (k, 13) or (k, 1); values in the order of the names."""
-    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio, half, place = values
+    """Return C(s), then its derivatives where asked for, (k, 14) or (k, 1); values in the order of the names."""
+    shaft, damping, ringing, admittance, ln_band, ln_reset, ln_lag, soft, resonance, ratio, half, place, ln_longer = (
+        values
+    )
     band, reset, lag = np.exp(ln_band), np.exp(ln_reset), np.exp(ln_lag)
-    both = np.empty((omega.size, 13 if tangents else 1), dtype=np.complex128)
+    longer = np.exp(ln_longer)
+    mean = 1.0 - place + place * longer
+    per_damping = 2.0 / (ringing * mean)
+    time = per_damping * damping
+    before, after = (1.0 - place) * shaft, place * shaft
+    both = np.empty((omega.size, 14 if tangents else 1), dtype=np.complex128)
     for k in range(omega.size):
         s = 1j * omega[k]
-        slowed = inverse(1.0 + 2.0 * damping / ringing * s)
+        slowed, slowed_after = inverse(1.0 + time * s), inverse(1.0 + longer * time * s)
         late = inverse(1.0 + lag * s)
         driven = band * (s + reset) * late
         response, swing = 0.0 * s, 0.0 * s
@@ -159,27 +172,30 @@ def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
             response = inverse(s * s + driven)
             swing = inverse(s * s + 2.0 * ratio * resonance * s + resonance * resonance)
         row = both[k]
-        twist = shaft * slowed
-        behind = admittance * response + soft * resonance * resonance * swing + (1.0 - place) * twist
+        behind = admittance * response + soft * resonance * resonance * swing + before * slowed
+        beyond = after * slowed_after
         inertia = half * s * s
-        row[0] = behind + place * twist * (1.0 + inertia * behind)
+        by_behind, by_beyond = 1.0 + inertia * beyond, 1.0 + inertia * behind
+        row[0] = behind + beyond * by_beyond
         if not tangents:
             continue
         square = -admittance * response * response
         squared = swing * swing
         by_resonance = -2.0 * (ratio * s + resonance) * squared
-        bent = 2.0 * shaft / ringing * s * slowed * slowed
-        by_behind = 1.0 + inertia * place * twist
-        by_twist = (1.0 - place) * by_behind + place * (1.0 + inertia * behind)
-        row[1], row[2], row[3] = by_twist * slowed, -by_twist * bent, by_twist * bent * damping / ringing
+        bent = by_behind * before * s * slowed * slowed
+        bent_after = by_beyond * after * longer * s * slowed_after * slowed_after
+        row[1] = by_behind * (1.0 - place) * slowed + by_beyond * place * slowed_after
+        row[2] = -per_damping * (bent + bent_after)
+        row[3] = -damping / ringing * row[2]
         row[4], row[5], row[6] = response, square * driven, square * band * reset * late
         row[7] = -square * driven * late * lag * s
         row[8] = resonance * resonance * swing
         row[9] = soft * (2.0 * resonance * swing + resonance * resonance * by_resonance)
         row[10] = -soft * resonance * resonance * 2.0 * resonance * s * squared
         row[4:11] *= by_behind
-        row[11] = s * s * place * twist * behind
-        row[12] = inertia * twist * (behind - place * twist)
+        row[11] = s * s * beyond * behind
+        row[12] = shaft * (by_beyond * slowed_after - by_behind * slowed) - damping * (longer - 1.0) / mean * row[2]
+        row[13] = time / mean * (place * longer * bent - (1.0 - place) * bent_after)
     return both
 
 
@@ -227,21 +243,24 @@ def shaft_transfer(omega: Array, values: Mapping[str, float], both: Any) -> tupl
 
     ``both`` (at least k, m) holds C(s) in column 0, then its derivatives.
     """
-    own = np.array([values[name] for name in (*COMPLIANCE_NAMES[:3], *COMPLIANCE_NAMES[-2:])])
+    own = np.array([values[name] for name in (*COMPLIANCE_NAMES[:3], *HALF_NAMES)])
     return loaded(omega, cam_side_inertia(values), own, both)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def loaded(omega, inertia, own, both):  # type: ignore[no-untyped-def]
     """Return transfer and derivatives of `shaft_transfer` from the cam's inertia and the shaft's own parameters."""
-    soft, damping, ringing, half, place = own
+    soft, damping, ringing, half, place, ln_longer = own
+    longer = np.exp(ln_longer)
+    mean = 1.0 - place + place * longer
+    time = 2.0 / ringing * longer / mean * damping
     m = both.shape[1] - 1
     transfer = np.empty(omega.size, dtype=np.complex128)
     by = np.empty((omega.size, m), dtype=np.complex128)
     twisted = np.zeros(max(m, 3), dtype=np.complex128)
     for k in range(omega.size):
         square = -omega[k] * omega[k]
-        slowed = inverse(1.0 + 2.0 * damping / ringing * 1j * omega[k])
+        slowed = inverse(1.0 + time * 1j * omega[k])
         beyond = place * soft * slowed
         over = inverse(1.0 + half * square * beyond)
         total = both[k, 0]
@@ -250,13 +269,14 @@ def loaded(omega, inertia, own, both):  # type: ignore[no-untyped-def]
         if m == 0:
             continue
         factor = -transfer[k] * transfer[k]
-        bent = 2.0 * soft / ringing * 1j * omega[k] * slowed * slowed * place
-        twisted[0], twisted[1], twisted[2] = place * slowed, -bent, bent * damping / ringing
-        twisted[m - 1] = soft * slowed
+        bent = 2.0 / ringing * longer / mean * soft * place * 1j * omega[k] * slowed * slowed
+        twisted[0], twisted[1], twisted[2] = place * slowed, -bent, damping / ringing * bent
+        twisted[m - 2] = soft * slowed + damping * (longer - 1.0) / mean * bent
+        twisted[m - 1] = damping * (place - 1.0) / mean * bent
         for j in range(m):
             more = both[k, j + 1] - twisted[j]
             by_half, by_over = half * more, half * twisted[j]
-            if j == m - 2:
+            if j == m - 3:
                 by_half, by_over = by_half + total - beyond, by_over + beyond
             by[k, j] = factor * square * ((by_half - passed * by_over) * over + inertia * both[k, j + 1])
         through = factor * inertia * square * total

@@ -51,7 +51,7 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
         "shaft_damping_ratio": 0.5 * shaft.damping * resonance / shaft.stiffness, "drive_admittance": 0.0,
         "drive_bandwidth": 0.0, "drive_reset": 0.0, "drive_lag": -9.0,
         "coupling_compliance": 0.0, "coupling_resonance": 750.0, "coupling_damping": 0.1,
-        "half_inertia": 0.0, "half_place": 0.6,
+        "half_inertia": 0.0, "half_place": 0.6, "half_damping": 0.0,
     }  # fmt: skip
     total, _ = compliance(omega, values, False)
     transfer, _ = shaft_transfer(omega, values, total[:, None])
