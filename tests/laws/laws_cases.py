@@ -64,7 +64,7 @@ def start_values(end: str = "land") -> dict[str, float]:
         dead_volume=1.0e-6, port_closing_lift=1.0e-3, end_of_delivery=47.3 * DEGREE, spill_lift=5.5e-3,
         drive_admittance=2.0, coupling_compliance=9e-5, trigger_offset=0.3 * DEGREE, end_width=1.33 * DEGREE,
         pressure_zero=0.4e5, gain_error=0.003, delay_error=4e-6, free_air=2e-3, valve_range=10e5,
-        half_inertia=0.05e-3, valve_stroke=2.3e-9,
+        half_inertia=0.05e-3, valve_stroke=2.3e-9, outlet_return=0.9,
     )  # fmt: skip
     if end != "land":
         values["end_of_delivery"] = NEVER

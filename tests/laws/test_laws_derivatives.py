@@ -31,7 +31,7 @@ from laws_cases import COEFFICIENTS, chain_input, refined, start_values, total_t
 SPEED = 60.0
 OMEGA = np.arange(0.0, 200.0) * SPEED
 END_OF = {
-    "end_of_delivery": ("land",), "end_width": ("land",),
+    "end_of_delivery": ("land",), "end_width": ("land",), "outlet_return": ("land",),
     "spill_lift": ("spill",), "spill_width": ("spill",), "spill_span": ("spill",),
 }  # fmt: skip
 """Parameters that act in one structure alone."""

@@ -12,7 +12,7 @@ from camtorque.laws.ports import LAMINAR, SUCTION_OPENS, SUCTION_SOFT, flow_root
 from camtorque.laws.valve import CUSHION, STOP, STOP_CUSHION, STOP_LOSS, lifted, stop_force
 from laws_cases import N, chain_input, refined, start_values
 
-CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0}
+CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0, "outlet_return": 0.0}
 """Neither port nor leak nor outlet."""
 
 
@@ -63,6 +63,20 @@ def test_the_root_of_a_suction_valve_has_no_corner():
     assert suction_root(30.0)[0] == flow_root(30.0 - SUCTION_OPENS)[0]
 
 
+def test_an_outlet_that_opens_on_the_return_lets_what_it_trapped_into_the_line():
+    trapped = {**start_values("land"), "leakage": 0.0, "outlet_return": 0.0}
+    released = {**trapped, "outlet_return": 1.0}
+    data = refined(chain_input(n=7200), trapped)
+    kept, let_go = evaluate(data, trapped), evaluate(data, released)
+    back = let_go.motion.theta > data.top_angle
+    end_lift = data.law.derivatives(np.array([trapped["end_of_delivery"]]), 0)[0, 0]
+    closed = let_go.motion.lift[0] > end_lift + 0.05e-3  # the corner of the opening
+    np.testing.assert_array_equal(let_go.pressure[~back | closed], kept.pressure[~back | closed])
+    assert not kept.flows[back, 2].any()
+    assert let_go.flows[back & ~closed, 2].max() > 0.0
+    assert np.all(let_go.pressure[back & ~closed] <= kept.pressure[back & ~closed] + 1e4)
+
+
 def test_mass_is_kept_through_vapour():
     # the port closes at the top instead of the foot: the plunger draws the closed volume down to vapour, and back
     data, values = chain_input(), {**start_values(), **CLOSED, "free_air": 0.0, "dead_volume": 4e-6}
@@ -91,7 +105,7 @@ def test_what_leaves_chamber_and_gallery_is_what_flows(end, until):
 
 
 def test_mass_behind_a_closed_land_leaves_by_the_leak_alone():
-    values = start_values("land")
+    values = {**start_values("land"), "outlet_return": 0.0}
     data = refined(chain_input(n=7200), values)
     output = evaluate(data, values)
     part = slice(1000, 3000)  # 50 to 150 degrees

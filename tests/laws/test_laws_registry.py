@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.fit.evidence import LOSSES
-from camtorque.fit.problem import END_NAMES, NEUTRAL, SPILL_NAMES
+from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.laws import LAW_OF, LAWS, LINEAR_NAMES, ROWS, cause_of
 from camtorque.laws.causes import CAUSES, LOSS_GROUPS, cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
@@ -69,7 +69,7 @@ def test_losses_and_structures_name_parameters():
     rubbing = {row.name for law in ("friction", "packing") for row in LAWS[law].rows}
     assert set(LOSSES["friction"]) == rubbing
     assert set(LOSSES["damping"]) == {row.name for row in LAWS["damping"].rows}
-    assert set(NEUTRAL) == {*END_NAMES, *SPILL_NAMES} <= set(ROWS)
+    assert set(NEUTRAL) == {*LAND_NAMES, *SPILL_NAMES} <= set(ROWS)
 
 
 def test_causes_come_from_the_laws():

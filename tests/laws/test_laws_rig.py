@@ -153,6 +153,7 @@ def kernel_values(truth, lift_at_closing):
         "retraction_volume": 0.0, "gallery_volume": 1e-7, "valve_mass": 6e6, "valve_damping": 2e3, "seat_gain": 500.0,
         "valve_exposure": 1.0, "leakage": chamber.leak * (1.0 + chamber.leak_growth * 500e5) ** 3,
         "leak_growth": chamber.leak_growth, "pressure_zero": 0.0, "suction_area": 0.0, "valve_stroke": 3e-8,
+        "outlet_return": 0.0,
     }  # fmt: skip
     if chamber.end == "spill":
         known["spill_width"] = chamber.spill_area / chamber.spill_height
@@ -183,7 +184,9 @@ def test_chamber_is_the_rigs_where_nothing_is_delivered(case, limit):
     if case == "spill":
         values["spill_lift"] = float(lift_of(truth, np.array([run.end_angle[0]]))[0])
     vector = np.array([values[name] * KERNEL_UNITS[name] for name in NAMES])
-    geometry = np.array([truth.pump.plunger_area * 1e6, truth.pump.cam.lift * 1e3, 2e3 * np.pi / N / speed.mean()])
+    geometry = np.array(
+        [truth.pump.plunger_area * 1e6, truth.pump.cam.lift * 1e3, 2e3 * np.pi / N / speed.mean(), 0.0, 0.0, np.pi]
+    )
     substeps = np.full(N, 16)
     substeps.flags.writeable = False  # as the chain hands them on: compiled once
     pressure, *_ = integrate(

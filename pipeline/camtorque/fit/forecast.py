@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
-from camtorque.fit.problem import END_NAMES, NEUTRAL, SPILL_NAMES
+from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
@@ -233,7 +233,7 @@ def values_of(
     """Return every parameter of the chain; ends that the structure does not have are switched off."""
     full = {name: (0.0 if name in COLUMN_NAMES else ROWS[name].start) for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
     full.update({name: value for name, value in values.items() if name in full})
-    off = {"land": SPILL_NAMES, "spill": END_NAMES}.get(source.structure, (*END_NAMES, *SPILL_NAMES))
+    off = {"land": SPILL_NAMES, "spill": LAND_NAMES}.get(source.structure, (*LAND_NAMES, *SPILL_NAMES))
     full.update({name: NEUTRAL[name] for name in off})
     return {name: value * changes.get(name, 1.0) for name, value in full.items()}
 

@@ -23,6 +23,7 @@ ORDER = {name: k for k, name in enumerate(ALL_NAMES)}
 SEPARATOR = "__"
 """Joins the name of an own parameter and the name of its recording."""
 END_NAMES = ("end_of_delivery", "end_width")
+LAND_NAMES = (*END_NAMES, "outlet_return")
 SPILL_NAMES = ("spill_lift", "spill_width", "spill_span")
 STRUCTURES: dict[str, str] = {
     "land": "delivery ends by a land",
@@ -32,7 +33,8 @@ STRUCTURES: dict[str, str] = {
 }
 """What is compared discretely; everything else is continuous and free."""
 NEUTRAL: dict[str, float] = {
-    "end_of_delivery": NEVER, "end_width": 0.03, "spill_lift": NEVER, "spill_width": 5.0e-3, "spill_span": 1.0e-3,
+    "end_of_delivery": NEVER, "end_width": 0.03, "outlet_return": 0.0,
+    "spill_lift": NEVER, "spill_width": 5.0e-3, "spill_span": 1.0e-3,
 }  # fmt: skip
 """Values that switch an end of delivery off."""
 WITHOUT: dict[str, float] = {
@@ -73,7 +75,7 @@ class FitData(ReadOnly):
 
     def applies(self, name: str) -> bool:
         """Return whether a parameter acts in this recording's structure."""
-        if name in END_NAMES:
+        if name in LAND_NAMES:
             return self.structure == "land"
         if name in SPILL_NAMES:
             return self.structure == "spill"

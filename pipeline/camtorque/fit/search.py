@@ -175,6 +175,14 @@ def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]
         yield "hop", found
 
 
+def outlet_opening_again(start: Start) -> list[FitData]:
+    """Return a start that ends by a land with its outlet opening the other way on the return, where it is not."""
+    if start.data.structure != "land":
+        return []
+    share = start.data.rows["outlet_return"].start
+    return [with_starts(start.data, {"outlet_return": 1.0 if share < 0.7 else 0.0})]
+
+
 def load_anew(found: Found, seen: FitData) -> Items:
     """Return first starts of all structures on the shaft, hub and drive that were found.
 
@@ -218,6 +226,7 @@ class Move:
 
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
+    "outlet on the return": Move(within_structure(outlet_opening_again), SMOOTHINGS_DEG[2:], UNSURE),
     "ringing": Move(within_structure(with_ringing), UNSMOOTHED, UNSURE),
     "coupling": Move(within_structure(with_couplings), UNSMOOTHED, DOUBTFUL),
     "hub": Move(within_structure(with_hubs), UNSMOOTHED, DOUBTFUL),

@@ -30,6 +30,8 @@ CORE = (
     "drive_admittance",
 )  # fmt: skip
 """Non-linear parameters of the first rung: those that place the load."""
+SET = ("outlet_return", "half_damping")
+"""Parameters that a start sets and the ladder leaves: one acts in steps, one tells nothing before the load is placed."""
 VOLUMES = (1.5, 5.0)
 """Dead volumes that are tried, in swept volumes."""
 END_SHARES = (0.5, 0.68, 0.86)
@@ -132,8 +134,9 @@ def grid_for(smoothing_deg: float) -> int:
 def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int = ITERATIONS) -> Start | None:
     """Return a start after some iterations on the smoothed residual."""
     full = build_problem([data])
-    free = full.parameters[: full.n_nonlinear] if core else ()
-    held = {parameter.row.name: parameter.row.start for parameter in free if parameter.row.name not in CORE}
+    free = full.parameters[: full.n_nonlinear]
+    held = {parameter.row.name: parameter.row.start for parameter in free
+            if parameter.row.name in SET or core and parameter.row.name not in CORE}  # fmt: skip
     data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
     first = outputs_at(problem, problem.start)

@@ -87,6 +87,7 @@ class ChainInput(ReadOnly):
     deviation: Array = field(default_factory=lambda: np.zeros(0))
     twist: driveline.TwistBasis = field(init=False)
     top_lift: float = field(init=False)
+    top_angle: float = field(init=False)
     constants: Constants = field(init=False)
 
     def __post_init__(self) -> None:
@@ -95,7 +96,9 @@ class ChainInput(ReadOnly):
         seen = highest_order(self.deviation)
         twist = driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen)
         object.__setattr__(self, "twist", twist)
-        object.__setattr__(self, "top_lift", float(np.max(self.law.evaluate(self.theta, 0))))
+        lift = self.law.evaluate(self.theta, 0)
+        object.__setattr__(self, "top_lift", float(np.max(lift)))
+        object.__setattr__(self, "top_angle", float(self.theta[np.argmax(lift)]))
         if self.substeps.size == 0:
             object.__setattr__(self, "substeps", np.ones(self.theta.size, dtype=np.int64))
         distance = self.pump.base_circle_radius + self.pump.roller_radius
@@ -236,7 +239,9 @@ def chamber_of(
             by[:, chamber.NAMES.index("pressure_zero")] = -1.0
         return data.line_pressure - values["pressure_zero"], by, np.zeros((n, 3)), np.zeros((n, 4)), NO_PATH
     vector = np.array([values[name] for name in chamber.NAMES]) * chamber.UNITS
-    geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, 2e3 * np.pi / n / data.speed])
+    end_lift, end_slope = data.law.derivatives(np.array([values["end_of_delivery"]]), 1)[:, 0] * 1e3
+    step = 2e3 * np.pi / n / data.speed
+    geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, step, end_lift, end_slope, data.top_angle])
     pressure, by, states, flows, path = chamber.integrate(
         vector, geometry, motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5,
         data.substeps, motion.shifts[0], known, tangents,

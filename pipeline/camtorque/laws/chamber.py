@@ -7,7 +7,8 @@ balance of mass holds over the whole revolution::
 
 with the fluid of `fluid`, inlet, spill port and suction valve of `ports`, leakage of `leakage`, outlet and delivery
 valve of `valve`.
-Delivery ends by a land (the outlet closes at an angle), by spill (a port opens above a lift), or is not seen to end.
+Delivery ends by a land (the outlet closes at an angle, and opens again on the return or on the base circle), by spill
+(a port opens above a lift), or is not seen to end.
 
 Implicit Euler steps for the two masses and the valve, finer while the valve moves; exact for a closed volume whatever
 the step, and stable in the stiff valve flow. The tangents by all parameters are those of the same steps.
@@ -23,7 +24,7 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
-from camtorque.laws.valve import SPRING, lifted, stop_force
+from camtorque.laws.valve import RETURN_SPAN, SPRING, lifted, stop_force
 
 ROWS = (
     parameter("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
@@ -44,7 +45,7 @@ KERNEL_UNITS: dict[str, float] = {
     "end_width": 1.0, "spill_lift": 1e3, "spill_width": 1e3, "spill_span": 1e3, "valve_opening": 1e-5,
     "valve_area": 1e6, "valve_range": 1e-5, "retraction_volume": 1e9, "gallery_volume": 1e9, "valve_mass": 1e-8,
     "valve_damping": 1e-3, "seat_gain": 1e-3, "valve_exposure": 1.0, "leakage": 1e11, "leak_growth": 1e5,
-    "pressure_zero": 1e-5, "suction_area": 1e6, "valve_stroke": 1e9,
+    "pressure_zero": 1e-5, "suction_area": 1e6, "valve_stroke": 1e9, "outlet_return": 1.0,
 }  # fmt: skip
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
@@ -86,7 +87,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     Parameters
     ----------
     parameters : (N,) in kernel units, order of `NAMES`
-    geometry : plunger area [mm^2], full lift [mm], time step of the grid [ms]
+    geometry : plunger area [mm^2], full lift [mm], time step of the grid [ms]; lift at the end of delivery [mm] and its
+        slope [mm/rad], angle of the full lift [rad]
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
@@ -104,8 +106,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
-    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke = parameters[19:]
-    plunger, top_lift, grid_step = geometry
+    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke, again = parameters[19:]
+    plunger, top_lift, grid_step, end_lift, end_slope, top_angle = geometry
     n = theta.size
     n_shift = shifts.shape[1]
     n_all = N + n_shift if want_tangents else 0
@@ -153,7 +155,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             port_s, port_sx, port_sq = opening(port_x, rounded)
             spill_x = (y - y_spill) / h_spill
             spill_s, spill_sx, spill_sq = opening(spill_x, rounded)
-            outlet_x = (end - angle) / width
+            returning = angle > top_angle and again > 0.0 and end < NEVER
+            outlet_x = (again * end_lift - y) / RETURN_SPAN if returning else (end - angle) / width
             outlet, outlet_x_d, outlet_q = opening(outlet_x, rounded)
             feeding = FLOW * (k_port * h_port * port_s + k_spill * h_spill * spill_s)
             k_suction = FLOW * suction
@@ -312,11 +315,17 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                     partial[2, j] = old_u * u_t[j] - mass_valve * inverse_time * speed_t[j]
                 flow_out = dt * out
                 by_outlet = flow_out * FLOW * area_out
+                by_x = by_outlet * outlet_x_d
+                by_again = by_x * end_lift / RETURN_SPAN if returning else 0.0
+                by_end = by_x * again * end_slope / RETURN_SPAN if returning else by_x / width
+                by_width = 0.0 if returning else -by_x * outlet_x / width
+                by_angle = -by_x * slope_here / RETURN_SPAN if returning else -by_x / width
                 for sign in range(2):
                     direction = 1.0 if sign == 0 else -1.0
                     partial[sign, 8] += direction * by_outlet * outlet_q
-                    partial[sign, 9] += direction * by_outlet * outlet_x_d / width
-                    partial[sign, 10] -= direction * by_outlet * outlet_x_d * outlet_x / width
+                    partial[sign, 9] += direction * by_end
+                    partial[sign, 10] += direction * by_width
+                    partial[sign, 28] += direction * by_again
                     partial[sign, 15] += direction * flow_out * FLOW * outlet
                 partial[1, 1] -= room * shared_squared * shared_k
                 partial[1, 2] -= room * shared_squared * shared_b
@@ -335,7 +344,6 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 partial[2, 21] += force / area_out * lift_u
                 partial[2, 22] += p - g
                 partial[2, 25] -= 1.0
-                by_angle = -by_outlet * outlet_x_d / width
                 for j in range(n_shift):
                     moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
                     partial[0, N + j] += (by_lift * slope_here + by_angle) * moved

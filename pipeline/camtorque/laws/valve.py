@@ -2,7 +2,8 @@
 
 ::
 
-    Q_out  = a A_out C sqrt(p - g)                   a: outlet open until its land closes (end of delivery)
+    Q_out  = a A_out C sqrt(p - g)       a: outlet open until its land closes (end of delivery), and again below a
+                                            share of that lift on the return
     d[(V_g + u) rho(g)]/dt = Q_out - Q_seat
     Q_seat = alpha max(0, u - V_r) C sqrt(g - p_line)
     M (u'' + r u') = g + (1 - sigma)(p - g) - p_line - p_open - S (u - V_r) - w (alpha / A_out) max(0, u - V_r) + stops
@@ -29,6 +30,8 @@ STOP_LOSS = 0.05
 """Increase of their force per speed of approach [ms/mm^3]."""
 CUSHION, STOP_CUSHION = 0.5, 3.0
 """Volume before and behind seat and stop over which their stiffness sets in [mm^3], 10 and 100 micrometres of lift."""
+RETURN_SPAN = 0.3
+"""Lift over which the outlet opens again on the return [mm]."""
 LIFTED = 0.3
 """Volume over which the seat's opening is rounded [mm^3]."""
 
@@ -59,6 +62,9 @@ END_ROWS = (
             "cam angle at which the outlet has closed", "depends on the load; fitted", "own"),
     parameter("end_width", "w_end", "deg", DEGREE, (2.0, 0.4, 20.0, 0.3), (2.5, 2.5),
             "cam angle that the outlet takes to close", "assumed; closing times of 0.1-1 ms", "own"),
+    parameter("outlet_return", "c_end", "-", 1.0, (0.0, 0.0, 1.0, 0.1), (0.0, 0.6),
+            "lift at which the outlet opens again on the return, over that at which it closed",
+            "1: edge of the plunger; 0: on the base circle"),
 )  # fmt: skip
 
 
