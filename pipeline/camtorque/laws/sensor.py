@@ -23,8 +23,8 @@ ROWS = (
             "total delay of the torque channel less the declared one", "tolerance of the sheet"),
     parameter("cutoff", "f_c", "Hz", 1.0, (1000.0, 300.0, 5000.0, 50.0), (1000.0, 50.0),
             "-3 dB frequency of the transducer's low-pass", "data sheet; tolerance assumed 5 %"),
-    parameter("filter_damping", "zeta", "-", 1.0, (0.707, 0.45, 1.1, 0.03), (0.707, 0.05),
-            "damping ratio of the second-order low-pass", "Butterworth assumed"),
+    parameter("filter_damping", "zeta", "-", 1.0, (0.707, 0.45, 1.1, 0.03), (0.75, 0.09),
+            "damping ratio of the second-order low-pass", "Butterworth 0.71, Bessel 0.87"),
 )  # fmt: skip
 
 
