@@ -31,7 +31,7 @@ CORE = (
 )  # fmt: skip
 """Non-linear parameters of the first rung: those that place the load."""
 SET = ("outlet_return", "half_damping")
-"""Parameters that a start sets and the ladder leaves: one acts in steps, one tells nothing before the load is placed."""
+"""Parameters that a start sets and the ladder leaves: one acts in steps, one matters when the load is placed."""
 VOLUMES = (1.5, 5.0)
 """Dead volumes that are tried, in swept volumes."""
 END_SHARES = (0.5, 0.68, 0.86)
@@ -136,7 +136,7 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     full = build_problem([data])
     free = full.parameters[: full.n_nonlinear]
     held = {parameter.row.name: parameter.row.start for parameter in free
-            if parameter.row.name in SET or core and parameter.row.name not in CORE}  # fmt: skip
+            if parameter.row.name in SET or (core and parameter.row.name not in CORE)}  # fmt: skip
     data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
     first = outputs_at(problem, problem.start)
