@@ -129,7 +129,7 @@ def test_compliance_of_the_driveline(name):
     values = start_values()
     column = COMPLIANCE_NAMES.index(name)
     stated = compliance(OMEGA, values)[1][:, column]
-    step = 1e-3 * ROWS[name].step
+    step = step_of(name)
     found = central(lambda v: compliance(OMEGA, {**values, name: v})[0], values[name], step)
     assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
     stated = shaft_transfer(OMEGA, values, response(values))[1][:, column]
@@ -152,7 +152,7 @@ def test_shift_of_the_cam_angle_and_its_rates(name):
         stated = angle_shifts(basis, response(values, basis.omega))[part][:, column]
         found = central(
             lambda v, part=part: angle_shifts(basis, response({**values, name: v}, basis.omega))[part][:, 0],
-            values[name], 1e-3 * ROWS[name].step,
+            values[name], step_of(name),
         )  # fmt: skip
         assert np.max(np.abs(stated - found)) < 1e-6 * np.max(np.abs(found))
 

@@ -64,6 +64,8 @@ def delivered_volume(fit: Fit, index: int) -> Estimate | None:
     base, slope = volume(z), np.zeros(z.size)
     low, high = fit.problem.bounds
     for k, parameter in enumerate(fit.problem.parameters):
+        if parameter.row.name == "outlet_return" and z[k] <= low[k]:
+            continue  # an outlet that stays closed does so to any order
         if parameter.recording in (-1, index) and parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
             step = 0.5 * std[k] if z[k] + 0.5 * std[k] <= high[k] else max(-0.5 * std[k], low[k] - z[k])
             moved = z.copy()
