@@ -62,3 +62,10 @@ def test_a_box_far_out_in_either_tail_is_not_lost_to_rounding(distance):
         # the tail is an exponential of this rate, to the second order
         assert sign * found.mean[0] == pytest.approx(1.0 / distance - 2.0 / distance**3, rel=4e-3)
         assert found.matrix[0, 0] == pytest.approx(1.0 / distance**2 - 6.0 / distance**4, rel=2e-2)
+
+
+def test_a_box_dozens_of_deviations_away_is_improbable_and_no_warning():
+    matrix = np.array([[1.0, -0.141904592135], [-0.141904852304, 1.0]])  # symmetric but for rounding
+    low, high = np.array([8.728804035764, 86.728275283016]), np.array([21.312126229608, 228.874835483352])
+    found = truncated(Gaussian(np.zeros(2), matrix, low, high))
+    assert -7000.0 < found.log_probability < -3700.0  # 86.7^2 / 2 = 3760 of the second alone

@@ -57,6 +57,7 @@ def truncated(gaussian: Gaussian) -> Truncated:
     low, high = (gaussian.lower - gaussian.mean) / std, (gaussian.upper - gaussian.mean) / std
     near = np.flatnonzero((low > -FAR_OFF) | (high < FAR_OFF))
     start = gaussian.matrix / np.outer(std, std)
+    start = 0.5 * (start + start.T)  # what an inverse's rounding leaves unequal grows with every bound that is far off
     matrix, mean = start.copy(), np.zeros(std.size)
     precision, shift = np.zeros(std.size), np.zeros(std.size)
     constant = np.zeros(std.size)
