@@ -239,7 +239,7 @@ def chamber_of(
             by[:, chamber.NAMES.index("pressure_zero")] = -1.0
         return data.line_pressure - values["pressure_zero"], by, np.zeros((n, 3)), np.zeros((n, 4)), NO_PATH
     vector = np.array([values[name] for name in chamber.NAMES]) * chamber.UNITS
-    end_lift, end_slope = data.law.derivatives(np.array([values["end_of_delivery"]]), 1)[:, 0] * 1e3
+    end_lift, end_slope = _closed_at(data, values)
     step = 2e3 * np.pi / n / data.speed
     geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, step, end_lift, end_slope, data.top_angle])
     pressure, by, states, flows, path = chamber.integrate(
@@ -248,6 +248,15 @@ def chamber_of(
     )  # fmt: skip
     by *= TANGENT_UNITS[: by.shape[1]]
     return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
+
+
+def _closed_at(data: ChainInput, values: Mapping[str, float]) -> tuple[float, float]:
+    """Return lift [mm] and slope [mm/rad] at the end of delivery, 0 where the outlet does not open again there."""
+    end = values["end_of_delivery"]
+    if values["outlet_return"] <= 0.0 or end >= chamber.NEVER:
+        return 0.0, 0.0
+    lift, slope = data.law.derivatives(np.array([end]), 1)[:, 0] * 1e3
+    return float(lift), float(slope)
 
 
 def evaluate(
