@@ -21,10 +21,11 @@ from camtorque.align import align
 from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.design.fitted import FRICTION_NAMES
+from camtorque.fit.draws import Load
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
 from camtorque.fit.ends import Curve, load_for
 from camtorque.fit.firm_end import END_OF
-from camtorque.fit.forecast import Forecast, Load, forecast
+from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.load_file import curve_through, refuse_other_load, top_range
 from camtorque.fit.prepare import FIT_GRID, on_grid

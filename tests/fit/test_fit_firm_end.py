@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.draws import draws
 from camtorque.fit.ends import LEAST_STD, Curve, load_for
 from camtorque.fit.firm_end import END_OF, WIDTHS_OF, Lever, levers_of
-from camtorque.fit.forecast import _draws
 from camtorque.fit.known_fit import FittedAt, KnownFit
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
@@ -59,7 +59,7 @@ def test_an_end_is_looked_for_where_the_fit_knows_it(structure: str) -> None:
     assert place.stderr < 1.5 * LEAST_STD, "misses are those of where it has opened"
     assert load.pulls == {name: (by, pytest.approx(lever.slope(width.value), rel=1e-3))}
     mean = {"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in load.ends.items()}}
-    drawn = _draws(fit, fit.own(source.id), mean, load, 1e-3)
+    drawn = draws(fit, fit.own(source.id), mean, load, 1e-3, 60)
     moved = np.array([[item[one] - mean[one] for one in (name, by)] for item in drawn]) / 1e-3
     assert np.std(moved[:, 1]) > 0.01
     assert np.std(moved[:, 0] - lever.slope(width.value) * moved[:, 1]) < 1.3 * place.stderr, "the trade moves both"

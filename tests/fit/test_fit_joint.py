@@ -38,13 +38,15 @@ from camtorque.fit.leftout import (
     predicted_end,
     settling_findings,
     shares,
+    typical,
 )
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import SEPARATOR, build_problem
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
 from camtorque.fit.solver import solve
 from camtorque.fit.uncertainty import covariance, covariance_of
-from camtorque.laws.chain import BINS, binned, evaluate, filtered, transfer
+from camtorque.laws import ROWS
+from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
@@ -289,6 +291,26 @@ def test_recordings_that_the_others_predict_badly_are_told(campaign):
     assert (told.severity, told.where) == ("warning", bad.name)
     assert f"{bad.name} 1.5 % (blind)" in told.text
     assert told.text.count(" % (") == 3
+
+
+def test_beside_a_step_of_the_model_a_prediction_is_typical(joint, monkeypatch):
+    """Best values may lie on the rare side of a step: there a drawn run stands for all, elsewhere they do."""
+    others, data = left_out(joint), joint.problem.data[1]
+    names = [joint.problem.parameters[k].row.name for k in others.found.places]
+    shared = dict(zip(names, joint.solution.z[others.found.places].tolist(), strict=True))
+    assert typical(others.known, data, shared, {}) == shared
+
+    def stepping(chain, values):
+        rare = values["dead_volume"] == shared["dead_volume"]
+        torque = np.full(chain.theta.size, 100.0 if rare else 1e9 * values["dead_volume"] * 1e-3)
+        return SimpleNamespace(torque=torque, linear=np.zeros((torque.size, len(COLUMN_NAMES))))
+
+    monkeypatch.setattr(leftout_room, "evaluate", stepping)
+    found = typical(others.known, data, shared, {})
+    assert list(found) == names
+    std = joint.std[joint.problem.index("dead_volume")]
+    assert 0.0 < abs(found["dead_volume"] - shared["dead_volume"]) < 0.5 * std
+    assert all(ROWS[name].lower <= value <= ROWS[name].upper or value == shared[name] for name, value in found.items())
 
 
 def test_the_lift_correction_of_a_prediction_is_that_which_the_others_ask_for(joint, solved):

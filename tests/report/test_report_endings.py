@@ -11,9 +11,10 @@ import pytest
 from camtorque import predict_from as flow
 from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.draws import Load, draws
 from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
 from camtorque.fit.ends import UNKNOWN_STD, Curve, load_for
-from camtorque.fit.forecast import Forecast, Load, _draws
+from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
@@ -144,5 +145,7 @@ def test_parameters_of_an_ending_that_was_not_fitted_are_drawn() -> None:
     mean = {"end_of_delivery": 0.8, "torque_zero": 0.0, "pressure_zero": 0.0, "spill_width": 5e-3}
     fit = replace(known({"a": "land"}), names=("end_of_delivery__a", "pressure_zero"),
                   values=np.zeros(2), covariance=ArrowCovariance.whole(np.eye(2)))  # fmt: skip
-    drawn = [item["spill_width"] for item in _draws(fit, {"end_of_delivery": 0, "pressure_zero": 1}, mean, load, 1.0)]
+    drawn = [
+        item["spill_width"] for item in draws(fit, {"end_of_delivery": 0, "pressure_zero": 1}, mean, load, 1.0, 60)
+    ]
     assert np.std(drawn) == pytest.approx(1e-3, rel=0.25)

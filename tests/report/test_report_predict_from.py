@@ -16,6 +16,7 @@ from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.draws import Load, draws
 from camtorque.fit.ends import (
     LEAST_STD,
     UNKNOWN_STD,
@@ -27,7 +28,7 @@ from camtorque.fit.ends import (
     taught_by,
     width_of,
 )
-from camtorque.fit.forecast import DRAWS, Load, _draws, shape_of
+from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.load_file import refuse_other_load
 from camtorque.fit.shared_lift import SharedLift
@@ -165,7 +166,7 @@ def test_a_mean_of_fitted_values_is_drawn_with_what_the_fit_leaves_open_of_the_m
                    ArrowCovariance.whole(np.diag([1e6, 1e-6, 1e-6])), ())  # fmt: skip
     load = Load({"end_width": Estimate(0.03, 0.0)}, means={"end_width": {1: 0.5, 2: 0.5}})
     mean = {"torque_zero": 0.0, "pressure_zero": 0.0, "end_width": 0.03}
-    drawn = [item["end_width"] for item in _draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load, 0.1)]
+    drawn = [item["end_width"] for item in draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load, 0.1, 60)]
     assert np.std(drawn) / 0.1 == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import stdtrit
 
+from camtorque.fit.draws import Load
 from camtorque.fit.firm_end import (
     END_OF,
     WIDTHS_OF,
@@ -27,7 +28,6 @@ from camtorque.fit.firm_end import (
     levers_of,
     variance_of,
 )
-from camtorque.fit.forecast import Load
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import ROWS

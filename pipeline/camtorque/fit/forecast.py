@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
@@ -22,39 +23,15 @@ from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
 from camtorque.laws.fluid import specific_volume
-from camtorque.records import Array, Estimate, ReadOnly, Refusal
+from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import BAR
 
 DRAWS = 60
-FRACTIONS = (0.2, 1.0)
-"""Draws are such shares of the covariance's standard deviations away; their scatter is scaled up again, and the smaller
-one counts: small draws make too much of a step of the model, large ones of the bounds."""
-STEP_RATIO = 2.5
-"""Scatter of small draws, scaled up, over that of whole ones: 0.4 to 1.4 in 19 left-out runs, 5 where steps are all."""
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
 Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
 SEAT = 2
 """Column of the chain's flows that is the one past the delivery valve."""
-
-
-@dataclass(frozen=True)
-class Load(ReadOnly):
-    """What is known of the load of a run that was not made, beside its line pressure.
-
-    Attributes
-    ----------
-    ends : own parameters that are known otherwise, such as the end of delivery, with how well [SI]
-    pressure_std : (n,) standard uncertainty of the line pressure on the chain's grid [Pa], empty for none
-    means : such parameters that are weighted means of fitted ones -> place of each in the fit -> weight; what the fit
-        leaves open of the mean is in its covariance, the standard error of ``ends`` is what comes on top
-    pulls : end -> width that moves it, and by how much per unit of the width's own error [SI]
-    """
-
-    ends: Mapping[str, Estimate]
-    pressure_std: Array = field(default_factory=lambda: np.zeros(0))
-    means: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
-    pulls: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -179,7 +156,7 @@ def _spread(known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, ch
     parts = partial(_parts, lift=known.lift)
 
     def drawn(fraction: float) -> list[dict[str, float]]:
-        return [values_of(item, source, changes) for item in _draws(known, places, mean, load, fraction)]
+        return [values_of(item, source, changes) for item in draws(known, places, mean, load, fraction, DRAWS)]
 
     def about(best: Mapping[str, float], fractions: Sequence[float]) -> tuple[Mapping[str, Array], tuple[Scatter, ...]]:
         at = settled(chain, best)
@@ -188,11 +165,9 @@ def _spread(known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, ch
         )
 
     center, (small, whole) = about(values_of(mean, source, changes), FRACTIONS)
-    if np.linalg.norm(small.std["torque"]) < STEP_RATIO * np.linalg.norm(whole.std["torque"]):
+    if not steps(small.std["torque"], whole.std["torque"]):
         return Spread(center, (small, whole), False)
-    moved = whole.torque[:DRAWS]
-    middle = int(np.argmin(np.sum(np.abs(moved - np.median(moved, axis=0)), axis=1)))
-    return Spread(*about(drawn(1.0)[middle], (1.0,)), True)
+    return Spread(*about(drawn(1.0)[middle(whole.torque[:DRAWS])], (1.0,)), True)
 
 
 @dataclass(frozen=True)
@@ -236,33 +211,6 @@ def values_of(
     off = {"land": SPILL_NAMES, "spill": LAND_NAMES}.get(source.structure, (*LAND_NAMES, *SPILL_NAMES))
     full.update({name: NEUTRAL[name] for name in off})
     return {name: value * changes.get(name, 1.0) for name, value in full.items()}
-
-
-def _draws(
-    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], load: Load, fraction: float
-) -> list[dict[str, float]]:
-    """Return drawn values within the bounds of the rows."""
-    parts = [load.means.get(name, {place: 1.0}) for name, place in places.items()]
-    index = sorted({place for part in parts for place in part})
-    mixing = np.array([[part.get(place, 0.0) for place in index] for part in parts])
-    block = mixing @ known.predictive.among(index) @ mixing.T
-    scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
-    values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]
-    every = np.random.default_rng(0).standard_normal((DRAWS, len(parts) + len(load.ends)))
-    normal, found = np.split(every, [len(parts)], axis=1)
-    result = []
-    for k, step in enumerate(fraction * normal @ root.T):
-        item = {name: mean[name] + float(d) for name, d in zip(places, step, strict=True)}
-        item["torque_zero"] = 0.0
-        away = {name: fraction * end.stderr * one for (name, end), one in zip(load.ends.items(), found[k], strict=True)}
-        for name, error in away.items():
-            other, pull = load.pulls.get(name, ("", 0.0))
-            item[name] = item.get(name, mean[name]) + float(error + pull * away.get(other, 0.0))
-        result.append(
-            {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
-        )
-    return result
 
 
 def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:

@@ -3,8 +3,8 @@
 The fit of the others begins one step from the joint minimum: the recording's own normal equations are taken off, within
 the bounds, which is exact for a linear model and costs nothing, however many recordings there are. Where they are few,
 each weighs enough for the step to leave what is linear: if it makes their chi-square larger they are fitted again.
-Where the delivery ends, and which correction the lift table needs, a prediction takes from the others as
-`predict --from` does.
+Where the delivery ends, which correction the lift table needs, and what is typical where the model steps within what
+the others leave open, a prediction takes from them as `predict --from` does.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
 from camtorque.fit.endings import endings_of
 from camtorque.fit.ends import Curve, load_for
 from camtorque.fit.firm_end import END_OF, WIDTHS_OF
+from camtorque.fit.forecast import values_of
 from camtorque.fit.joint_fit import JointFit, shown_covariance, values_of_each
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
@@ -28,6 +30,7 @@ from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.result import modelled
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import solve
+from camtorque.laws.chain import COLUMN_NAMES, evaluate
 from camtorque.records import Array, Finding, Metrics
 
 ZERO_SPREAD_SHARE = 1.0e-3
@@ -41,6 +44,8 @@ POOR = {MODES[0]: 0.3, MODES[1]: 1.0}
 """Error of a left-out prediction, by its mode, above which the campaign says so [% of the peak torque]."""
 MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
 """Largest campaign whose recordings are fitted again without one where the step fails, and the iterations of that."""
+DRAWS = 16
+"""Runs that tell whether the model steps within what the others leave open, by each of `draws.FRACTIONS`."""
 
 
 @dataclass(frozen=True)
@@ -196,10 +201,41 @@ def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> Pr
     lift = others.lift - asked_by(problem, fit.solution.z, index, fit.covariance.inflation)
     correction = given_to(problem, lift).values
     data = replace(with_starts(problem.data[index], shared), lift_basis=problem.data[0].lift_basis)
-    own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
     known = replace(others.known, values=z)
-    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **predicted_end(known, others.curves, data)}
+    ends = predicted_end(known, others.curves, data)
+    shared = typical(known, data, shared, ends)
+    data = with_starts(data, shared)
+    own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
+    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **ends}
     return Predicted((own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled)
+
+
+def typical(known: KnownFit, data: FitData, shared: Mapping[str, float], ends: Mapping[str, float]) -> dict[str, float]:
+    """Return the shared values of the drawn run nearest to the median torque where the model steps, else as they are.
+
+    Parameters
+    ----------
+    known : the fit of the others; data : the recording that is predicted
+    shared : parameter -> value in the fit of the others [SI]
+    ends : where and how sharply delivery ends [SI]
+    """
+    source = next(one for one in known.recordings if one.id == data.name)
+    places = {name: k for name, k in known.own(source.id).items() if name in shared}
+    mean = {**shared, "torque_zero": 0.0}
+    found = [draws(known, places, mean, Load({}), fraction, DRAWS) for fraction in FRACTIONS]
+
+    def torque(values: Mapping[str, float]) -> Array:
+        full = values_of({**values, **ends}, source)
+        output = evaluate(data.chain, full)
+        return output.torque + output.linear @ np.array([full[name] for name in COLUMN_NAMES])
+
+    center = torque(shared)
+    small, whole = (
+        np.array([torque(item) - center for item in each]) / fraction
+        for each, fraction in zip(found, FRACTIONS, strict=True)
+    )
+    best = found[-1][middle(whole)] if steps(small, whole) else shared
+    return {name: best[name] for name in shared}
 
 
 def _prediction(item: JointInput, data: FitData, held: Mapping[str, float], mode: str, lift: Array) -> HeldOut:
