@@ -25,7 +25,7 @@ from camtorque.fit.starts import (
     rising_angles,
     tempered,
 )
-from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std
+from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std, ripple
 from camtorque.laws import valve
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts
@@ -95,6 +95,7 @@ def test_trigger_cam_angle_and_chamber_are_the_rigs(case, record):
     loaded = true > 0.3 * peak
     assert np.mean(np.abs(error[loaded]) < 2.0 * record.chamber_pressure_std[loaded]) > 0.85
     assert np.median(record.chamber_pressure_std[loaded]) < 0.03 * peak
+    assert np.all(record.chamber_pressure_std >= ripple(record.chamber_pressure))  # whose phase no torque tells
 
 
 def test_model_meets_the_cycles_that_were_not_fitted(record):

@@ -9,7 +9,7 @@ import pytest
 from camtorque.fit.minima import at_minimum, judged
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows
-from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian
+from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple
 from camtorque.fit.valley import HELD, NO_VALLEY, Valley, swept
 from fit_cases import bridged, quick, quick_data
 
@@ -90,3 +90,17 @@ def test_the_pressure_follows_its_parameters():
     names = [found.problem.names[k] for k in places]
     assert {"bulk_modulus", "valve_mass", ANGLE, "shaft_compliance"} <= set(names)
     assert "bearing_arm" not in names
+
+
+@pytest.mark.parametrize("n", [1800, 7200])
+def test_a_ripple_counts_by_its_amplitude_and_a_stroke_does_not(n):
+    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    stroke = 300.0e5 * np.maximum(np.sin(angle), 0.0) ** 2  # turns within 30 degrees
+    swinging = (angle > 1.2) & (angle < 1.6)
+    ringing = stroke + 5.0e5 * np.sin(300.0 * angle) * swinging  # 1.2 degrees
+    inside = (angle > 1.25) & (angle < 1.55)
+    np.testing.assert_allclose(ripple(ringing)[inside], 5.0e5, rtol=0.2)
+    far = (angle < 1.1) | (angle > 1.7)
+    assert np.max(ripple(ringing)[far]) < 0.001 * 300.0e5
+    slow = 5.0e5 * np.sin(36.0 * angle)  # 10 degrees, which a torque does tell
+    assert np.max(ripple(slow)) < 0.5e5

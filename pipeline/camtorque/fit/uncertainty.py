@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.prepare import CORRELATION, INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import Solution
 from camtorque.laws.chain import SHIFT_NAMES
@@ -20,6 +20,8 @@ COVERAGE = 1.959964
 MEASURED, NARROWED = 0.3, 0.8
 """Posterior over prior standard deviation up to which a parameter counts as measured, as narrowed."""
 CONFOUNDED = 0.9
+RIPPLE_DEG = CORRELATION / 2.0
+"""Angle over which a torque tells nothing of what swings: its residuals are one value over twice as much [deg]."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,25 @@ def pressure_jacobian(problem: Problem, index: int, tangents: Array) -> tuple[Ar
     free = enumerate(problem.parameters)
     own = [k for k, one in free if one.recording in (-1, index) and one.row.name in columns]
     return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
+
+
+def ripple(pressure: Array) -> Array:
+    """Return the amplitude of what swings too fast in a chamber pressure for the torque to tell, (n,) [Pa].
+
+    A delivery valve that rings or chatters does so at a phase, and at a size, that the valve's law alone gives. The
+    local amplitude is sqrt 2 times the rms about a running parabola, over `RIPPLE_DEG`.
+    """
+    half = round(pressure.size * RIPPLE_DEG / 720.0)
+    place = np.arange(-half, half + 1) / half
+    parabola = np.linalg.pinv(np.vander(place, 3))[2]
+    swing = pressure - _running(pressure, parabola)
+    return np.sqrt(2.0 * _running(swing**2, np.full(place.size, 1.0 / place.size)))
+
+
+def _running(values: Array, weights: Array) -> Array:
+    """Return periodic values (n,) weighted about each of them by an odd number of symmetric weights."""
+    half = weights.size // 2
+    return np.convolve(np.concatenate([values[-half:], values, values[:half]]), weights, "valid")
 
 
 @dataclass(frozen=True)
