@@ -37,7 +37,7 @@ from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.lift_laws import lift_law
-from camtorque.mechanism.mounting import Mounting, assumed_roller
+from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import forces_of
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.mechanism.torque import closed_form_tables
@@ -346,5 +346,5 @@ def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     return ChainInput(
         theta=theta, speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
-        offset=rig.pump.follower_offset * rig.rotation, roller_inertia=assumed_roller(rig.pump).inertia,
+        offset=rig.pump.follower_offset * rig.rotation,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from camtorque.units import BAR, DEGREE
 
 N = 1800
 THETA = angle_grid(N)
-COEFFICIENTS = np.array([1e-4, 1e-5, 0.1, 5e-3, 20.0, 0.01, 0.02, 12.0, 0.01, 0.3])
+COEFFICIENTS = np.array([1e-4, 1e-5, 0.1, 5e-3, 20.0, 0.01, 0.02, 12.0, 0.01, 3e-7, 0.3])
 """One value per column of the chain, in the order of `COLUMN_NAMES` [SI]."""
 assert COEFFICIENTS.size == len(COLUMN_NAMES)
 
@@ -52,7 +52,7 @@ def chain_input(**changes) -> ChainInput:
     torque = 5.0 + 40.0 * np.exp(-(((theta - 0.7) / 0.25) ** 2)) - 20.0 * np.exp(-(((theta - 1.9) / 0.25) ** 2))
     arguments = {
         "theta": theta, "speed": 60.0, "line_pressure": line, "shaft_torque": torque, "trigger_angle": 20 * DEGREE,
-        "pump": pump(), "law": HarmonicLaw(), "offset": 0.002, "roller_inertia": 3e-7,
+        "pump": pump(), "law": HarmonicLaw(), "offset": 0.002,
     }  # fmt: skip
     return ChainInput(**{**arguments, **changes})
 

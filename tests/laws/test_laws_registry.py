@@ -122,6 +122,7 @@ def test_torque_of_the_laws_is_the_closed_form_of_the_mechanism(offset):
     speed, acceleration = 60.0 + 3.0 * np.sin(THETA), 900.0 * np.cos(2.0 * THETA)
     vector = np.zeros(len(LINEAR_NAMES))
     vector[:2] = bearing, pin
+    vector[LINEAR_NAMES.index("roller_inertia")] = data.constants.roller_inertia
     pressure = data.line_pressure
     plain, columns, _, load, least = cam_torque(data.constants, mu, lift, speed, acceleration, pressure, vector)
     constants = data.constants._replace(guide_friction=mu, bearing_arm=bearing, pin_arm=pin)

@@ -43,9 +43,10 @@ SETTINGS = {
 
 
 @cache
-def rig(**friction):
+def rig(roller=None, **friction):
     truth = change(bare(np.random.default_rng(3)), pump__follower_offset=OFFSET)
     truth = change(truth, **{f"friction__{name}": value for name, value in friction.items()})
+    truth = truth if roller is None else change(truth, pump__roller_inertia=roller)
     return simulate(truth, RPM, n_cycles=2, step=1e-5)
 
 
@@ -57,14 +58,14 @@ def exact_law():
 
 def numbers(run, **changes):
     pump = replace(pump_data(run), follower_offset=run.truth.pump.follower_offset, **changes)
-    constants = constants_of(pump, Mounting(), NO_FRICTION)
-    return constants._replace(roller_inertia=run.truth.pump.roller_inertia)
+    return constants_of(pump, Mounting(), NO_FRICTION)
 
 
 def model(run, coefficients, mu=0.0, **changes):
     """Return the torque on the cam at the rig's own angle, speed and chamber pressure, and its columns."""
     pressure, speed, acceleration, _ = histories(run)
     lift = np.asarray(exact_law().derivatives(angle_grid(N), 3))
+    coefficients = {"roller_inertia": run.truth.pump.roller_inertia, **coefficients}
     vector = np.array([coefficients.get(name, 0.0) for name in LINEAR_NAMES])
     plain, columns, _, load, _ = cam_torque(numbers(run, **changes), mu, lift, speed, acceleration, pressure, vector)
     return plain + columns @ vector, columns, load
@@ -129,6 +130,13 @@ def test_a_spring_that_is_not_as_the_sheet_says(name, change_of_sheet):
     found = model(run, {name: 0.1}, **change_of_sheet)[0]
     assert np.max(np.abs(found - torque)) < 1e-4 * np.max(torque)
     assert np.max(np.abs(model(run, {}, **change_of_sheet)[0] - torque)) > 1e-3 * np.max(torque)
+
+
+def test_a_roller_that_is_heavier_than_the_sheet_lets_assume():
+    run = rig(roller=2e-6)
+    torque = histories(run)[3]
+    assert np.max(np.abs(model(run, {})[0] - torque)) < 1e-4 * np.max(torque)
+    assert np.max(np.abs(model(run, {"roller_inertia": 2e-7})[0] - torque)) > 1e-3 * np.max(torque)
 
 
 @pytest.mark.parametrize("growth", [0.0, 2e-9, -1e-9])

@@ -39,7 +39,7 @@ LAW = Law(ROWS, ("shaft_churning",), columns, loss="churning")
 """The one file, `laws/churning.py`, as the page shows it."""
 EDITS = [
     ("import chamber, damping,", "import chamber, churning, damping,"),
-    ('    "packing": packing.LAW,\n', '    "packing": packing.LAW,\n    "churning": churning.LAW,\n'),
+    ('    "roller": roller.LAW,\n', '    "roller": roller.LAW,\n    "churning": churning.LAW,\n'),
 ]
 """The line of `laws/__init__.py`, and its import."""
 USE = """
@@ -94,8 +94,8 @@ def test_a_friction_law_is_added_as_the_page_says(tmp_path):
 def changed_cases():
     """Return the cases of these tests with a value for the new column."""
     text = (Path(__file__).parent / "laws_cases.py").read_text(encoding="utf-8")
-    assert text.count("12.0, 0.01, 0.3]") == 1
-    return text.replace("12.0, 0.01, 0.3]", "12.0, 0.01, 1e-4, 0.3]")
+    assert text.count("12.0, 0.01, 3e-7, 0.3]") == 1
+    return text.replace("3e-7, 0.3]", "3e-7, 1e-4, 0.3]")
 
 
 def test_the_page_shows_this_law():

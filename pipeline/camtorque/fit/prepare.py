@@ -116,9 +116,21 @@ def rig_rows(
     area = float(np.clip(area, 2.0 * row.lower, 0.5 * row.upper))
     _set(rows, "valve_area", start=area, step=0.2 * area)
     _set_warm(rows, config.fluid, fuel_temperature(config.fluid, cycles))
+    _set_roller(rows, pump)
     _set_stated(rows, config)
     _set_gallery(rows, cycles)
     return rows
+
+
+def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
+    """Take the roller of the sheet, else some disk of its radius."""
+    roller = assumed_roller(pump)
+    if roller.assumed:
+        disk = roller.inertia
+        _set(rows, "roller_inertia", start=disk, prior=(2.0 * disk, 2.0 * disk), lower=0.3 * disk, upper=12.0 * disk,
+             step=disk)  # fmt: skip
+    else:
+        _set_prior(rows, "roller_inertia", roller.inertia, 0.05 * roller.inertia, "roller of the sheet")
 
 
 def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
@@ -293,7 +305,7 @@ def fit_data(
         deviation=on_grid(np.asarray(turned), FIT_GRID) if measured else np.zeros(0),
         theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(pressure, FIT_GRID),
         shaft_torque=fine, trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
-        offset=config.pump.follower_offset * config.rotation, roller_inertia=assumed_roller(config.pump).inertia,
+        offset=config.pump.follower_offset * config.rotation,
     )  # fmt: skip
     centred = binned_at_centres(torque)
     return FitData(config.id, chain, centred, bin_weights(centred, scatter), "land", rows, basis)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from camtorque.laws import chamber, damping, driveline, friction, packing, sensor, spring
+from camtorque.laws import chamber, damping, driveline, friction, packing, roller, sensor, spring
 from camtorque.laws.rows import Law, ParameterRow
 
 LAWS: dict[str, Law] = {
@@ -11,6 +11,7 @@ LAWS: dict[str, Law] = {
     "damping": damping.LAW,
     "spring": spring.LAW,
     "packing": packing.LAW,
+    "roller": roller.LAW,
     "driveline": Law(driveline.ROWS),
     "coupling": Law(driveline.COUPLING_ROWS),
     "sensor": Law(sensor.ROWS),

@@ -12,7 +12,7 @@ from camtorque.laws.torque import cam_torque
 from camtorque.records import Array
 
 CAUSES = ("pressure", "spring", "inertia", "guide_friction", *dict.fromkeys(
-    cause_of(name) for name in LINEAR_NAMES if cause_of(name) != "spring"), "lift_table")  # fmt: skip
+    cause_of(name) for name in LINEAR_NAMES if cause_of(name) not in ("spring", "inertia")), "lift_table")  # fmt: skip
 """Causes of torque on the cam; they sum to the model."""
 LOSS_GROUPS: dict[str, tuple[str, ...]] = {
     "pressure": ("pressure",),
@@ -30,7 +30,7 @@ def cam_torques(
 
     Parameters
     ----------
-    coefficients : (10,) of the linear columns of the chain
+    coefficients : (11,) of the linear columns of the chain
     lift_slope : (n,) slope of the lift correction [m/rad]
     """
     pump, motion = data.pump, output.motion
@@ -47,7 +47,7 @@ def cam_torques(
     axial_inertia = pump.follower_mass * (curve * motion.rate**2 + slope * motion.second)
     parts["pressure"] = slope * pump.plunger_area * output.pressure
     parts["spring"] = parts["spring"] + slope * (pump.spring_preload + pump.spring_stiffness * y)
-    parts["inertia"] = slope * axial_inertia + smooth - bare * slope
+    parts["inertia"] = parts["inertia"] + slope * axial_inertia + smooth - bare * slope
     parts["guide_friction"] = whole - smooth
     parts["lift_table"] = load * lift_slope
     return parts

@@ -65,7 +65,6 @@ class ChainInput(ReadOnly):
     trigger_angle : nominal [rad]
     pump, law : catalogue data; lift law with ``derivatives(theta, highest)``
     offset : follower offset as the cam sees it in its direction of running [m]
-    roller_inertia : about its axis [kg m^2]
     uses_chamber : False feeds the line pressure to the plunger, as the source paper does
     substeps : (n,) time steps of the chamber per grid step
     deviation : (n,) cam angle less the angle of uniform running [rad] where a wheel on the cam measured it: the grid is
@@ -81,7 +80,6 @@ class ChainInput(ReadOnly):
     pump: PumpData
     law: Any
     offset: float
-    roller_inertia: float
     uses_chamber: bool = True
     substeps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     deviation: Array = field(default_factory=lambda: np.zeros(0))
@@ -104,7 +102,7 @@ class ChainInput(ReadOnly):
         distance = self.pump.base_circle_radius + self.pump.roller_radius
         own = {"base": float(np.sqrt(distance**2 - self.offset**2)), "offset": self.offset, "cam_inertia": 0.0}
         constants = constants_of(self.pump, Mounting(), NO_FRICTION)
-        object.__setattr__(self, "constants", constants._replace(**own, roller_inertia=self.roller_inertia))
+        object.__setattr__(self, "constants", constants._replace(**own))
         super().__post_init__()
 
 
@@ -129,7 +127,7 @@ class ChainOutput:
     Attributes
     ----------
     torque : (BINS,) part of the measured torque that no linear parameter scales [N m]
-    linear : (BINS, 10) columns of `COLUMN_NAMES`
+    linear : (BINS, 11) columns of `COLUMN_NAMES`
     derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
@@ -139,7 +137,7 @@ class ChainOutput:
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
     path : (m, 3) the chamber after each time step, from which the derivative at the same values needs no search
     least_guide : least 1 - mu |tan phi| sign(y'); the follower jams at 0
-    spectra : (BINS // 2 + 1, 10) harmonics of torque and columns but the last on the cam, before shaft and sensor
+    spectra : (BINS // 2 + 1, 11) harmonics of torque and columns but the last on the cam, before shaft and sensor
     """
 
     torque: Array
@@ -271,7 +269,7 @@ def evaluate(
     Parameters
     ----------
     values : every non-linear parameter [SI]
-    coefficients : (10,) of `COLUMN_NAMES`; only the derivative needs them
+    coefficients : (11,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
     """
@@ -304,7 +302,7 @@ def evaluate(
 
 
 def _behind(spectra: NDArray[np.complex128], through: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return torque and columns (BINS,), (BINS, 10) behind a transfer from their harmonics on the cam."""
+    """Return torque and columns (BINS,), (BINS, 11) behind a transfer from their harmonics on the cam."""
     behind = np.fft.irfft(spectra * through[:, None], BINS, axis=0)
     return behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
 

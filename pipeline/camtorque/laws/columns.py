@@ -26,6 +26,7 @@ class At(NamedTuple):
     sign, sign_by : smooth sign of the sliding velocity
     lever, lever_by : 1 / cos(phi), contact load normal to the cam over that along the follower
     spin, spin_by : rate of the roller over that of the cam
+    turn, turn_by : acceleration of the roller [rad/s^2]
     stiffness, preload, area : of spring [N/m, N] and plunger [m^2]
     """
 
@@ -40,6 +41,8 @@ class At(NamedTuple):
     lever_by: float
     spin: float
     spin_by: float
+    turn: float
+    turn_by: float
     stiffness: float
     preload: float
     area: float
@@ -57,21 +60,22 @@ class Column(NamedTuple):
     torque: float
     torque_by_angle: float
     torque_by_rate: float
+    torque_by_second: float
 
 
 @njit(cache=True, error_model="numpy")
 def on_contact(arm, by_angle):  # type: ignore[no-untyped-def]
     """Return the column of an arm on which the contact load rubs [m]."""
-    return Column(arm, by_angle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Column(arm, by_angle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def on_plunger(force, by_angle, by_rate, by_pressure):  # type: ignore[no-untyped-def]
     """Return the column of a force along the plunger [N], positive against the lift."""
-    return Column(0.0, 0.0, force, by_angle, by_rate, by_pressure, 0.0, 0.0, 0.0)
+    return Column(0.0, 0.0, force, by_angle, by_rate, by_pressure, 0.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def on_shaft(torque, by_angle, by_rate):  # type: ignore[no-untyped-def]
-    """Return the column of a torque that the shaft has to overcome [N m]."""
-    return Column(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, torque, by_angle, by_rate)
+def on_shaft(torque, by_angle, by_rate, by_second=0.0):  # type: ignore[no-untyped-def]
+    """Return the column of a torque that the shaft has to overcome [N m]; ``by_second``: by cam acceleration."""
+    return Column(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, torque, by_angle, by_rate, by_second)

@@ -3,7 +3,7 @@
 The closed form of `camtorque.mechanism.torque`, with the columns of the linear laws::
 
     lambda_y = F_axial / (1 - mu_g |tan phi| sign(y'))                 guide friction feeds back on the contact
-    tau      = lambda_y (y' + arm) + y' F_extra / (1 - mu_g |tan phi| sign(y')) + I_r q (q w' + q' w^2) + T_extra
+    tau      = lambda_y (y' + arm) + y' F_extra / (1 - mu_g |tan phi| sign(y')) + T_extra
 
 arm, F_extra and T_extra are the sums over `camtorque.laws.LINEAR_NAMES` of coefficient times column. Here stand what is
 differentiated and how the columns join; the mechanics and the laws themselves are called.
@@ -50,7 +50,7 @@ def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # typ
 
     Parameters
     ----------
-    pump : `camtorque.mechanism.torque.Constants`; its own friction, cam inertia and weights are left out
+    pump : `camtorque.mechanism.torque.Constants`; its own friction, roller and cam inertia and weights are left out
     mu : friction coefficient of the guide
     lift : (4, n) y, y', y'', y''' [m/rad^k]
     rate, second : (n,) cam speed and acceleration [rad/s, rad/s^2]
@@ -90,12 +90,13 @@ def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # typ
         turn, turn_a = spin * dw + spin_a * w * w, spin_a * dw + spin_aa * w * w
         normal = axial / guide
         load[i] = normal
-        torques[i, 0] = contact_torque(pump, normal, pump.roller_inertia * turn / pump.radius, height, y1, lever)
+        torques[i, 0] = contact_torque(pump, normal, 0.0, height, y1, lever)
         at = At(
             y, y1, y2, w, p, sliding_sign(y1), sliding_sign_by(y1, y2), lever, lever_a, spin, spin_a,
-            pump.stiffness, pump.preload, pump.area,
+            turn, turn_a, pump.stiffness, pump.preload, pump.area,
         )  # fmt: skip
-        arm, arm_a, extra, extra_a, extra_w, extra_p, drag_a, drag_w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        arm, arm_a, extra, extra_a, extra_w, extra_p = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        drag_a, drag_w, drag_dw = 0.0, 0.0, 0.0
         parts = _columns_at(at)
         for k in range(_N):
             part = parts[k]
@@ -111,15 +112,14 @@ def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # typ
             extra_p += c * part.force_by_pressure
             drag_a += c * part.torque_by_angle
             drag_w += c * part.torque_by_rate
+            drag_dw += c * part.torque_by_second
         if not wanted:
             continue
         top = y1 * (axial + extra) + axial * arm
         top_a = y2 * (axial + extra) + y1 * (axial_a + extra_a) + axial_a * arm + axial * arm_a
         by[0, i] = (top_a - top * guide_a / guide) / guide + drag_a
-        by[0, i] += pump.roller_inertia * (spin_a * turn + spin * turn_a)
         by[1, i] = (y1 * (axial_w + extra_w) + axial_w * arm) / guide + drag_w
-        by[1, i] += pump.roller_inertia * spin * spin_a * 2.0 * w
-        by[2, i] = pump.mass * y1 * (y1 + arm) / guide + pump.roller_inertia * spin * spin
+        by[2, i] = pump.mass * y1 * (y1 + arm) / guide + drag_dw
         by[3, i] = (y1 * (pump.area + extra_p) + pump.area * arm) / guide
         by[4, i] = top * share / (guide * guide)
     return torques, by, load, least
