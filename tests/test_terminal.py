@@ -11,7 +11,7 @@ import pytest
 from camtorque import run
 from camtorque.align import align
 from camtorque.commands import check
-from camtorque.commands.texts import finding_lines, loud_findings, run_table
+from camtorque.commands.texts import campaign_table, finding_lines, loud_findings, run_table
 from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import CutFlowRow
@@ -116,3 +116,18 @@ def test_check_lists_the_cuts_that_reject() -> None:
     assert check.cut_flow_lines(cut, ["3 used"])[1:] == [
         f"  {'misfire':24}     2 fail     47 left   no pressure", "enough for: align; run refuses it: 3 used",
     ]  # fmt: skip
+
+
+def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_prediction() -> None:
+    held = {"rms_nm": 2.0, "rms_percent_of_peak": 5.0, "forward_gap_percent": None, "forward_peak_error_nm": -16.0,
+            "return_min_measured_nm": -18.0, "return_min_model_nm": -19.0, "return_rms_nm": None}  # fmt: skip
+    good, bad = ({**document(explained), "name": name, "id": name, "status": "ok", "speed_rpm": 470.0,
+                  "metrics_joint": None} for name, explained in (("A" * 22, True), ("B", False)))  # fmt: skip
+    doc = {
+        "recordings": [good, bad], "findings": [],
+        "held_out": [{"name": good["id"], "mode": "own_zero_and_end", "metrics": held}],
+    }  # fmt: skip
+    lines = campaign_table(doc).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[1].endswith("5.00 %   +40.0 %")
+    assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")

@@ -30,7 +30,9 @@ from camtorque.fit.known_fit import KnownFit
 from camtorque.fit.leftout import (
     LARGEST_STEP,
     MODES,
+    HeldOut,
     Shares,
+    error_text,
     fitted_without,
     left_out,
     left_out_values,
@@ -48,7 +50,7 @@ from camtorque.fit.uncertainty import covariance, covariance_of
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
-from camtorque.records import Refusal
+from camtorque.records import Metrics, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.fit_file import campaign_fit_document, known_covariance, known_lift, known_shown
 from fit_cases import quick_prepared, rig
@@ -289,8 +291,24 @@ def test_recordings_that_the_others_predict_badly_are_told(campaign):
     bad = replace(rows[1], metrics=replace(rows[1].metrics, rms_percent_of_peak=1.5))
     (told,) = poor_findings([rows[0], bad, *rows[2:]])
     assert (told.severity, told.where) == ("warning", bad.name)
-    assert f"{bad.name} 1.5 % (blind)" in told.text
-    assert told.text.count(" % (") == 3
+    assert f"{bad.name}, left out" in told.text
+    assert "1.5 % of the peak (RMS), its highest torque" in told.text
+    assert "(nothing of it fitted, at most 1 %)" in told.text
+
+
+def test_a_prediction_says_how_far_its_highest_torque_is_off():
+    error = Metrics(2.0, 5.0, 0.0, -16.0, -20.0, -20.0, 0.3)
+    assert error.peak_excess_percent == pytest.approx(40.0)
+    assert error_text(error) == "5 % of the peak (RMS), its highest torque 40 % too high"
+    assert error_text(replace(error, rms_percent_of_peak=0.0, rms_nm=0.0)) == "0 % of the peak (RMS)"
+
+
+def test_of_many_badly_predicted_recordings_the_worst_have_a_finding_each():
+    error = Metrics(0.8, 2.0, 0.0, -1.0, -20.0, -20.0, 0.3)
+    rows = [HeldOut(f"r{k}", "blind", (), replace(error, rms_percent_of_peak=2.0 + k)) for k in range(8)]
+    found = poor_findings(rows)
+    assert [row.where for row in found] == ["r7", "r6", "r5", "r4", "r3", "r2"]
+    assert found[-1].text == "less, but too much, are off: r2 4 %, r1 3 %, r0 2 %"
 
 
 def test_beside_a_step_of_the_model_a_prediction_is_typical(joint, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -232,7 +233,7 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
     parts = {part["head"]: part["text"] for part in campaign_answer(doc)}
     assert "lies 8 to 26 % above the rigid model" in parts["The gap"]
     assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
-    assert parts["What to do"].startswith("Not explained: B; open their reports first. 1 refused")
+    assert parts["What to do"].startswith("Not explained: B; open its report first. 1 refused")
     assert parts["What to do"].endswith("Coupling resonance drifts.")
     quiet = {**doc, "recordings": [row("A", True)], "n_refused": 0, "findings": []}
     assert "What to do" not in {part["head"] for part in campaign_answer(quiet)}
@@ -245,3 +246,40 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
 def test_the_headline_counts_the_warnings(severities: tuple[str, ...], told: str) -> None:
     doc = {"recordings": [{}, {}], "n_refused": 1, "held_out": [], "findings": [{"severity": s} for s in severities]}
     assert verdict_text(doc) == f"1 of 2 recordings used.{told}"
+
+
+def left_out(name: str, rms: float, excess: float) -> dict[str, Any]:
+    """Return a left-out prediction of a recording with a peak of 40 N m, both errors in percent of it."""
+    numbers = dict.fromkeys(("forward_gap_percent", "return_min_measured_nm", "return_min_model_nm", "return_rms_nm"))
+    peak = {"rms_nm": 0.4 * rms, "rms_percent_of_peak": rms, "forward_peak_error_nm": -0.4 * excess}
+    return {"name": name, "mode": "own_zero_and_end", "metrics": {**numbers, **peak}}
+
+
+def test_the_headline_names_what_is_predicted_badly_with_its_highest_torque() -> None:
+    held = [left_out("A", 0.17, 0.5), left_out("B", 5.46, 41.0), left_out("C", 0.28, -1.0)]
+    doc = {"recordings": [{}, {}, {}], "n_refused": 0, "held_out": held, "findings": []}
+    text = verdict_text(doc)
+    assert "2 of 3 recordings are met within 0.17 to 0.28 % of the peak torque (RMS)." in text
+    assert text.endswith("Predicted worse: B, 5.5 % of the peak (RMS), its highest torque 41 % too high.")
+
+
+def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: tuple[Path, CampaignResult]) -> None:
+    folder, result = small
+    doc = campaign_document(replace(result, entries=result.entries[:3]))
+    view = campaign_view(result.entries[:3], folder)
+    thumbnails = dict.fromkeys(view.names, "")
+    calm = campaign_page(doc, view, thumbnails)
+    assert 'class="verdict good"' in calm
+    failed = {**doc, "recordings": [{**doc["recordings"][0], "explained": False}, *doc["recordings"][1:]]}
+    page = campaign_page(failed, view, thumbnails)
+    assert f"Not explained: {failed['recordings'][0]['name']}." in verdict_text(failed)
+    assert 'class="verdict look"' in page
+
+
+def test_every_link_of_the_campaign_page_leads_somewhere(small: tuple[Path, CampaignResult]) -> None:
+    folder, _ = small
+    page = (folder / "campaign.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="#([^"]+)"', page)
+    assert {"refused", "table"} <= set(links)
+    assert ("sources" in links) == ('id="sources"' in page)
+    assert all(f'id="{link}"' in page for link in links)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.answer import NOT_LOSSES, bump_place, missed_limits, unusual_values
+from camtorque.report.answer import NOT_LOSSES, bump_place, known_metrics, missed_limits, unusual_values
 from camtorque.report.numbers import named, near, plus_minus, typeset, words
 
 PULLED, MOST_PULLED = "prior_pulled", 3
@@ -64,17 +64,22 @@ def _value(estimate: Mapping[str, Any], unit: str, doc: Mapping[str, Any]) -> st
 
 def campaign_table(doc: Mapping[str, Any]) -> str:
     """Return the content of campaign.json as a compact table."""
-    lines = [f"{'recording':24}{'rpm':>8}{'rigid RMS':>12}{'fitted':>9}{'joint':>9}{'left out':>10}"]
+    lines = [f"{'recording':22}{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>10}{'its peak':>10}"]
     left = {row["name"]: row["metrics"] for row in doc["held_out"] if row["mode"] == "own_zero_and_end"}
     for row in doc["recordings"]:
         if row["status"] != "ok":
-            lines.append(f"{row['name']:24}refused: {row['error']}")
+            lines.append(f"{row['name']:22}refused: {row['error']}")
             continue
+        out = left.get(row["id"])
         shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
-                  (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), left.get(row["id"])]  # fmt: skip
+                  (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), out]  # fmt: skip
         texts = [f"{m['rms_percent_of_peak']:.2f} %" if m else "-" for m in shares]
-        lines.append(f"{row['name']:24}{row['speed_rpm']:8.1f}{texts[0]:>12}{texts[1]:>9}{texts[2]:>9}{texts[3]:>10}")
-    return "\n".join([*lines, *loud_findings(doc["findings"])])
+        high = f"{known_metrics(out).peak_excess_percent:+.1f} %" if out else "-"
+        name = f"{row['name']:22}{row['speed_rpm']:8.1f}"
+        lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>10}{high:>10}")
+    failed = [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
+    told = [f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where"] if failed else []
+    return "\n".join([*lines, *told, *loud_findings(doc["findings"])])
 
 
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:

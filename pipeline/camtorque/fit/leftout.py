@@ -42,6 +42,11 @@ LARGEST_STEP = 3.0
 """Of the shared parameters when a recording is left out, in standard deviations: the step is shortened as a whole."""
 POOR = {MODES[0]: 0.3, MODES[1]: 1.0}
 """Error of a left-out prediction, by its mode, above which the campaign says so [% of the peak torque]."""
+MODE_TEXTS = dict(zip(MODES, ("own zero and end of delivery fitted", "nothing of it fitted"), strict=True))
+PREDICTED_BADLY = "predicted_badly"
+"""Code of the finding on a recording that the others predict badly."""
+MOST_TOLD = 5
+"""Badly predicted recordings that have a finding of their own."""
 MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
 """Largest campaign whose recordings are fitted again without one where the step fails, and the iterations of that."""
 DRAWS = 16
@@ -286,17 +291,35 @@ def settling_findings(names: Sequence[str]) -> tuple[Finding, ...]:
     return (Finding("left_out_not_settled", "info", text, names[0]),)
 
 
+def is_poor(mode: str, rms_percent: float | None) -> bool:
+    """Return whether a prediction by the others is worse than what a run not made may be built on."""
+    return rms_percent is not None and rms_percent > POOR[mode]
+
+
+def error_text(error: Metrics) -> str:
+    """Return how far a prediction is off: over the revolution, and at its highest torque."""
+    excess = error.peak_excess_percent
+    high = f", its highest torque {abs(excess):.2g} % too {'high' if excess > 0.0 else 'low'}"
+    return f"{error.rms_percent_of_peak:.2g} % of the peak (RMS){high if np.isfinite(excess) else ''}"
+
+
 def poor_findings(held: Sequence[HeldOut]) -> tuple[Finding, ...]:
-    """Return the finding on recordings that the others predict badly."""
-    poor = [row for row in held if row.metrics.rms_percent_of_peak > POOR[row.mode]]
-    if not poor:
-        return ()
-    told = ", ".join(
-        f"{row.name} {row.metrics.rms_percent_of_peak:.2g} % ({row.mode.replace('_', ' ')})" for row in poor
+    """Return a finding on each recording that the others predict badly, the worst first; of many one on the rest."""
+    poor: dict[str, list[HeldOut]] = {}
+    for row in sorted(held, key=lambda row: -row.metrics.rms_percent_of_peak):
+        if is_poor(row.mode, row.metrics.rms_percent_of_peak):
+            poor.setdefault(row.name, []).append(row)
+    names = list(poor)
+    found = [Finding(PREDICTED_BADLY, "warning", _poor_text(name, poor[name]), name) for name in names[:MOST_TOLD]]
+    if rest := names[MOST_TOLD:]:
+        told = ", ".join(f"{name} {poor[name][0].metrics.rms_percent_of_peak:.2g} %" for name in rest)
+        found.append(Finding(PREDICTED_BADLY, "warning", f"less, but too much, are off: {told}", rest[0]))
+    return tuple(found)
+
+
+def _poor_text(name: str, rows: Sequence[HeldOut]) -> str:
+    parts = (f"{error_text(row.metrics)} ({MODE_TEXTS[row.mode]}, at most {POOR[row.mode]:g} %)" for row in rows)
+    return (
+        f"{name}, left out and predicted from the others, is off by {'; '.join(parts)}; a run at such a speed "
+        "and load that was not recorded is not known better than that"
     )
-    limits = " and ".join(f"{POOR[mode]:g} % ({mode.replace('_', ' ')})" for mode in MODES)
-    text = (
-        f"left out, these recordings are predicted worse than {limits}: {told}; a run at their speed and load that was "
-        "not recorded is not known better than that"
-    )
-    return (Finding("predicted_badly", "warning", text, poor[0].name),)

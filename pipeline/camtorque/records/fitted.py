@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -27,6 +28,12 @@ class Metrics:
     return_min_measured_nm: float
     return_min_model_nm: float
     return_rms_nm: float
+
+    @property
+    def peak_excess_percent(self) -> float:
+        """How much the model's highest torque exceeds the measured one, in percent of that; nan where unknown."""
+        peak = 100.0 * self.rms_nm / self.rms_percent_of_peak if self.rms_percent_of_peak else math.nan
+        return -100.0 * self.forward_peak_error_nm / peak
 
 
 @dataclass(frozen=True)

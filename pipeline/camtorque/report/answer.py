@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from camtorque.records import KNOWLEDGE
+from camtorque.records import KNOWLEDGE, Metrics
 from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
@@ -79,6 +79,11 @@ def missed_limits(held: Document) -> list[str]:
         for value, limit, name, unit in checks
         if not value <= limit
     ]
+
+
+def known_metrics(row: Document) -> Metrics:
+    """Return the metrics of a result; null is nan."""
+    return Metrics(**{key: math.nan if value is None else value for key, value in row.items()})
 
 
 def bump_place(bump: Mapping[str, Any]) -> str:

@@ -7,8 +7,9 @@ from typing import Any
 
 from markupsafe import Markup
 
+from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor
 from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import known_text
+from camtorque.report.answer import known_metrics, known_text, missed_limits
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
 from camtorque.report.campaign_view import MANY, CampaignView
@@ -56,18 +57,38 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
 
 
 def verdict_text(doc: Mapping[str, Any]) -> str:
-    """Return how many recordings were used and how well they predict each other."""
+    """Return how many recordings were used, which are not explained, and how well they predict each other."""
     used = len(doc["recordings"]) - doc["n_refused"]
     text = f"{used} of {len(doc['recordings'])} recordings used."
-    left_out = [r["metrics"]["rms_percent_of_peak"] for r in doc["held_out"] if r["mode"] == "own_zero_and_end"]
-    left_out = [value for value in left_out if value is not None]
-    if left_out:
-        text += (
-            f" Predicted from the others, with its own zero and end of delivery, a recording is met within "
-            f"{num(min(left_out), 2)} to {num(max(left_out), 2)} % of its peak torque (RMS)."
-        )
+    if odd := unexplained(doc):
+        text += f" Not explained: {_some(odd)}."
+    text += left_out_text(doc)
     serious = sum(row["severity"] != "info" for row in doc["findings"])
     return text + (f" {serious} warning{'s' if serious > 1 else ''} below." if serious else "")
+
+
+def unexplained(doc: Mapping[str, Any]) -> list[str]:
+    """Return the names of the recordings that the model does not explain."""
+    return [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
+
+
+def left_out_text(doc: Mapping[str, Any]) -> str:
+    """Return how well recordings are predicted from the others, those that are not by their names."""
+    known = [row for row in doc["held_out"] if row["mode"] == MODES[0] and row["metrics"]["rms_percent_of_peak"]]
+    known.sort(key=lambda row: row["metrics"]["rms_percent_of_peak"])
+    good = [row for row in known if not is_poor(row["mode"], row["metrics"]["rms_percent_of_peak"])]
+    bad = reversed(known[len(good) :])
+    poor = [f"{row['name']}, {error_text(known_metrics(row['metrics']))}" for row in bad]
+    text = ""
+    if good:
+        ends = dict.fromkeys(num(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
+        who = f"with their own zero and end of delivery, {len(good)} of {len(known)} recordings are"
+        text = f" Predicted from the others, {who} met within {' to '.join(ends)} % of the peak torque (RMS)."
+    return text + (f" Predicted worse: {_some(poor, '; ')}." if poor else "")
+
+
+def _some(names: Sequence[str], between: str = ", ") -> str:
+    return between.join(names[:MOST_NAMED]) + (" and others" if len(names) > MOST_NAMED else "")
 
 
 def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -84,16 +105,19 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
         text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
     if known:
-        text = f"Of {len(known)} shared parameters {known_text(known.values())}; the rest are as the sheet says."
+        text = (
+            f"Of {len(known)} shared parameters {known_text(known.values())}; the others are no surer than sheet or "
+            "literature had them."
+        )
         parts.append({"head": "How sure", "text": text})
-    odd = [row["name"] for row in rows if not row.get("explained", True)]
+    odd = unexplained(doc)
     advice = []
     if odd:
-        first = ", ".join(odd[:MOST_NAMED]) + (" and others" if len(odd) > MOST_NAMED else "")
-        advice.append(f"Not explained: {first}; open their reports first.")
+        advice.append(f"Not explained: {_some(odd)}; open {'their reports' if len(odd) > 1 else 'its report'} first.")
     if doc["n_refused"]:
         advice.append(f"{doc['n_refused']} refused: the reasons stand below; mend them and run the same command again.")
-    serious = [row["text"] for row in doc["findings"] if row["severity"] != "info"]
+    urgent = sorted(doc["findings"], key=lambda row: row.get("code") != PREDICTED_BADLY)
+    serious = [row["text"] for row in urgent if row["severity"] != "info"]
     advice += [f"{text[:1].upper()}{text[1:]}." for text in map(named, serious[:MOST_QUOTED])]
     if advice:
         parts.append({"head": "What to do", "text": " ".join(advice)})
@@ -108,7 +132,8 @@ def campaign_page(
     thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
         "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
-        good=not doc["n_refused"] and not serious, drawings=drawings, answer=campaign_answer(doc),
+        good=not doc["n_refused"] and not serious and not unexplained(doc),
+        missed=missed_limits, known_metrics=known_metrics, drawings=drawings, answer=campaign_answer(doc),
         shared=sorted((doc["shared_parameters"] or {}).items(), key=lambda item: KNOWLEDGE.index(item[1]["knowledge"])),
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,

@@ -59,7 +59,7 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "priors": FigureSpec(
         "Parameters against expectation", "Shaded: within two standard deviations of sheet, certificate or literature. "
-        "Grey: the data added nothing to what was known.", fit_figures.priors, "uncertainty",
+        "Grey: no surer than before.", fit_figures.priors, "uncertainty",
     ),
     "budget": FigureSpec(
         "Where the uncertainty comes from",

@@ -107,7 +107,7 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
         "The data determine the value; what was known before hardly matters.",
         "The data tell how large it is at most: zero is not excluded.",
         "The data narrowed what was known before.",
-        "The data added nothing: the value is that of sheet, certificate or literature.",
+        "The data made these no surer than sheet, certificate or literature; the fit may lean on them within that.",
     )
     rows = [parameter_row(name, row, doc["explained"]) for name, row in doc["parameters"].items()]
     return [
