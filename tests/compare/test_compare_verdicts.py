@@ -139,7 +139,8 @@ def test_a_report_stands_for_its_recording(tmp_path: Path) -> None:
 
 
 def test_terminal_tells_changes_first_and_names_the_unknown() -> None:
-    row = {"before": 1.0, "after": 1.5, "difference": 0.5, "stderr": 0.1, "smallest_change": 0.4, "unit": "um"}
+    row = {"before": 1.0, "after": 1.5, "difference": 0.5, "stderr": 0.1, "smallest_change": 0.4, "unit": "um",
+           "ci95": (0.3, 0.7)}  # fmt: skip
     doc = {
         "before": {"name": "A", "speeds_rpm": [900.0]}, "after": {"name": "B", "speeds_rpm": [901.0]},
         "verdict": "changed", "events": [{"groups": ["leakage"], "probability": 0.97}],
@@ -148,9 +149,22 @@ def test_terminal_tells_changes_first_and_names_the_unknown() -> None:
         "losses": {},
     }  # fmt: skip
     lines = compare_table(doc).splitlines()
-    assert lines[4].startswith("leakage")
-    assert lines[5].startswith("bearing arm")
+    assert lines[4:8:2] == ["changed:", "not changed:"]
+    assert lines[5].startswith("leakage")
+    assert lines[7].startswith("bearing arm")
     assert lines[-1] == "cannot tell: pin arm"
+
+
+def test_terminal_gives_digits_by_the_uncertainty_and_fits_into_eighty_columns() -> None:
+    row = {"before": 2931.4, "after": 2913.2, "difference": -18.1, "stderr": 25.3, "smallest_change": 109.0,
+           "unit": "mm^3/s/bar", "verdict": "not changed", "ci95": (-68.0, 32.0)}  # fmt: skip
+    doc = {
+        "before": {"name": "A", "speeds_rpm": [900.0]}, "after": {"name": "B", "speeds_rpm": [901.0]},
+        "verdict": "cannot tell", "events": [], "parameters": {"spring_stiffness_error": row}, "losses": {},
+    }  # fmt: skip
+    told = compare_table(doc).splitlines()[-1]
+    assert told.split() == ["spring", "stiffness", "error", "2931", "2913", "−18", "±", "25", "109", "mm³/s/bar"]
+    assert len(told) <= 80
 
 
 def test_every_event_has_words_for_the_rig() -> None:

@@ -124,6 +124,9 @@ def test_page_opens_every_design_without_a_script(tmp_path):
     assert main(["design", str(path), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     page = (tmp_path / "out" / "design.html").read_text()
     links, sections = re.findall(r'href="#(d\d+)"', page), re.findall(r'<section id="(d\d+)"', page)
+    # an image has no parts for a screen reader: a drawing of links is a group
+    (front,) = re.findall(r'<svg[^>]*role="(\w+)" aria-label="Pareto front of [a-zA-Z ]+;', page)
+    assert front == "group"
     assert links == sections
     assert len(links) >= 5
     assert page.count('class="design chosen"') == 1

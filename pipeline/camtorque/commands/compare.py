@@ -9,7 +9,7 @@ from typing import Any
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import loud_findings
 from camtorque.compare import compare
-from camtorque.report.compare_page import compare_cautions, compare_events, left_out
+from camtorque.report.compare_page import compare_cautions, compare_events, compare_rows, left_out
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -28,18 +28,18 @@ def compare_table(doc: Mapping[str, Any]) -> str:
         *(f"  {probability:>6}  {event}" for event, probability in compare_events(doc)),
         *(f"warning   {text}" for text in compare_cautions(doc)),
         "",
-        f"{'':24}{'before':>12}{'after':>12}{'difference':>22}{'would be seen':>16}",
+        f"{'':22}{'before':>9}{'after':>9}{'difference':>13}{'':6}{'would be seen':>13}",
     ]
-    rows = {**doc["parameters"], **doc["losses"]}
+    rows = compare_rows({**doc["parameters"], **doc["losses"]})
     for verdict in ("changed", "not changed"):
-        for name, row in rows.items():
-            if row["verdict"] == verdict:
-                seen = "–" if verdict == "changed" else f"{row['smallest_change']:.2g}"
-                lines.append(
-                    f"{name.replace('_', ' '):24}{row['before']:12.4g}{row['after']:12.4g}{row['difference']:+13.3g} ± "
-                    f"{row['stderr']:<6.2g}{seen:>16}  {row['unit']}  {verdict}"
-                )
-    unknown = [name.replace("_", " ") for name, row in rows.items() if row["verdict"] == "cannot tell"]
+        found = [row for row in rows if row["verdict"] == verdict]
+        lines += [f"{verdict}:"] * bool(found)
+        lines += [
+            f"{row['name']:22}{row['before']:>9}{row['after']:>9}{row['difference']:>9} ± {row['error']:<7}"
+            f"{row['smallest']:>9}   {row['unit']}".rstrip()
+            for row in found
+        ]
+    unknown = [row["name"] for row in rows if row["verdict"] == "cannot tell"]
     return "\n".join(
         [*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else []), *left_out(doc), *_of_recordings(doc)]
     )

@@ -60,7 +60,8 @@ def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before
         hint = f"design {k + 1}: {label_of(aims[across])} {x[k]:.4g}, {label_of(aims[up])} {y[k]:.4g}"
         place = f'cx="{horizontal(x[k]):.1f}" cy="{vertical(y[k]):.1f}" r="{radius}"'
         parts.append(f'<a href="#d{k + 1}"><circle {place} {fill(tone)}><title>{hint}</title></circle></a>')
-    return drawing(width, height, f"Pareto front of {aims[across]} and {aims[up]}", parts)
+    label = f"Pareto front of {plain_name(aims[across])} and {plain_name(aims[up])}; each point is a link to its design"
+    return drawing(width, height, label, parts, role="group")
 
 
 def _values(front: Front, name: str) -> Array:

@@ -203,10 +203,10 @@ def area(x: Array, low: Array, high: Array, tone: str) -> str:
     return f'<path transform="scale(.1)" d="{data}" {fill(tone)} fill-opacity=".75"/>'
 
 
-def drawing(width: float, height: float, label: str, parts: Iterable[str]) -> str:
-    """Return the SVG element; ``label`` is what a screen reader says."""
+def drawing(width: float, height: float, label: str, parts: Iterable[str], role: str = "img") -> str:
+    """Return the SVG element; ``label`` is what a screen reader says, ``role`` is ``group`` where parts are links."""
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="{role}" '
         f'aria-label="{escape(clean(label))}" font-family="{FONT}" font-size="{FONT_SIZE:g}">'
         + "".join(parts) + "</svg>"
     )  # fmt: skip
