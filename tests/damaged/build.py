@@ -197,6 +197,11 @@ def _ramp(log: Log) -> Log:
     return Log(log.rate, log.start, volts, log.times[: at.size])
 
 
+def _dead_trigger(where: slice) -> Callable[[Log], Log]:
+    """The cable of the trigger is off for a part of the log, its input reads noise."""
+    return _put("trigger", where, lambda volts: 0.05 + 5e-3 * np.random.default_rng(5).standard_normal(volts.size))
+
+
 def _start_stop(log: Log) -> Log:
     """Half a second of standstill before and after."""
     idle = round(0.5 * log.rate)
@@ -359,6 +364,8 @@ BUILDERS: dict[str, Builder] = {
     "inverted_torque": changed(_invert_torque),
     "trigger_missed": changed(_trigger(_missed)),
     "trigger_doubled": changed(_trigger(_doubled)),
+    "trigger_dies": changed(_dead_trigger(slice(11_300, None))),
+    "trigger_wakes_late": changed(_dead_trigger(slice(None, 11_300))),
     "trigger_bounced": changed(_trigger(_bounced)),
     "misfire": changed(_misfire),
     "speed_ramp": changed(_ramp),

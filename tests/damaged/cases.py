@@ -137,6 +137,8 @@ VERDICTS: dict[str, Verdict] = {
     "constant_trigger": used("channel_constant"),
     "swapped_channels": used("channels_swapped", "torque_against_pressure"),
     "inverted_torque": used(align=("torque_inverted",)),
+    "trigger_dies": used(),
+    "trigger_wakes_late": used(),
     "trigger_missed": used("pulses_irregular"),
     "trigger_doubled": used("pulses_irregular"),
     "trigger_bounced": used("pulses_irregular", "isolated_samples"),

@@ -58,6 +58,8 @@ ALIGNED: dict[str, Aligned] = {
     "speed_ramp": Aligned(refused="most fail 'start_stop'"),
     "start_stop": used(found=22, start_stop=2),
     "inverted_torque": used("torque_inverted"),
+    "trigger_dies": used("trigger_silent", found=10),
+    "trigger_wakes_late": used("trigger_silent", found=10),
     "trigger_missed": used("trigger_missed"),
     "trigger_doubled": used("trigger_doubled"),
     "trigger_bounced": used("trigger_bounced"),

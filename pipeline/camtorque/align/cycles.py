@@ -26,6 +26,7 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.phase import settled_phase
 from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts
+from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
@@ -60,7 +61,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     if not used.any():
         raise _none_used(recording, int(complete.sum()), cut_flow)
     others, untied = align_others(channels.other, angle, cycles, base.clocks, options)
-    base = replace(base, findings=(*base.findings, *findings, *untied))
+    silent = silence_findings(base, channels.main)
+    base = replace(base, findings=(*base.findings, *silent, *findings, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle)
     return replace(found, findings=(*found.findings, *_rare(found), *_at_rest(recording, found)))
 
