@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -131,3 +132,10 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     assert max(map(len, lines)) <= 80
     assert lines[1].endswith("5.00 %   +40.0 %")
     assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")
+
+
+def test_a_check_lists_warnings_before_notes() -> None:
+    text = check.execute(Namespace(recording=EXAMPLE), lambda _: None).text
+    severities = re.findall(r"(?m)^(error|warning|info) ", text)
+    assert {"warning", "info"} <= set(severities)
+    assert severities == sorted(severities, key=("error", "warning", "info").index)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_TABLES
+from camtorque.config.tables import read_toml
 from camtorque.ingest.formats import FORMATS, declared_format
 from camtorque.records import Refusal
 from camtorque.units import DEGREE, RPM
@@ -110,6 +111,8 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
         ("roller_radius_m", "rollerradius_m", "roller_radius_m: this key is missing, is it 'rollerradius_m'?"),
         ("roller_radius_m = 0.008\n", "", "roller_radius_m: this key is missing; radius"),
         ("[pump]", "[pump", "is not valid TOML"),
+        # a decimal comma, a path of Windows: the line says more than the grammar
+        ("roller_radius_m = 0.008", "roller_radius_m = 0,008", r"line \d+, column \d+\): 'roller_radius_m = 0,008'"),
     ],
 )
 def test_a_bad_value_is_refused(tmp_path: Path, old: str, new: str, message: str):
@@ -124,6 +127,8 @@ def test_no_trigger_is_refused(tmp_path: Path):
 
 
 def test_missing_empty_and_foreign_files(tmp_path: Path):
+    with pytest.raises(Refusal, match="is a folder; expected a pump file"):
+        read_toml(tmp_path, "expected a pump file")
     with pytest.raises(Refusal, match="no such file; a recording is a folder"):
         load_recording_config(tmp_path)
     with pytest.raises(Refusal, match="is empty"):

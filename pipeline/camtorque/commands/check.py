@@ -18,6 +18,8 @@ from camtorque.records import CamCycles, Finding, Recording, Refusal
 from camtorque.rehearsal import rehearse
 from camtorque.units import RPM
 
+LOUDEST = ("error", "warning", "info")
+"""Severities in the order of the list: what has to be mended is not to stand between long notes."""
 SCHEMA = "camtorque.check/1"
 ERRORS, REFUSED = 1, 2
 RUN_REFUSED = "run_refused"
@@ -44,7 +46,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         rows = (*rows, *_rehearsed(recording, cycles))
         lacks = [row.text for row in rows if row.code == RUN_REFUSED]
     findings = [asdict(row) for row in rows]
-    found = "\n".join(finding_lines(findings)) or "  nothing wrong was found"
+    loudest = sorted(findings, key=lambda row: LOUDEST.index(row["severity"]))
+    found = "\n".join(finding_lines(loudest)) or "  nothing wrong was found"
     doc = {
         "schema": SCHEMA,
         **asdict(summary),

@@ -72,7 +72,18 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
         raise Refusal(f"{file}: tables or lists are nested too deep; a bench file has two levels") from error
     except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
         said = " ".join(str(error).split())[:200]
-        raise Refusal(f"{file}: is not valid TOML: {said}") from error
+        raise Refusal(f"{file}: is not valid TOML: {said}{_quoted_line(text, said)}") from error
+
+
+def _quoted_line(text: str, said: str) -> str:
+    """Return the line that a message of the TOML reader names, as it stands in the file."""
+    found, lines = re.search(r"at line (\d+)", said), text.split("\n")
+    return f": {lines[int(found[1]) - 1].strip()[:80]!r}" if found and int(found[1]) <= len(lines) else ""
+
+
+def no_file(path: Path) -> str:
+    """Return what is wrong with a path that is no file, in words."""
+    return "is a folder" if path.is_dir() else "no such file"
 
 
 def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
@@ -88,7 +99,7 @@ def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
 def _text(file: Path, expected: str) -> str:
     try:
         if not file.is_file():
-            raise Refusal(f"{file}: no such file; {expected}")
+            raise Refusal(f"{file}: {no_file(file)}; {expected}")
         size = file.stat().st_size
         if size > LARGEST_FILE:
             raise Refusal(f"{file}: has {size} bytes, a TOML file of a bench has at most {LARGEST_FILE}; {expected}")

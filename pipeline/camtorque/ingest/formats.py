@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
+from camtorque.config.tables import no_file
 from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Refusal
@@ -142,7 +143,9 @@ def first_bytes(path: Path) -> bytes:
     """Return the first bytes of a log, which has to be there and hold something."""
     try:
         if not path.is_file():
-            raise Refusal(f"{path}: no such file, expected a log; recording.toml names logs relative to its own folder")
+            raise Refusal(
+                f"{path}: {no_file(path)}, expected a log; recording.toml names logs relative to its own folder"
+            )
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except (OSError, ValueError) as error:
