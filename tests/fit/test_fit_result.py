@@ -47,12 +47,13 @@ def test_a_prior_alone_leaves_the_prior(fit):
 
 
 @pytest.mark.parametrize(
-    ("ratio", "least", "word"),
-    [(0.1, 0.3, "measured"), (0.1, 0.0, "upper limit"), (0.1, -0.1, "measured"), (0.5, 0.0, "narrowed"),
-     (0.95, 0.0, "from the sheet")],
+    ("ratio", "least", "lower", "word"),
+    [(0.1, 0.3, 0.0, "measured"), (0.1, 0.0, 0.0, "upper limit"), (0.1, -0.1, -0.3, "measured"),
+     (0.1, 0.02, 0.02, "upper limit"), (0.1, -0.3, -0.3, "measured"), (0.5, 0.0, 0.0, "narrowed"),
+     (0.95, 0.0, 0.0, "from the sheet")],
 )  # fmt: skip
-def test_words_for_what_the_data_added(ratio, least, word):
-    assert knowledge(ratio, 1.0, least) == word
+def test_words_for_what_the_data_added(ratio, least, lower, word):
+    assert knowledge(ratio, 1.0, least, lower) == word
 
 
 def test_intervals_stop_at_bounds():

@@ -109,6 +109,21 @@ def test_a_speed_far_from_nominal_is_told(tmp_path: Path):
     assert "speed_off_nominal" in codes
 
 
+def test_missing_pulses_are_no_other_speed(tmp_path: Path):
+    volts = LOG.volts["trigger"].copy()
+    high = volts > 0.5 * (volts.min() + volts.max())
+    starts = np.flatnonzero(np.diff(high.astype(int)) == 1)
+    width = int(np.argmin(high[starts[0] + 1 :])) + 2
+    for start in starts[[4, 9, 10]]:
+        volts[start - 1 : start + width] = volts[starts[0] - 5]
+    summary = summarise(read_recording(write_folder(tmp_path / "r", [LOG.with_volts("trigger", volts)], Plan("hdf5"))))
+    assert summary.channels[2].pulses == 19
+    assert summary.speed_rpm == pytest.approx(600.0, rel=1e-4)
+    codes = {finding.code for finding in summary.findings}
+    assert "speed_off_nominal" not in codes
+    assert "pulses_irregular" in codes
+
+
 @pytest.mark.parametrize(("share", "expected"), [(0.004, False), (0.05, True)])
 def test_noise_below_vacuum_is_no_deep_vacuum(tmp_path: Path, share: float, expected: bool):
     plain = read_recording(write_folder(tmp_path / "plain", [LOG], Plan("hdf5"))).of("pressure")[0].calibration

@@ -202,7 +202,7 @@ def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
         row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
         low, high = confidence(value, std, row.lower, row.upper)
         before = float(fit.covariance.prior_std[k])
-        known = knowledge(std, before, low)
+        known = knowledge(std, before, low, row.lower)
         per = row.per_unit
         rows.append(ParameterEstimate(
             name=parameter.name, value=value / per, unit=row.unit, stderr=std / per,

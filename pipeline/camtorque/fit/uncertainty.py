@@ -170,14 +170,18 @@ def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Arr
     return tuple(rows)
 
 
-def knowledge(std: float, before: float, least: float) -> str:
-    """Return how far the data went beyond what was known; ``least`` is the lower end of the 95 % interval.
+def knowledge(std: float, before: float, least: float, lower: float) -> str:
+    """Return how far the data went beyond what was known.
 
-    Intervals end at the bounds (`confidence`), so that one of an amount begins at zero where zero is not excluded.
+    Parameters
+    ----------
+    std, before : standard deviation with the data and without
+    least : lower end of the 95 % interval, which ends at the bounds (`confidence`)
+    lower : bound; where it is not negative the least of an amount, which an interval that begins there leaves open
     """
     ratio = std / before
     if ratio < MEASURED:
-        return "measured" if least != 0.0 else "upper limit"
+        return "upper limit" if 0.0 <= lower == least else "measured"
     return "narrowed" if ratio < NARROWED else "from the sheet"
 
 

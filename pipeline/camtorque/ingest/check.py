@@ -151,9 +151,13 @@ def _expected(config: RecordingConfig) -> float:
 
 
 def _speed(times: Array, config: RecordingConfig) -> float:
+    """Return the cam's speed [rad/s]; where each period is a turn, by the usual ones: pulses may be missing."""
     if times.size < 3:
         return float("nan")
-    return float(2.0 * np.pi * (times.size - 1) / (times[-1] - times[0]) / _expected(config))
+    periods = np.diff(times)
+    if config.trigger.pulses_per_rev == 1:
+        periods = periods[np.abs(periods / np.median(periods) - 1.0) <= PERIOD_TOLERANCE]
+    return float(2.0 * np.pi / np.mean(periods) / _expected(config))
 
 
 def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> list[Finding]:

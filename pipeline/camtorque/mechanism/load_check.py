@@ -38,7 +38,7 @@ def load_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> tupl
     if not math.isfinite(ratio) or USUAL[0] <= ratio <= USUAL[1]:
         return ()
     likely = 1e3 * pump.plunger_diameter * math.sqrt(max(ratio, 0.0) / 1.15)
-    side = "friction and the chamber can only add to it" if ratio < USUAL[0] else "no friction adds so much"
+    side = "friction adds to it, and the chamber while it delivers" if ratio < USUAL[0] else "no friction adds so much"
     text = (
         f"where the line pressure loads the cam most the measured torque is {ratio:.2f} of the rigid model's, sound "
         f"pumps have 1.0 to 1.7 ({side}): check plunger_diameter_m ({1e3 * pump.plunger_diameter:g} mm, {likely:.2g} "
