@@ -149,6 +149,13 @@ def inverse(value):  # type: ignore[no-untyped-def]
     return complex(value.real * share, -value.imag * share)
 
 
+@njit(cache=True, error_model="numpy")
+def damping_shares(place, ln_longer):  # type: ignore[no-untyped-def]
+    """Return the damping time behind the coupling's half and the mean of both, as multiples of that before it."""
+    longer = np.exp(ln_longer)
+    return longer, 1.0 - place + place * longer
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
     """Return C(s), then its derivatives where asked for, (k, 14) or (k, 1); values in the order of the names."""
@@ -156,8 +163,7 @@ def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
         values
     )
     band, reset, lag = np.exp(ln_band), np.exp(ln_reset), np.exp(ln_lag)
-    longer = np.exp(ln_longer)
-    mean = 1.0 - place + place * longer
+    longer, mean = damping_shares(place, ln_longer)
     per_damping = 2.0 / (ringing * mean)
     time = per_damping * damping
     before, after = (1.0 - place) * shaft, place * shaft
@@ -251,8 +257,7 @@ def shaft_transfer(omega: Array, values: Mapping[str, float], both: Any) -> tupl
 def loaded(omega, inertia, own, both):  # type: ignore[no-untyped-def]
     """Return transfer and derivatives of `shaft_transfer` from the cam's inertia and the shaft's own parameters."""
     soft, damping, ringing, half, place, ln_longer = own
-    longer = np.exp(ln_longer)
-    mean = 1.0 - place + place * longer
+    longer, mean = damping_shares(place, ln_longer)
     time = 2.0 / ringing * longer / mean * damping
     m = both.shape[1] - 1
     transfer = np.empty(omega.size, dtype=np.complex128)
