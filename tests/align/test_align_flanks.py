@@ -26,7 +26,7 @@ SLOW = ("closed_volume", "spill", "negative_rotation", "soft_driveline", "foreig
 @cache
 def rig(family: str, rpm: float) -> tuple[Recording, dict[str, np.ndarray], float]:
     """Return a simulated recording, its typical cycle and its speed."""
-    run = simulate(FAMILIES[family](np.random.default_rng(int(rpm))), rpm, 0.8, 3, seed=1)
+    run = simulate(FAMILIES[family](np.random.default_rng(int(rpm))), rpm, 0.8, 3, seed=1, step=1e-5)
     cycles = cycles_of(run)
     typical = {name: getattr(cycles, name).mean(axis=0)[::5] for name in ("torque", "pressure")}
     return recording_of(run), typical, cycles.mean_speed

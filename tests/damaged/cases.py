@@ -1,13 +1,12 @@
 """The verdict on each case of the damaged corpus.
 
 ``refused`` is a pattern of the one line; otherwise ``findings`` are the codes that ingest and its check have to give,
-and no other (but those of the shared sheets). ``lost`` is the number of cycles that the alignment leaves out, where
-known.
+and no other (but those of the shared sheets). What the alignment makes of it stands in `ALIGNED`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from damaged.logs import SUFFIXES
 
@@ -16,16 +15,14 @@ from damaged.logs import SUFFIXES
 class Verdict:
     refused: str = ""
     findings: frozenset[str] = frozenset()
-    align: frozenset[str] = frozenset()
-    lost: int | None = None
 
 
 def refused(pattern: str) -> Verdict:
     return Verdict(refused=pattern)
 
 
-def used(*findings: str, align: tuple[str, ...] = (), lost: int | None = None) -> Verdict:
-    return Verdict(findings=frozenset(findings), align=frozenset(align), lost=lost)
+def used(*findings: str) -> Verdict:
+    return Verdict(findings=frozenset(findings))
 
 
 OF_THE_SHEETS = frozenset({"lift_negative", "delay_tolerance_assumed", "certificate_age_unknown"})
@@ -45,7 +42,7 @@ HEADER_CUTS = {
 }
 
 VERDICTS: dict[str, Verdict] = {
-    **{f"clean_{name}": used(lost=0) for name in SUFFIXES},
+    **{f"clean_{name}": used() for name in SUFFIXES},
     **{f"empty_{name}": refused(r"the file is empty \(0 bytes\)") for name in SUFFIXES},
     **{f"cut_in_header_{name}": refused(pattern) for name, pattern in HEADER_CUTS.items()},
     "cut_half_csv": used("csv_cut_row"),
@@ -68,8 +65,8 @@ VERDICTS: dict[str, Verdict] = {
     "cut_half_contiguous_hdf5": refused("truncated file"),
     "cut_half_uncompressed_mat": refused("no whole MATLAB element"),
     "cut_mat73": refused("truncated file"),
-    "clean_mat73": used(lost=0),
-    "clean_mat_struct": used(lost=0),
+    "clean_mat73": used(),
+    "clean_mat_struct": used(),
     "flipped_hdf5_checksum": refused("samples 0 to 22000: cannot be read as HDF5"),
     "flipped_mf4_deflate": refused("fails its checksum"),
     "flipped_mat_deflate": refused("fails its checksum"),
@@ -85,7 +82,7 @@ VERDICTS: dict[str, Verdict] = {
     "wrong_content": refused("file_format says HDF5, but the content is TDMS"),
     "missing_log": refused("no such file, expected a log; recording.toml names logs"),
     **{
-        f"dialect_{name}": used(lost=0)
+        f"dialect_{name}": used()
         for name in (
             "semicolon",
             "tab_bom",
@@ -101,7 +98,7 @@ VERDICTS: dict[str, Verdict] = {
             "utf16_plain",
         )
     },
-    "dialect_surplus": used("csv_header_longer", lost=0),
+    "dialect_surplus": used("csv_header_longer"),
     "cut_half_xlsx": refused("cannot be read as Excel workbook"),
     "cut_half_parquet": refused("cannot be read as Parquet"),
     "cut_half_lvm": used("csv_cut_row", "samples_missing"),
@@ -111,7 +108,7 @@ VERDICTS: dict[str, Verdict] = {
     "flipped_xlsx": refused("cannot be read as Excel workbook"),
     "flipped_parquet": refused("cannot be read as Parquet"),
     "segments_lvm": refused("holds 2 segments of data, expected one"),
-    "dialect_hint_wrong": used("csv_dialect_differs", lost=0),
+    "dialect_hint_wrong": used("csv_dialect_differs"),
     "unit_in_file_differs": refused("the file's unit is 'mV', recording.toml says 'V'"),
     "unit_unknown": refused("unknown unit 'Vlt', did you mean 'V'"),
     "unit_of_other_kind": refused("unit 'mm' is a length, expected a torque unit or voltage unit"),
@@ -136,7 +133,7 @@ VERDICTS: dict[str, Verdict] = {
     "constant_pressure": used("channel_constant"),
     "constant_trigger": used("channel_constant"),
     "swapped_channels": used("channels_swapped", "torque_against_pressure"),
-    "inverted_torque": used(align=("torque_inverted",)),
+    "inverted_torque": used(),
     "trigger_dies": used(),
     "trigger_wakes_late": used(),
     "trigger_missed": used("pulses_irregular"),
@@ -152,3 +149,62 @@ VERDICTS: dict[str, Verdict] = {
     "out_of_range_tdms": used("out_of_range"),
 }
 """Name of a case -> what the product says about it."""
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """``lost``: complete cycles left out, by reason; ``found``: complete cycles where not 21."""
+
+    lost: dict[str, int] = field(default_factory=dict)
+    findings: frozenset[str] = frozenset()
+    found: int = 21
+    refused: str = ""
+
+
+def aligned(*findings: str, found: int = 21, **lost: int) -> Aligned:
+    return Aligned(lost, frozenset(findings), found)
+
+
+SOUND = aligned()
+HOLE = aligned("trigger_drop_out", drop_out=1)
+PAUSE = aligned(clock_jump=2)
+
+ALIGNED: dict[str, Aligned] = {
+    "cut_half_csv": aligned(found=10),
+    "cut_half_lvm": aligned(found=10),
+    "companion_cut_csv": aligned(found=14),
+    "unclosed_tdms": aligned(found=20),
+    "three_cycles_only": aligned(found=3),
+    "flipped_csv_digit": aligned(outlier=1),
+    "flipped_csv_separator": HOLE,
+    "flipped_csv_row_end": HOLE,
+    "letters_in_csv": HOLE,
+    "nan_run_csv": aligned(drop_out=1),
+    "nan_run_hdf5": aligned(drop_out=1),
+    "row_missing_csv": PAUSE,
+    "gap_csv": PAUSE,
+    "gap_mf4": PAUSE,
+    "time_runs_back_csv": PAUSE,
+    "clock_jump_mat": aligned("clock_jump", clock_jump=2),
+    "clock_jump_catman": aligned("clock_jump", clock_jump=2),
+    "clipped_pressure": Aligned(refused="most fail 'pressure_clipped'"),
+    "clipped_torque": Aligned(refused="most fail 'torque_clipped'"),
+    "constant_pressure": Aligned(refused="the pressure does not follow the cam"),
+    "constant_trigger": Aligned(refused="found 0 trigger pulses"),
+    "swapped_channels": Aligned(refused="torque and pressure are swapped"),
+    "speed_ramp": Aligned(refused="most fail 'start_stop'"),
+    "start_stop": aligned(found=22, start_stop=2),
+    "inverted_torque": aligned("torque_inverted"),
+    "trigger_dies": aligned("trigger_silent", found=10),
+    "trigger_wakes_late": aligned("trigger_silent", found=10),
+    "trigger_missed": aligned("trigger_missed"),
+    "trigger_doubled": aligned("trigger_doubled"),
+    "trigger_bounced": aligned("trigger_bounced"),
+    # The corpus' misfire is a channel that stands still for a revolution, which reaches into two cycles.
+    "misfire": aligned(drop_out=2),
+    "two_loggers": aligned("clock_lag_ambiguous"),
+    "two_loggers_one_trigger": aligned("clock_from_physics", "clock_lag_ambiguous"),
+    "spike_tdms": aligned(outlier=1),
+    "out_of_range_tdms": aligned(pressure_clipped=1),
+}
+"""Cases whose cycles are not all used, or with a finding of the alignment; the others are `SOUND`."""
