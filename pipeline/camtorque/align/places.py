@@ -60,6 +60,8 @@ MOST_OWN = 6
 SPREAD = np.linspace(-2.4, 2.4, 9)
 """Logarithms of the factors on both sizes over which the result is averaged."""
 LEAST_WEIGHT = 1.0e-3
+FAR = 1.0e300
+"""Above the square of any misfit."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,10 @@ class _Normal:
 
 @dataclass(frozen=True)
 class _Pattern:
-    """The pattern of a turn and what it may be made of: ``which`` tooth, ``waves`` of the angle."""
+    """The pattern of a turn and what it may be made of: ``which`` tooth, ``waves`` of the angle.
+
+    ``variance``: of the mean, and of those teeth that are ``free``.
+    """
 
     mean: Array
     variance: Array
@@ -176,7 +181,7 @@ class _Sizes:
         variance = self.ripple**2 / np.maximum(orders / LOBES, 1.0) ** (2.0 * SMOOTHNESS)
         for order, size in self.own:
             variance = variance + np.where(orders == order, size**2, 0.0)
-        return np.r_[variance, variance]
+        return np.tile(variance, 2)
 
 
 def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: TriggerSpec, n: int) -> _Pattern:
@@ -184,6 +189,7 @@ def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: Trigge
     which = np.zeros((tooth.size, per_wheel))
     which[np.arange(tooth.size), tooth % per_wheel] = 1.0
     free = _beside_gap(spec, per_wheel)
+    variance = variance + (which @ np.where(free, FREE_TOOTH, 0.0)) ** 2
     orders = np.arange(1, max(LEAST_ORDERS, min(MOST_ORDERS, (tooth.size - 1) // 2)) + 1)
     # a cam that is ahead passes its teeth earlier
     waves = -_waves(np.asarray(tooth * (TURN / n)), orders)
@@ -246,16 +252,19 @@ def _marginal(pattern: _Pattern, sizes: _Sizes) -> Array:
     """Return the covariance of the pattern; a common shift of all teeth is left open."""
     covariance = sizes.tooth**2 * pattern.teeth_covariance + COMMON_SHIFT**2
     covariance += (pattern.waves * sizes.waves(pattern.orders)) @ pattern.waves.T
-    free = pattern.which @ np.where(pattern.free, FREE_TOOTH, 0.0)
-    covariance[np.diag_indices_from(covariance)] += pattern.variance + free**2
+    covariance.flat[:: pattern.mean.size + 1] += pattern.variance
     return covariance
 
 
 def _score(pattern: _Pattern, sizes: _Sizes) -> float:
     """Return the log of the marginal likelihood times the priors of the sizes."""
-    root = np.linalg.cholesky(_marginal(pattern, sizes))
-    misfit = np.linalg.solve(root, pattern.mean)
-    value = -0.5 * float(misfit @ misfit) - float(np.log(np.diag(root)).sum())
+    n = pattern.mean.size
+    # the factor of the covariance, and below it the misfit in its units: numpy alone solves no triangle
+    bordered = np.empty((n + 1, n + 1))
+    bordered[:n, :n], bordered[n, :n], bordered[n, n] = _marginal(pattern, sizes), pattern.mean, FAR
+    root = np.linalg.cholesky(bordered)
+    misfit = root[n, :n]
+    value = -0.5 * float(misfit @ misfit) - float(np.log(np.diag(root)[:n]).sum())
     for size, (usual, spread) in ((sizes.tooth, TOOTH_STD), (sizes.ripple, RIPPLE_STD)):
         value -= 0.5 * (np.log(size / usual) / spread) ** 2
     return value
