@@ -37,7 +37,7 @@ def test_pulses_keep_their_numbers(seed: int, missing: list[int], extra: list, b
     lost = [10 * (k + 1) + m for k, m in enumerate(missing)]
     extras = [truth[40 + 10 * k + place] + part * PERIOD for k, (place, part) in enumerate(extra)]
     bounces = [truth[70 + b] + 1.5 * WIDTH for b in bounced]
-    train = clean_pulses(np.sort(np.r_[np.delete(truth, lost), extras, bounces]), WIDTH)
+    train = clean_pulses(np.sort(np.r_[np.delete(truth, lost), extras, bounces]))
     assert train.counts == {"bounced": len(bounces), "doubled": len(extras), "missed": len(lost), "gaps": 0}
     np.testing.assert_array_equal(train.step, np.arange(90))
     np.testing.assert_allclose(train.time[~train.repaired], np.delete(truth, lost))
@@ -48,7 +48,7 @@ def test_pulses_keep_their_numbers(seed: int, missing: list[int], extra: list, b
 @given(seed=st.integers(0, 1000))
 def test_sound_trains_are_left_alone(seed: int) -> None:
     truth = train_of(30, seed, 3e-3)
-    train = clean_pulses(truth, WIDTH)
+    train = clean_pulses(truth)
     np.testing.assert_array_equal(train.time, truth)
     assert not any(train.counts.values())
 

@@ -175,7 +175,7 @@ def test_pairs_of_a_campaign_share_their_events() -> None:
     )
     assert joined[0].best == ("leakage",)
     assert joined[0].hypotheses[0].groups == joined[1].hypotheses[0].groups
-    assert joined[0].probability("leakage") == pytest.approx(1.0 / (1.0 + np.exp(-0.5 * (7.0 + odds))), rel=1e-3)
+    assert joined[0].moved("leakage") == pytest.approx(1.0 / (1.0 + np.exp(-0.5 * (7.0 + odds))), rel=1e-3)
 
 
 @pytest.mark.parametrize(("common", "moved", "wanted"), [

@@ -33,9 +33,7 @@ INDEX_SPREAD = Threshold(
 )  # fmt: skip
 
 
-def number_teeth(
-    time: Array, pulse_width: float, spec: TriggerSpec, where: str, index: Array | None = None
-) -> PulseTrain:
+def number_teeth(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
     """Return the pulses with ``step`` zero (mod pulses per cycle) at the reference of the nominal angle.
 
     The reference is the first tooth after the gap, the first regular tooth after an extra one, or the pulse of an
@@ -44,20 +42,19 @@ def number_teeth(
     Parameters
     ----------
     time : edge times [s]
-    pulse_width : median width of a pulse [s]
     index : edge times of the index channel [s], None without one
 
     Raises
     ------
     Refusal : the wheel has no mark, or the mark is not found once per revolution
     """
-    train = _numbered(forward(time, where), pulse_width, spec, where, index)
+    train = _numbered(forward(time, where), spec, where, index)
     return replace(train, phase_open=True) if spec.revolutions_per_cycle > 1 and index is None else train
 
 
-def _numbered(time: Array, pulse_width: float, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
+def _numbered(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
     if spec.pulses_per_rev == 1:
-        train = clean_pulses(time, pulse_width)
+        train = clean_pulses(time)
         return train if index is None else numbered_by_index(train, index, spec, where)
     if spec.double_tooth or spec.missing_teeth:
         counted = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)

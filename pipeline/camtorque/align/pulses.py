@@ -61,15 +61,9 @@ class PulseTrain:
     phase_open: bool = False
 
 
-def clean_pulses(time: Array, pulse_width: float) -> PulseTrain:
-    """Remove bounced and doubled pulses of an evenly divided shaft and put in missed ones.
-
-    Parameters
-    ----------
-    time : edge times [s]
-    pulse_width : median width of a pulse [s]
-    """
-    kept, n_bounced = _without_bounces(time, pulse_width)
+def clean_pulses(time: Array) -> PulseTrain:
+    """Remove bounced and doubled pulses of an evenly divided shaft and put in missed ones; edge times in seconds."""
+    kept, n_bounced = _without_bounces(time)
     kept, n_doubled = _without_extras(kept)
     return _with_missed(kept, n_bounced, n_doubled)
 
@@ -78,7 +72,7 @@ def _local_period(time: Array) -> Array:
     return running_median(np.diff(time), LOCAL_PERIODS)
 
 
-def _without_bounces(time: Array, pulse_width: float) -> tuple[Array, int]:
+def _without_bounces(time: Array) -> tuple[Array, int]:
     """Keep the first edge of a burst: the contact closes first and bounces afterwards."""
     if time.size < 3:
         return time, 0

@@ -80,7 +80,7 @@ def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> Tri
         edges, train = _coil_with_gap(channel, spec, index, options)
     else:
         edges = find_pulses(channel, spec.sensor, spec.edge, options.block_samples)
-        train = number_teeth(edges.time, edges.width, spec, where, index)
+        train = number_teeth(edges.time, spec, where, index)
     return TriggerTrain(channel, edges, shifted(train, spec.switching_delay), spec.pulses_per_cycle)
 
 
@@ -94,7 +94,7 @@ def _coil_with_gap(
     for edge in (spec.edge, TURNED[spec.edge]):
         edges = find_crossings(channel, edge, options.block_samples)
         try:
-            train = number_teeth(edges.time, edges.width, spec, where, index)
+            train = number_teeth(edges.time, spec, where, index)
         except Refusal as found:
             refusal = refusal or found
         else:
@@ -123,7 +123,7 @@ def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> T
         time, findings = _forward_only(edges, find_edges(track_b[0], "rising", options.block_samples), where)
         train = number_counts(time, spec, where, index)
     else:
-        train = number_teeth(edges.time, edges.width, spec, where, index)
+        train = number_teeth(edges.time, spec, where, index)
     every = max(1, -(-spec.pulses_per_cycle // MOST_PULSES))
     while spec.pulses_per_cycle % every:
         every += 1

@@ -65,7 +65,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     triggers = trigger_trains(recording, options)
     main = _main_trigger(recording, triggers, reference)
     clocks = _clocks(recording, triggers, main, options)
-    train, noise = _fused(recording, triggers, main, clocks)
+    train, noise = _fused(triggers, main, clocks)
     findings = [
         finding
         for t in triggers.values()
@@ -159,7 +159,7 @@ def revolution_times(train: PulseTrain, n: int) -> Array:
 
 
 def _fused(
-    recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain, clocks: Mapping[str, Clock]
+    triggers: Mapping[str, TriggerTrain], main: TriggerTrain, clocks: Mapping[str, Clock]
 ) -> tuple[PulseTrain, float]:
     """Average the pulses that several loggers recorded, weighted by their edge noise; one fills the other's gaps.
 

@@ -111,11 +111,6 @@ class Attribution:
     inflation: tuple[float, float]
     state: PairState
 
-    def probability(self, group: str) -> float:
-        """Return the probability that a group changed."""
-        pairs = zip(self.hypotheses, self.probabilities, strict=True)
-        return float(sum(p for item, p in pairs if group in item.groups))
-
     def moved(self, name: str) -> float:
         """Return the probability that a group changed to which a parameter belongs."""
         pairs = zip(self.hypotheses, self.probabilities, strict=True)

@@ -50,7 +50,7 @@ LOSSES: dict[str, tuple[str, ...]] = {
 """Loss -> parameters that vanish with it."""
 
 
-def unbounded_mean(problem: Problem, solution: Solution, cov: Covariance) -> Array:
+def unbounded_mean(solution: Solution, cov: Covariance) -> Array:
     """Return the mean of the Gaussian of which the fit is the maximum within bounds: x + C g."""
     return solution.z + cov.matrix @ (solution.gradient / cov.inflation)
 
@@ -96,7 +96,7 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
 
 def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
     """Return the evidence for every loss of one recording's fit, the chamber's aside."""
-    posterior = Gaussian(unbounded_mean(problem, solution, cov), cov.matrix, *problem.bounds)
+    posterior = Gaussian(unbounded_mean(solution, cov), cov.matrix, *problem.bounds)
     prior = prior_of(problem, cov.prior_std)
     full = laplace(problem, solution, cov.inflation)
     result = []

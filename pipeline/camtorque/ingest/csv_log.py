@@ -137,7 +137,7 @@ def _columns(
         count += len(values[0])
         for column, part in zip(wanted, values, strict=True):
             files[column].write(part.tobytes()) if files else parts[column].append(part)
-    findings = _tail_findings(tail, layout, path, line)
+    findings = _tail_findings(tail, path, line)
     if not count:
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
     if files:
@@ -285,7 +285,7 @@ def _damage_findings(damage: Damage, where: str) -> list[Finding]:
     return [Finding(code, severity, f"{count} {text}", where) for count, code, severity, text in rows if count]
 
 
-def _tail_findings(tail: bytes, layout: CsvLayout, path: Path, line: int) -> list[Finding]:
+def _tail_findings(tail: bytes, path: Path, line: int) -> list[Finding]:
     if not tail:
         return []
     text = f"the file ends inside line {line} without a line end; that row is not used, the file may be cut there"

@@ -67,7 +67,7 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
         )
     index, size, stamps = _take_damaged_stamps(odd_index, odd_size, step)
     rate = _rate(index, size, first, last, where)
-    findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, first, step, where)]
+    findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, step, where)]
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
     start = first[1] - first[0] / rate
@@ -194,7 +194,7 @@ def _stamp_findings(count: int, where: str) -> list[Finding]:
     ]
 
 
-def _break_findings(index: np.ndarray, size: Array, first: tuple[int, float], step: float, where: str) -> list[Finding]:
+def _break_findings(index: np.ndarray, size: Array, step: float, where: str) -> list[Finding]:
     found = []
     forward, back = size > 0.0, size <= -step
     for chosen, code, what in (
