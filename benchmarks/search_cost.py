@@ -49,7 +49,7 @@ def searched(folder: Path) -> list[Stage]:
     cycles = align(recording, AlignOptions())
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
-    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    data = fit_data(recording, cycles, law, means)
     held = other_half(data, means)
     next(stages(data, held, tuple(STRUCTURES)))  # loads what is compiled
     began = time.process_time()

@@ -6,6 +6,7 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import camtorque
@@ -68,7 +69,7 @@ def module_name(path: Path) -> str:
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, ast.AST]]:
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield alias.name, node
@@ -86,8 +87,14 @@ def modules_used(tree: ast.AST, names: set[str]) -> Iterator[str]:
         yield from (item for item in inner if item in names)
 
 
+@cache
 def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def nodes(tree: ast.AST) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree))
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_name)
@@ -122,7 +129,7 @@ def test_no_import_cycle_between_modules() -> None:
 def test_imports_inside_functions_are_heavy_optional_packages(path: Path) -> None:
     if path.name == "cli.py":
         return  # a refusal is known by its class, which `--help` does without
-    for node in ast.walk(parsed(path)):
+    for node in nodes(parsed(path)):
         if isinstance(node, ast.FunctionDef):
             for name, _ in imports(node):
                 assert name.split(".")[0] in LAZY, f"{node.name} imports {name}"
@@ -142,7 +149,7 @@ def test_heavy_packages_live_in_one_room(package: str, room: str) -> None:
 
 def test_only_the_command_line_prints() -> None:
     for path in FILES:
-        calls = [n for n in ast.walk(parsed(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
+        calls = [n for n in nodes(parsed(path)) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
         if path.name != "cli.py":
             assert not [call.lineno for call in calls if call.func.id == "print"], path.name
 
@@ -151,7 +158,7 @@ def test_only_the_command_line_prints() -> None:
 def test_every_public_thing_has_a_docstring(path: Path) -> None:
     tree = parsed(path)
     assert ast.get_docstring(tree), "module docstring"
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         public = isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
         if public and node in tree.body:
             assert ast.get_docstring(node), node.name
@@ -163,7 +170,7 @@ def test_long_functions_and_files_say_why() -> None:
         text, name = path.read_text(encoding="utf-8"), module_name(path).removeprefix("camtorque.")
         if text.count("\n") > LONGEST_FILE:
             long.add(name)
-        for node in ast.walk(ast.parse(text)):
+        for node in nodes(parsed(path)):
             if isinstance(node, ast.FunctionDef) and length(node) > LONGEST_FUNCTION:
                 long.add(f"{name}.{node.name}")
     assert not long - set(LONG), "part it, or say why not in LONG"
@@ -232,7 +239,7 @@ def test_everything_in_the_package_is_reachable() -> None:
 
 def names_defined(tree: ast.Module) -> Iterator[str]:
     """Yield the functions, methods and classes of a file, and its constants."""
-    yield from (n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef))
+    yield from (n.name for n in nodes(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef))
     for node in tree.body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         yield from (target.id for target in targets if isinstance(target, ast.Name))
@@ -240,7 +247,7 @@ def names_defined(tree: ast.Module) -> Iterator[str]:
 
 def names_used(tree: ast.Module) -> Iterator[str]:
     """Yield what a file calls, reads or hands on; importing is not using."""
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
             yield node.id
         elif isinstance(node, ast.Attribute):
@@ -259,8 +266,8 @@ def test_everything_that_has_a_name_is_used() -> None:
 def test_every_field_is_read() -> None:
     trees = [parsed(path) for path in FILES]
     pages = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.html"))
-    read = {n.attr for t in trees for n in ast.walk(t) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Load)}
-    classes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    read = {n.attr for t in trees for n in nodes(t) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Load)}
+    classes = [node for tree in trees for node in nodes(tree) if isinstance(node, ast.ClassDef)]
     fields = {item.target.id for c in classes for item in c.body
               if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)}  # fmt: skip
     assert fields - read - set(re.findall(r"\.(\w+)", pages)) == set(ONLY_WRITTEN)
@@ -271,7 +278,7 @@ def test_every_test_that_the_page_of_faults_names_is_there() -> None:
     known = {
         node.name
         for path in (ROOT / "tests").rglob("test_*.py")
-        for node in ast.walk(parsed(path))
+        for node in nodes(parsed(path))
         if isinstance(node, ast.FunctionDef)
     }
     named = set(re.findall(r"`(test_\w+)`", page))

@@ -31,7 +31,7 @@ def own() -> OwnFit:
     cycles = camtorque.align(recording, n_theta=1800)
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
-    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    data = fit_data(recording, cycles, law, means)
     first = build_problem([data])
     data = refined(data, first.values(first.start, 0)[0])
     problem = build_problem([data])

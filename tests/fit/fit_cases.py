@@ -70,7 +70,7 @@ def quick_data(run_key: tuple, n_theta: int = 1800) -> FitData:
     recording, cycles, _ = bridged(run_key, n_theta)
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
-    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    data = fit_data(recording, cycles, law, means)
     truth = rig(*run_key).truth
     data = replace(data, structure="spill" if truth.chamber.end == "spill" else "land")
     return with_starts(data, true_starts(truth, rig(*run_key).load))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.config import FluidSpec
-from camtorque.fit.prepare import USUAL_CAM, USUAL_PLUNGER, fit_data, rig_rows
+from camtorque.fit.prepare import USUAL_CAM, USUAL_PLUNGER, fit_data, mean_cycles, rig_rows
 from camtorque.laws import ROWS
 from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
 from camtorque.laws.sensor import sensor_transfer
@@ -117,8 +117,9 @@ def torsion(torque_scale: float, **drive: float):
     recording, cycles, _ = bridged(KEY)
     law = spectral_law(recording.cam_table)
     recording = replace(recording, config=replace(recording.config, drive=replace(recording.config.drive, **drive)))
-    torque = torque_scale * cycles.mean_torque
-    return fit_data(recording, cycles, law, torque, cycles.mean_pressure, 0.1).rows, float(np.max(np.abs(torque)))
+    means = mean_cycles(cycles)
+    means = replace(means, torque=torque_scale * means.torque)
+    return fit_data(recording, cycles, law, means).rows, float(np.max(np.abs(means.torque)))
 
 
 def test_a_shaft_is_expected_to_be_made_for_its_torque():

@@ -165,7 +165,7 @@ def test_fitted_cycles_enter_the_fit_and_held_out_ones_the_score():
 
     def seen(torque):
         means = mean_cycles(replace(cycles, torque=torque))
-        return means, fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+        return means, fit_data(recording, cycles, law, means)
 
     means, data = seen(cycles.torque)
     moved = cycles.torque.copy()
@@ -258,7 +258,7 @@ def unknown_rows(case):
     recording, cycles, _ = bridged(case)
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
-    return fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean).rows
+    return fit_data(recording, cycles, law, means).rows
 
 
 def test_smoothing_leads_an_end_of_delivery_that_is_ten_degrees_off():

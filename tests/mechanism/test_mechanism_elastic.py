@@ -29,7 +29,7 @@ def loads(count):
 
 
 def integrate(count, stiffness, damping):
-    """Integrate the lobes over four revolutions from rest in twist; torque at the drive end over the last one."""
+    """Integrate the lobes over two revolutions from rest in twist; torque at the drive end over the last one."""
     unit, fine = units(1)[0], np.linspace(0.0, 2.0 * np.pi, 4 * SIZE + 1)
     # constant, pressure, speed squared and inertia of the torque on one cam, over its own angle
     parts = CubicSpline(fine, closed_form_tables(unit.pump, LAW, fine).outputs["torque"].T, bc_type="periodic")
@@ -55,7 +55,7 @@ def integrate(count, stiffness, damping):
     period = 2.0 * np.pi / SPEED
     times = (1.0 + THETA[::30] / (2.0 * np.pi)) * period
     solved = solve_ivp(
-        rates, (0.0, 2.0 * period), np.zeros(2 * count), t_eval=times, rtol=1e-8, atol=1e-10, max_step=period / 400
+        rates, (0.0, 2.0 * period), np.zeros(2 * count), "LSODA", times, rtol=1e-8, atol=1e-10, max_step=period / 400
     )
     return -(stiffness * solved.y[0] + damping * solved.y[count])
 

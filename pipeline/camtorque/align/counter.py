@@ -72,9 +72,8 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     ------
     Refusal : the angle does not turn, or swings to and fro
     """
-    where = f"{channel.path.name}, channel {channel.name!r}"
     quantum = _quantum(channel)
-    time, angle, n_missing, shared = _changes(channel, quantum, where)
+    time, angle, n_missing, shared = _changes(channel, quantum)
     back = float(np.mean(np.diff(angle) < 0.0))
     turned = back > 0.5
     if turned:
@@ -82,8 +81,8 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
     turns = (angle[-1] - angle[0]) / TURN
     if not turns > 2.0 or back > BACKWARDS:
         raise Refusal(
-            f"{where}: the angle runs over {turns:.2g} turns and {100.0 * back:.0f} % of its changes go back, expected "
-            "at least two turns in one direction; check the channel and its unit"
+            f"{channel.where}: the angle runs over {turns:.2g} turns and {100.0 * back:.0f} % of its changes go back, "
+            "expected at least two turns in one direction; check the channel and its unit"
         )
     n = int(np.clip(time.size / turns / CHANGES_PER_STEP, LEAST_STEPS, MOST_STEPS))
     pitch = TURN / n
@@ -98,15 +97,15 @@ def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
         at, steps.astype(np.int64), none, none.copy(), 0.0, {}, offset_std=quantum / np.sqrt(12.0) / pitch,
         phase_open=revolutions_per_cycle > 1,
     )  # fmt: skip
-    findings = missing_finding(n_missing, where)
+    findings = missing_finding(n_missing, channel.where)
     if turned:
         text = "the recorded angle decreases: it is read in the direction of running"
-        findings = (*findings, Finding("angle_turned", "info", text, where))
+        findings = (*findings, Finding("angle_turned", "info", text, channel.where))
     edges = Edges(at, 0.0, float(np.ptp(angle)), noise, "", np.empty(0))
     return Counted(edges, train, n * revolutions_per_cycle, findings)
 
 
-def _changes(channel: Channel, quantum: float, where: str) -> tuple[Array, Array, int, float]:
+def _changes(channel: Channel, quantum: float) -> tuple[Array, Array, int, float]:
     """Return time and unwrapped angle in the middle between samples that differ, and how many are no numbers.
 
     Last comes the share of the middles that have a sample in common with the next one: their errors are not
@@ -119,7 +118,9 @@ def _changes(channel: Channel, quantum: float, where: str) -> tuple[Array, Array
     known = np.abs(raw) < NO_VOLTAGE
     raw, position = raw[known], position[known]
     if raw.size < 3 or not np.ptp(raw) > 0.0:
-        raise Refusal(f"{where}: the angle does not change, expected one that turns; check the encoder and its channel")
+        raise Refusal(
+            f"{channel.where}: the angle does not change, expected one that turns; check the encoder and its channel"
+        )
     angle = _unwrapped(raw)
     angle += COUNT_SHIFT * quantum
     moved = np.flatnonzero(np.diff(angle) != 0.0)

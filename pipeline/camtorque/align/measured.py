@@ -75,18 +75,17 @@ def align_others(
     aligned: dict[str, AlignedChannel] = {}
     findings = []
     for quantity, channel in channels.items():
-        where = f"{channel.path.name}, channel {channel.name!r}"
         if channel.logger not in clocks:
             text = (
                 f"the {quantity} is left out: its logger {channel.logger!r} has its own clock and shares no trigger, "
                 "torque or pressure with the others"
             )
-            findings.append(Finding("channel_untied", "warning", text, where))
+            findings.append(Finding("channel_untied", "warning", text, channel.where))
             continue
         there = covered(angle, cycles, {quantity: channel}, clocks)
         if not there.any():
             text = f"the {quantity} is left out: it covers none of {cycles.size} cycles"
-            findings.append(Finding("channel_not_covering", "warning", text, where))
+            findings.append(Finding("channel_not_covering", "warning", text, channel.where))
             continue
         aligned |= align_channels({quantity: channel}, angle, cycles, there, clocks, options)
     return aligned, tuple(findings)

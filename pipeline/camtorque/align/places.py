@@ -60,8 +60,6 @@ MOST_OWN = 6
 SPREAD = np.linspace(-2.4, 2.4, 9)
 """Logarithms of the factors on both sizes over which the result is averaged."""
 LEAST_WEIGHT = 1.0e-3
-FAR = 1.0e300
-"""Above the square of any misfit."""
 
 
 @dataclass(frozen=True)
@@ -260,8 +258,8 @@ def _score(pattern: _Pattern, sizes: _Sizes) -> float:
     """Return the log of the marginal likelihood times the priors of the sizes."""
     n = pattern.mean.size
     # the factor of the covariance, and below it the misfit in its units: numpy alone solves no triangle
-    bordered = np.empty((n + 1, n + 1))
-    bordered[:n, :n], bordered[n, :n], bordered[n, n] = _marginal(pattern, sizes), pattern.mean, FAR
+    bordered = np.full((n + 1, n + 1), 1.0e300)  # its corner is above the square of any misfit
+    bordered[:n, :n], bordered[n, :n] = _marginal(pattern, sizes), pattern.mean
     root = np.linalg.cholesky(bordered)
     misfit = root[n, :n]
     value = -0.5 * float(misfit @ misfit) - float(np.log(np.diag(root)[:n]).sum())

@@ -168,11 +168,11 @@ def _typical(
     if swing > max(LEAST_SWING * scatter, least):
         return middle
     if repeating:
-        raise Refusal(f"{channel.path.name}, channel {channel.name!r}: {repeating[0].text}")
+        raise Refusal(f"{channel.where}: {repeating[0].text}")
     still = float(np.mean(np.ptp(some, axis=1) <= 1e-3 * least))
     if 0.0 < still < 1.0:
         raise Refusal(
-            f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} stands still in "
+            f"{channel.where}: the {channel.quantity} stands still in "
             f"{100.0 * still:.0f} % of the cycles, expected in few: sensor, cable or amplifier failed during the "
             "recording; cut the log there, or record again"
         )
@@ -183,7 +183,7 @@ def _typical(
         else f"expected at least {least / size:.3g} {unit}, a ten-thousandth of the sensor's range"
     )
     raise Refusal(
-        f"{channel.path.name}, channel {channel.name!r}: the {channel.quantity} does not follow the cam: the mean "
+        f"{channel.where}: the {channel.quantity} does not follow the cam: the mean "
         f"cycle swings by {swing / size:.3g} {unit}, {reason}; check the sensor, its cable, the supply and the "
         "channel's name"
     )

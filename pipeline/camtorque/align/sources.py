@@ -45,11 +45,6 @@ class TriggerTrain:
     pulses_per_cycle: int
     findings: tuple[Finding, ...] = ()
 
-    @property
-    def where(self) -> str:
-        """File and channel."""
-        return f"{self.channel.path.name}, channel {self.channel.name!r}"
-
 
 def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
     """Return the pulses of each logger that recorded the angle.
@@ -74,13 +69,12 @@ def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, Tri
 def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
     """Return the pulses of a trigger or tooth wheel."""
     spec = recording.config.trigger
-    where = f"{channel.path.name}, channel {channel.name!r}"
     index = _index(recording, channel, options)
     if spec.sensor == "inductive" and spec.missing_teeth:
         edges, train = _coil_with_gap(channel, spec, index, options)
     else:
         edges = find_pulses(channel, spec.sensor, spec.edge, options.block_samples)
-        train = number_teeth(edges.time, spec, where, index)
+        train = number_teeth(edges.time, spec, channel.where, index)
     return TriggerTrain(channel, edges, shifted(train, spec.switching_delay), spec.pulses_per_cycle)
 
 
@@ -88,19 +82,18 @@ def _coil_with_gap(
     channel: Channel, spec: TriggerSpec, index: Array | None, options: AlignOptions
 ) -> tuple[Edges, PulseTrain]:
     """Return the crossings at the teeth of a coil; those between the teeth show the gap in the wrong place."""
-    where = f"{channel.path.name}, channel {channel.name!r}"
     trials: dict[str, tuple[float, Edges, PulseTrain]] = {}
     refusal: Refusal | None = None
     for edge in (spec.edge, TURNED[spec.edge]):
         edges = find_crossings(channel, edge, options.block_samples)
         try:
-            train = number_teeth(edges.time, spec, where, index)
+            train = number_teeth(edges.time, spec, channel.where, index)
         except Refusal as found:
             refusal = refusal or found
         else:
             trials[edge] = (mark_misfit(train, spec) / (1.0 if edge == spec.edge else CLEARLY), edges, train)
     if not trials:
-        raise refusal or Refusal(where)
+        raise refusal or Refusal(channel.where)
     best = min(trials, key=lambda edge: trials[edge][0])
     _, edges, train = trials[best]
     if best == spec.edge:
@@ -109,21 +102,22 @@ def _coil_with_gap(
         f"the {best} crossings of the inductive pick-up show the gap of the wheel as it is, the {spec.edge} ones do "
         "not: its wires are exchanged, these are taken"
     )
-    return replace(edges, findings=(*edges.findings, Finding("trigger_inverted", "warning", text, where))), train
+    return replace(
+        edges, findings=(*edges.findings, Finding("trigger_inverted", "warning", text, channel.where))
+    ), train
 
 
 def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
     """Return the pulses of track A of an encoder; track B tells which of them went back."""
     spec = recording.config.trigger
-    where = f"{channel.path.name}, channel {channel.name!r}"
     edges, index = find_edges(channel, spec.edge, options.block_samples), _index(recording, channel, options)
     findings: tuple[Finding, ...] = ()
     track_b = [other for other in recording.of("encoder_b") if other.logger == channel.logger]
     if track_b:
-        time, findings = _forward_only(edges, find_edges(track_b[0], "rising", options.block_samples), where)
-        train = number_counts(time, spec, where, index)
+        time, findings = _forward_only(edges, find_edges(track_b[0], "rising", options.block_samples), channel.where)
+        train = number_counts(time, spec, channel.where, index)
     else:
-        train = number_teeth(edges.time, spec, where, index)
+        train = number_teeth(edges.time, spec, channel.where, index)
     every = max(1, -(-spec.pulses_per_cycle // MOST_PULSES))
     while spec.pulses_per_cycle % every:
         every += 1

@@ -69,7 +69,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     findings = [
         finding
         for t in triggers.values()
-        for finding in (*t.edges.findings, *t.findings, *train_findings(t.train, t.where))
+        for finding in (*t.edges.findings, *t.findings, *train_findings(t.train, t.channel.where))
     ]
     findings += [finding for clock in clocks.values() for finding in clock.findings]
     train = replace(train, time=clocks[reference].from_reference(train.time))

@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from camtorque.fit.pair import Pair, with_difference
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainOutput, evaluate
+from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.records import Array, ReadOnly
 
 
@@ -64,16 +64,12 @@ def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairStat
     lower, upper = pair.row_values("lower"), pair.row_values("upper")
     after = np.clip(before + basis.columns @ moved, lower, upper)
     residuals, jacobians, outputs = [], [], []
-    n = len(NONLINEAR_NAMES)
-    order = {name: k for k, name in enumerate((*NONLINEAR_NAMES, *COLUMN_NAMES))}
-    columns = [order[name] for name in pair.names]
     for item, z in zip(pair.items, (before, after), strict=True):
         values = pair.values(z)
-        linear = np.array([values[name] for name in COLUMN_NAMES])
-        output = evaluate(item.chain, {name: values[name] for name in NONLINEAR_NAMES}, linear, tangents=True)
+        linear = coefficients_of(values)
+        output = evaluate(item.chain, values, linear, tangents=True)
         residuals.append(item.torque - output.torque - output.linear @ linear)
-        assert output.derivative is not None
-        jacobians.append(np.column_stack([output.derivative[:, :n], output.linear])[:, columns])
+        jacobians.append(derivative_by(output, pair.names))
         outputs.append(output)
     # what the laws leave stays where it is on the cam, whatever trigger and delay make of the measured angle
     by = by_angle(pair)

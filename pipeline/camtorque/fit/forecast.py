@@ -21,7 +21,15 @@ from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, measured_torques
-from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, with_substeps
+from camtorque.laws.chain import (
+    COLUMN_NAMES,
+    NONLINEAR_NAMES,
+    ChainInput,
+    ChainOutput,
+    coefficients_of,
+    evaluate,
+    with_substeps,
+)
 from camtorque.laws.fluid import specific_volume
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import BAR
@@ -220,7 +228,7 @@ def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:
     ------
     Refusal : the torque runs away
     """
-    linear = np.array([values[name] for name in COLUMN_NAMES])
+    linear = coefficients_of(values)
     for _ in range(ROUNDS):
         output = evaluate(chain, values)
         torque = output.torque + output.linear @ linear
@@ -237,7 +245,7 @@ def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:
 
 def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | None) -> dict[str, Array]:
     """Return torque, causes, pressure, contact force and cam angle of one set of values, (n,) each."""
-    linear = np.array([values[name] for name in COLUMN_NAMES])
+    linear = coefficients_of(values)
     output: ChainOutput = evaluate(chain, values)
     slope = np.zeros(chain.theta.size) if lift is None else lift.slope(output.motion.theta)
     causes = measured_torques(chain, values, cam_torques(chain, values, output, linear, slope), 0.0)

@@ -17,7 +17,7 @@ from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
 from camtorque.fit.problem import FitData, build_problem
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at
-from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, evaluate
+from camtorque.laws.chain import BINS, COLUMN_NAMES, coefficients_of, derivative_by, evaluate
 from camtorque.records import Array, CamCycles, ReadOnly, Refusal
 
 SAME_SPEED = 0.02
@@ -224,34 +224,23 @@ def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], 
     """
     assert cycles.torque is not None
     n = item.chain.theta.size
-    nonlinear = {name: values[name] for name in NONLINEAR_NAMES}
-    linear = np.array([values[name] for name in COLUMN_NAMES])
+    linear = coefficients_of(values)
     blocks = np.array_split(np.arange(cycles.speed.size), min(MOST_BLOCKS, cycles.speed.size))
     each = []
     for block in blocks:
         pressure = on_grid(np.mean(cycles.pressure[block], axis=0), n)
-        output = evaluate(replace(item.chain, line_pressure=pressure), nonlinear)
+        output = evaluate(replace(item.chain, line_pressure=pressure), values)
         torque = binned_at_centres(np.mean(cycles.torque[block], axis=0))
         each.append(torque - output.torque - output.linear @ linear)
     apart = np.array(each) - np.mean(each, axis=0)
     count = apart.shape[0]
     size = np.sqrt(np.mean(apart**2, axis=0)) + 1e-12
-    columns = tangents_at(item, values, own) / size[:, None]
+    columns = derivative_by(evaluate(item.chain, values, linear, tangents=True), own) / size[:, None]
     columns /= np.linalg.norm(columns, axis=0) + 1e-300
     share = np.linalg.lstsq(columns, (apart / size).T, rcond=1e-6)[0]
     apart = apart - (columns @ share).T * size
     covariance = apart.T @ apart / (count - 1) / count
     return np.asarray(0.5 * (covariance + np.diag(np.diag(covariance))))
-
-
-def tangents_at(item: FitData, values: Mapping[str, float], names: Sequence[str]) -> Array:
-    """Return the derivatives of the model by some parameters, (BINS, m) [N m per SI]."""
-    linear = np.array([values[name] for name in COLUMN_NAMES])
-    output = evaluate(item.chain, {name: values[name] for name in NONLINEAR_NAMES}, linear, tangents=True)
-    assert output.derivative is not None
-    order = (*NONLINEAR_NAMES, *COLUMN_NAMES)
-    whole = np.column_stack([output.derivative[:, : len(NONLINEAR_NAMES)], output.linear])
-    return np.asarray(whole[:, [order.index(name) for name in names]])
 
 
 def shift_covariance(pair: Pair, values: Mapping[str, float]) -> Array:
@@ -262,12 +251,11 @@ def shift_covariance(pair: Pair, values: Mapping[str, float]) -> Array:
     """
     item = pair.items[0]
     chain = item.chain
-    nonlinear = {name: values[name] for name in NONLINEAR_NAMES}
-    linear = np.array([values[name] for name in COLUMN_NAMES])
+    linear = coefficients_of(values)
     late = _slope(chain.line_pressure, chain.speed) * float(np.hypot(pair.clock_error, pair.start_error))
     ends = []
     for sign in (-1.0, 1.0):
-        output = evaluate(replace(chain, line_pressure=chain.line_pressure + sign * late), nonlinear)
+        output = evaluate(replace(chain, line_pressure=chain.line_pressure + sign * late), values)
         ends.append(output.torque + output.linear @ linear)
     shift = 0.5 * (ends[1] - ends[0])
     return np.outer(shift, shift)

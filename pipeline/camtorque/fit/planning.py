@@ -18,7 +18,15 @@ from camtorque.fit.next_run import TOOTH_ANGLE, TOOTH_STD
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, evaluate
+from camtorque.laws.chain import (
+    BINS,
+    SHIFT_NAMES,
+    ChainInput,
+    ChainOutput,
+    coefficients_of,
+    derivative_by,
+    evaluate,
+)
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.records import Array, ReadOnly
 
@@ -75,27 +83,26 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, sc
     values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
     chain = settled(chain, values)
     output = evaluated(chain, values)
-    both = np.column_stack([output.derivative, output.linear])  # type: ignore[list-item]
-    order = {name: k for k, name in enumerate((*NONLINEAR_NAMES, *COLUMN_NAMES))}
+    by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
     tooth = np.zeros(len(known.names))
     angle = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi)
     own = []
-    for name, k in places.items():
+    for at, (name, k) in enumerate(places.items()):
         if ROWS[name].role == "own":
-            own.append(both[:, order[name]] * _spread(name))
+            own.append(by[:, at] * _spread(name))
             continue
-        shared[:, k] = both[:, order[name]]
+        shared[:, k] = by[:, at]
         if name in SHIFT_NAMES and name != "trigger_offset":
             column = output.motion.shifts[0][:, SHIFT_NAMES.index(name)]
             tooth[k] = np.interp(angle, chain.theta, column, period=2.0 * np.pi)
-    torque = output.torque + output.linear @ np.array([values[name] for name in COLUMN_NAMES])
+    torque = output.torque + output.linear @ coefficients_of(values)
     return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, scatter)
 
 
 def evaluated(chain: ChainInput, values: Mapping[str, float]) -> ChainOutput:
     """Return the chain with its derivatives."""
-    return evaluate(chain, values, np.array([values[name] for name in COLUMN_NAMES]), tangents=True)
+    return evaluate(chain, values, coefficients_of(values), tangents=True)
 
 
 def _spread(name: str) -> float:

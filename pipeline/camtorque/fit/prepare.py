@@ -277,38 +277,29 @@ def on_grid(values: Array, n: int) -> Array:
     return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
 
 
-def fit_data(
-    recording: Recording, cycles: CamCycles, law: CamLaw, torque: Array, pressure: Array, scatter: float
-) -> FitData:
-    """Return one recording ready to be fitted; its structure is still ``land``.
-
-    Parameters
-    ----------
-    torque, pressure : (n_theta,) mean cycles [N m, Pa]
-    scatter : standard error of the mean [N m]
-    """
+def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:
+    """Return one recording ready to be fitted to the mean of its fitted cycles; its structure is still ``land``."""
     config: RecordingConfig = recording.config
     table: CamTable = recording.cam_table
     torque_sheet, pressure_sheet = recording.of("torque")[0].calibration, recording.of("pressure")[0].calibration
     assert torque_sheet is not None
     assert pressure_sheet is not None
     rows = rig_rows(config, law, torque_sheet, pressure_sheet, cycles)
-    _set_torsion(rows, torque, cycles.mean_speed)
-    closing = loaded_lift(cycles.theta, torque, law)
+    _set_torsion(rows, means.torque, cycles.mean_speed)
+    closing = loaded_lift(cycles.theta, means.torque, law)
     _set(rows, "port_closing_lift", start=float(np.clip(closing, rows["port_closing_lift"].lower, None)))
     step = float(np.median(np.diff(table.theta)))
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
-    fine = on_grid(torque, FIT_GRID)
     turned = cycles.details.get("angle_deviation")
     measured = turned is not None and config.trigger.side != "motor"
     chain = ChainInput(
         deviation=on_grid(np.asarray(turned), FIT_GRID) if measured else np.zeros(0),
-        theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(pressure, FIT_GRID),
-        shaft_torque=fine, trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
-        offset=config.pump.follower_offset * config.rotation,
+        theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(means.pressure, FIT_GRID),
+        shaft_torque=on_grid(means.torque, FIT_GRID), trigger_angle=config.trigger.nominal_angle, pump=config.pump,
+        law=law, offset=config.pump.follower_offset * config.rotation,
     )  # fmt: skip
-    centred = binned_at_centres(torque)
-    return FitData(config.id, chain, centred, bin_weights(centred, scatter), "land", rows, basis)
+    centred = binned_at_centres(means.torque)
+    return FitData(config.id, chain, centred, bin_weights(centred, means.scatter_of_mean), "land", rows, basis)
 
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:

@@ -91,7 +91,7 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     """Return a recording with the minima found and how far the trigger angle moves along the valley of the best one."""
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
-    data = fit_data(recording, cycles, law, means.torque, means.pressure, means.scatter_of_mean)
+    data = fit_data(recording, cycles, law, means)
     held = other_half(data, means)
     ends = compared(search(data, held, tuple(STRUCTURES)), data, held)
     corrected = attempted(with_its_lost_torque, ends[0], data.chain.shaft_torque)

@@ -79,9 +79,9 @@ def _layout(path: Path) -> tuple[list[CatmanChannel], list[FileSource]]:
     size = path.stat().st_size
     with path.open("rb") as file:
         _, data_offset = _take(file, "<hi")
-        _text(file, _take(file, "<h")[0], path)
+        _text(file, path)
         for _ in range(RESERVED_STRINGS):
-            _text(file, _take(file, "<h")[0], path)
+            _text(file, path)
         n_channels, _ = _take(file, "<hi")
         if not 0 < n_channels < 4096:
             raise Refusal(f"{path}: states {n_channels} channels; the header is damaged, export the file again")
@@ -105,7 +105,8 @@ def _take(file: BinaryIO, form: str) -> tuple:
     return shape.unpack(file.read(shape.size))
 
 
-def _text(file: BinaryIO, length: int, path: Path) -> str:
+def _text(file: BinaryIO, path: Path, length_as: str = "<h") -> str:
+    (length,) = _take(file, length_as)
     data = file.read(length) if 0 <= length <= MAX_TEXT else b""
     if len(data) != length:
         raise Refusal(f"{path}: a text of {length} bytes is stated at byte {file.tell()}: the header is cut or damaged")
@@ -114,7 +115,7 @@ def _text(file: BinaryIO, length: int, path: Path) -> str:
 
 def _channel(file: BinaryIO, path: Path) -> CatmanChannel:
     _, length = _take(file, "<hi")
-    name, unit, _ = (_text(file, _take(file, "<h")[0], path) for _ in range(3))
+    name, unit, _ = (_text(file, path) for _ in range(3))
     kind, _, _, n_extended = _take(file, "<hhdi")
     if kind != 0 or length < 0:
         raise Refusal(
@@ -129,8 +130,8 @@ def _channel(file: BinaryIO, path: Path) -> CatmanChannel:
     file.seek(after)
     _, _, n_points = _take(file, "<bbb")
     file.seek(8 * n_points + 2, 1)
-    _text(file, _take(file, "<h")[0], path)
-    _text(file, _take(file, "<i")[0], path)
+    _text(file, path)
+    _text(file, path, "<i")
     export = extended[-1]
     if export not in EXPORT_BYTES:
         raise Refusal(f"{path}: channel {name!r} has the unknown number format {export}; export it as 8-byte numbers")

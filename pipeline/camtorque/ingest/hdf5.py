@@ -60,8 +60,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     check_heaps(path)
     found: list[FileChannel] = []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
-        names: list[str] = []
-        file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
+        names = _data_sets(file)
         for name in names[:MOST_LISTED]:
             data = file[name]
             if name.startswith("#") or OBJECT_MARK in data.attrs:
@@ -177,10 +176,15 @@ def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Data
     item = file.get(key)
     if isinstance(item, h5py.Dataset):
         return item, ""
-    names: list[str] = []
-    file.visititems(lambda k, v: names.append(k) if isinstance(v, h5py.Dataset) else None)
+    names = _data_sets(file)
     shown = ", ".join(names[:12]) or "none"
     raise Refusal(f"{path}: no data set {key!r}{did_you_mean(key, tuple(names))}; there are {shown}")
+
+
+def _data_sets(file: h5py.File) -> list[str]:
+    names: list[str] = []
+    file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+    return names
 
 
 def _source(path: Path, data: h5py.Dataset, field: str = "") -> CallSource:

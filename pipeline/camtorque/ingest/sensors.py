@@ -123,10 +123,8 @@ def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple
     if sheet["nominal_range"] is not None:
         per_unit = unit_factor(sheet["unit"] or unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit")
         low, high = (value * per_unit for value in range_of(sheet, "nominal_range", (low, high)))
-    accuracy = sheet.accuracy()
-    if accuracy is None:
-        accuracy = USUAL_ACCURACY
-        findings.append(_assumed("accuracy", f"{100 * accuracy:g} % of the range", sheet, "accuracy_percent_fs"))
+    accuracy, assumed = _accuracy(sheet)
+    findings += assumed
     width = accuracy * max(abs(low), abs(high))
     readings = [factor * v for v in (reference.zero_before, reference.zero_after) if v is not None]
     zero, zero_std = zero_of_readings(readings, READING_SHARE * max(abs(low), abs(high)), width)
@@ -154,6 +152,15 @@ def _apart(readings: tuple[float | None, float | None], tolerance: float, unit: 
         "or the sensor drifts; their mean is used"
     )
     return [Finding("zero_readings_apart", "warning", text, sheet.place)]
+
+
+def _accuracy(sheet: Sheet) -> tuple[float, list[Finding]]:
+    """Return the accuracy as a share of the range, assumed with a finding where the sheet states none."""
+    accuracy = sheet.accuracy()
+    if accuracy is not None:
+        return accuracy, []
+    text = f"{100 * USUAL_ACCURACY:g} % of the range"
+    return USUAL_ACCURACY, [_assumed("accuracy", text, sheet, "accuracy_percent_fs")]
 
 
 def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
@@ -299,12 +306,10 @@ def _zero_tolerance(sheet: Sheet, calibration: SensorCalibration, gain: float) -
 
 
 def _gain_std(sheet: Sheet, line: CertificateLine) -> tuple[float, list[Finding]]:
-    findings = []
-    stated, accuracy = line.reference_relative_std, sheet.accuracy()
+    findings: list[Finding] = []
+    stated = line.reference_relative_std
     if not math.isfinite(stated):
-        if accuracy is None:
-            accuracy = USUAL_ACCURACY
-            findings.append(_assumed("accuracy", f"{100 * accuracy:g} % of the range", sheet, "accuracy_percent_fs"))
+        accuracy, findings = _accuracy(sheet)
         stated = accuracy / math.sqrt(3.0)
     drift = sheet["span_drift_percent"] / 100.0 / math.sqrt(3.0)
     return math.sqrt(stated**2 + line.gain_relative_std**2 + drift**2), findings

@@ -7,7 +7,7 @@ former. All derivatives are exact: tangents in the compiled chamber and mechanic
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -299,6 +299,18 @@ def evaluate(
     return ChainOutput(
         torque, linear, derivative, motion, pressure, by, load, states, flows, path, float(least), spectra
     )
+
+
+def coefficients_of(values: Mapping[str, float]) -> Array:
+    """Return what the columns of `ChainOutput.linear` are multiplied by, (10,)."""
+    return np.array([values[name] for name in COLUMN_NAMES])
+
+
+def derivative_by(output: ChainOutput, names: Sequence[str]) -> Array:
+    """Return the derivatives of the torque by some parameters, (BINS, m) [N m per SI]."""
+    assert output.derivative is not None
+    places = [(*NONLINEAR_NAMES, *COLUMN_NAMES).index(name) for name in names]
+    return np.column_stack([output.derivative, output.linear])[:, places]
 
 
 def _behind(spectra: NDArray[np.complex128], through: NDArray[np.complex128]) -> tuple[Array, Array]:

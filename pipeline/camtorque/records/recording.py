@@ -116,6 +116,11 @@ class Channel:
     break_steps: tuple[float, ...] = ()
 
     @property
+    def where(self) -> str:
+        """File and name, for findings and refusals."""
+        return f"{self.path.name}, channel {self.name!r}"
+
+    @property
     def n_samples(self) -> int:
         """Number of samples."""
         return self.source.n_samples

@@ -209,17 +209,16 @@ class _Collector:
 
 
 def _edges(channel: Channel, declared: str, rising: EdgeSamples, falling: EdgeSamples, n_nan: int) -> Edges:
-    where = f"{channel.path.name}, channel {channel.name!r}"
     high = _high_fraction(rising.before, falling.before)
     inverted = high > REST_HIGH and declared == "rising"
     edge = "falling" if inverted else declared
     taken, other = (falling, rising) if edge == "falling" else (rising, falling)
     height, noise = _median(taken.height), _median(taken.noise)
     if taken.before.size < 2 or not height > MIN_HEIGHT_TO_NOISE * noise:
-        raise _no_pulses(channel, where, taken.before.size, height)
+        raise _no_pulses(channel, taken.before.size, height)
     crossing = crossings(taken)
     width = _pulse_width(crossing.position, other.before) / channel.sample_rate
-    findings = (*_turned(inverted, high, width, where), *missing_finding(n_nan, where))
+    findings = (*_turned(inverted, high, width, channel.where), *missing_finding(n_nan, channel.where))
     edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
     time, opposite = sample_times(channel, crossing.position), sample_times(channel, other.before.astype(np.float64))
     return Edges(time, width, height, edge_noise, edge, opposite, findings)
@@ -242,21 +241,21 @@ def missing_finding(n_missing: int, where: str) -> tuple[Finding, ...]:
     return (Finding("trigger_drop_out", "warning", f"{n_missing} samples are missing (not a number)", where),)
 
 
-def _no_pulses(channel: Channel, where: str, count: int, height: float) -> Refusal:
+def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
     """Return the refusal of a channel without pulses; it says what the channel holds instead."""
     volts = channel.read_volts(0, min(channel.n_samples, 1 << 20))
     volts = volts[np.abs(volts) < NO_VOLTAGE]
     if volts.size < 2:
         return Refusal(
-            f"{where}: found 0 trigger pulses in {channel.n_samples} samples ({volts.size} of them voltages), expected "
-            "at least two revolutions; the file is empty or cut off: record or export it again"
+            f"{channel.where}: found 0 trigger pulses in {channel.n_samples} samples ({volts.size} of them voltages), "
+            "expected at least two revolutions; the file is empty or cut off: record or export it again"
         )
     found = f"of {height:.3g} V" if count else "at all"
     middle, swing = float(np.median(volts)), float(np.ptp(volts))
     waves = count > 1 and abs(middle - 0.5 * (np.max(volts) + np.min(volts))) < COIL_SYMMETRY * swing
     coil = '; it swings alike to both sides: a coil is declared as sensor = "inductive" in [trigger]' if waves else ""
     return Refusal(
-        f"{where}: found {count} trigger pulses {found} in {channel.duration:.3g} s of a signal from "
+        f"{channel.where}: found {count} trigger pulses {found} in {channel.duration:.3g} s of a signal from "
         f"{np.min(volts):.3g} to {np.max(volts):.3g} V with a noise of {noise_of(volts):.2g} V, expected at least two "
         f"pulses that stand {NOISE_HEIGHTS:.0f} times above the noise; check that the channel is the trigger, that "
         f"the sensor saw the tooth and that the recording is longer than two revolutions{coil}"

@@ -68,12 +68,11 @@ def find_crossings(channel: Channel, declared: str, block_samples: int = 1 << 20
     waves = _merged(waves, np.full(waves.height.size, _floor(waves, NOISE_HEIGHTS * noise)))
     waves = _merged(waves, REAL_WAVE * _running_percentile(np.abs(waves.height), NEIGHBOURS, USUAL_PERCENTILE))
     ends = np.flatnonzero((waves.height[:-1] < 0.0) & (waves.height[1:] > 0.0)) + 1
-    where = f"{channel.path.name}, channel {channel.name!r}"
     if ends.size < 2:
         raise Refusal(
-            f"{where}: found {ends.size} teeth in {channel.duration:.3g} s of an inductive pick-up with a noise of "
-            f"{noise:.2g} V, expected at least two revolutions; check that the channel is the pick-up and that the "
-            "shaft turned"
+            f"{channel.where}: found {ends.size} teeth in {channel.duration:.3g} s of an inductive pick-up with a "
+            f"noise of {noise:.2g} V, expected at least two revolutions; check that the channel is the pick-up and "
+            "that the shaft turned"
         )
     low = np.minimum(-waves.height[ends - 1], waves.height[ends])
     position, variance = _positions(channel, waves.begin[ends], low, sign, level, noise)
@@ -83,7 +82,7 @@ def find_crossings(channel: Channel, declared: str, block_samples: int = 1 << 20
     opposite = sample_times(channel, waves.begin[other].astype(np.float64))
     width = 0.5 * float(np.median(np.diff(time)))
     edge_noise = float(np.sqrt(np.median(variance))) / channel.sample_rate
-    return Edges(time, width, height, edge_noise, declared, opposite, missing_finding(n_missing, where))
+    return Edges(time, width, height, edge_noise, declared, opposite, missing_finding(n_missing, channel.where))
 
 
 def _level_and_noise(channel: Channel) -> tuple[float, float]:
