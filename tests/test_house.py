@@ -106,6 +106,11 @@ def test_a_room_never_imports_one_to_its_right(path: Path) -> None:
             assert ORDER.index(room_of(name)) <= ORDER.index(own), f"{own} imports {name}"
 
 
+def test_the_page_of_the_architecture_names_every_room() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert not [name for name in (*LEFT, *ORDER[1:-1]) if f"`{name}`" not in text and f"`{name}/`" not in text]
+
+
 def test_no_import_cycle_between_modules() -> None:
     names = {module_name(path) for path in FILES}
     graph: dict[str, set[str]] = {}

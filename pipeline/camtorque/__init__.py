@@ -7,8 +7,8 @@
     pump.toml --predict-----> Prediction            |--> to_pandas, to_xarray
 
 The names below are the public face (`camtorque.api`); each is loaded when it is first used, so that importing the
-package costs nothing. Everything else is private to its room: units, records, config -> ingest -> align -> mechanism
--> laws -> fit -> report -> run -> campaign -> api, commands -> cli.
+package costs nothing. Everything else is private to its room: units, records, config -> signal -> ingest -> align ->
+mechanism -> laws -> fit -> report -> design -> run -> campaign -> api, commands -> cli.
 """
 
 from __future__ import annotations

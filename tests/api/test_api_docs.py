@@ -12,6 +12,7 @@ import pytest
 from camtorque.cli import build_parser
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "pipeline" / "camtorque"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 COMMAND = re.compile(r"(?:^|&& )(?:\S*/)?camtorque (.+?)(?: *#.*| [>|] .*)?$")
@@ -52,9 +53,23 @@ def test_the_menu_names_pages_that_exist() -> None:
 def test_places_that_the_architecture_names_exist() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     table = text[text.index("| change |") :]
-    named = set(re.findall(r"`((?:laws|ingest|studies|report|fit|commands)/[\w.]*|\w+\.py)`", table))
+    named = set(re.findall(r"`((?:\w+/)+[\w.]*|\w+\.py)`", table))
     assert len(named) > 12
-    assert not [name for name in named if not (ROOT / "pipeline" / "camtorque" / name).exists()]
+    assert not [name for name in named if not any((root / name).exists() for root in (PACKAGE, ROOT))]
+    registries = re.findall(r"`([A-Z]+)` of `([\w/]+\.py)`", table)
+    assert len(registries) >= 4
+    for name, place in registries:
+        assert re.search(rf"^{name}\b", (PACKAGE / place).read_text(encoding="utf-8"), re.MULTILINE), (name, place)
+
+
+def test_the_map_of_the_readme_names_what_is_there_and_no_room_is_missing() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text[text.index("## Where things are") : text.index("Rooms depend on each other")]
+    named = set(re.findall(r"`((?:\w+/)+(?:[\w.]+)?|[\w.]+\.(?:py|yml))`", table))
+    assert len(named) > 20
+    assert not [name for name in named if not any((root / name).exists() for root in (PACKAGE, ROOT))]
+    rooms = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert not [room for room in rooms - {"process"} if f"{room}/`" not in table]
 
 
 def test_the_tutorial_is_kept_without_outputs() -> None:
