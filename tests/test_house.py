@@ -30,8 +30,7 @@ ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf"}
 ONLY_SHOWN = {
     "solve_cycles": "a row of docs/mechanism_speed.md",
-    "markdown_rows": "writes the tables of docs/recording_toml.md",
-    "CERTIFICATE_COLUMNS": "writes the table of certificates there",
+    "CERTIFICATE_COLUMNS": "writes the table of certificates of docs/recording_toml.md",
     "BASES": "writes the legend of docs/thresholds.md",
     "reducer_override": "called by pickle",
     "leastsq": "called by lmfit",

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import camtorque
-from camtorque.config.keys import TableSchema, markdown_rows
+from camtorque.config.keys import KEY_UNITS, Key, TableSchema
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
 from camtorque.ingest.formats import FORMATS
@@ -13,6 +13,37 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "recording_toml.md"
 FORMATS_PAGE, PACKAGE = PAGE.with_name("formats.md"), Path(camtorque.__file__).parent
 BEGIN, END = "from camtorque/config/schemas.py -->\n", "<!-- end -->"
 HEAD = ["| table | key | meaning | allowed | |", "|---|---|---|---|---|"]
+
+
+def markdown_rows(schema: TableSchema) -> list[str]:
+    """Return the rows of a table: table, key, meaning, allowed, default."""
+    rows = []
+    for number, key in enumerate(schema.keys):
+        if key.choices:
+            allowed = ", ".join(f"`{word}`" for word in key.choices)
+        elif key.band is not None:
+            allowed = f"{key.band} ({key.band.reason})"
+        else:
+            allowed = {"flag": "`true`, `false`", "date": "2025-01-31"}.get(key.kind, "text")
+        needed = "**required**" if key.required else f"*{default_of(key)}*" + (", own" if key.own else "")
+        needed += "" if key.used else ", not used"
+        table = f"`{schema.header}`" if number == 0 and schema.header else ""
+        rows.append(f"| {table} | `{key.name}` | {key.meaning} | {allowed} | {needed} |")
+    return rows
+
+
+def default_of(key: Key) -> str:
+    if key.default is None or key.default in ("", ()):
+        return "optional"
+    for word, value in key.choices.items():
+        if value == key.default:
+            return f"optional, `{word}`"
+    factor, offset = KEY_UNITS.get(key.unit, (1.0, 0.0))
+    if isinstance(key.default, bool):
+        return f"optional, `{str(key.default).lower()}`"
+    if isinstance(key.default, (int, float)):
+        return f"optional, {(key.default - offset) / factor:g}"
+    return f"optional, {key.default}"
 
 
 def tables() -> str:

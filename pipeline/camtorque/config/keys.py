@@ -148,34 +148,3 @@ class TableSchema:
     def names(self) -> tuple[str, ...]:
         """Names of all keys."""
         return tuple(key.name for key in self.keys)
-
-
-def markdown_rows(schema: TableSchema) -> list[str]:
-    """Return the rows of the documentation: table, key, meaning, allowed, default."""
-    rows = []
-    for number, key in enumerate(schema.keys):
-        if key.choices:
-            allowed = ", ".join(f"`{word}`" for word in key.choices)
-        elif key.band is not None:
-            allowed = f"{key.band} ({key.band.reason})"
-        else:
-            allowed = {"flag": "`true`, `false`", "date": "2025-01-31"}.get(key.kind, "text")
-        needed = "**required**" if key.required else f"*{_default(key)}*" + (", own" if key.own else "")
-        needed += "" if key.used else ", not used"
-        table = f"`{schema.header}`" if number == 0 and schema.header else ""
-        rows.append(f"| {table} | `{key.name}` | {key.meaning} | {allowed} | {needed} |")
-    return rows
-
-
-def _default(key: Key) -> str:
-    if key.default is None or key.default in ("", ()):
-        return "optional"
-    for word, value in key.choices.items():
-        if value == key.default:
-            return f"optional, `{word}`"
-    factor, offset = KEY_UNITS.get(key.unit, (1.0, 0.0))
-    if isinstance(key.default, bool):
-        return f"optional, `{str(key.default).lower()}`"
-    if isinstance(key.default, (int, float)):
-        return f"optional, {(key.default - offset) / factor:g}"
-    return f"optional, {key.default}"
