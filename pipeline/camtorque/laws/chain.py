@@ -302,7 +302,7 @@ def evaluate(
 
 
 def coefficients_of(values: Mapping[str, float]) -> Array:
-    """Return what the columns of `ChainOutput.linear` are multiplied by, (10,)."""
+    """Return what the columns of `ChainOutput.linear` are multiplied by, (11,)."""
     return np.array([values[name] for name in COLUMN_NAMES])
 
 
