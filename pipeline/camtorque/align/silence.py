@@ -36,7 +36,7 @@ def silence_findings(base: TimeBase, channels: Mapping[str, Channel]) -> tuple[F
     spans = [_span(trigger.channel, base.clocks[logger]) for logger, trigger in base.triggers.items()]
     own = _span(channel, clock)
     logged = max(own[0], min(span[0] for span in spans)), min(own[1], max(span[1] for span in spans))
-    where = next(iter(base.triggers.values())).where
+    where = next(iter(base.triggers.values())).channel.where
     found = []
     for name, edge, inside, end in (
         ("begin", train.time[0], train.step[0] + n, logged[0]),
