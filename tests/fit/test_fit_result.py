@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit import minima
-from camtorque.fit.findings import implausible_findings, largest_chi_square, prior_findings
+from camtorque.fit.findings import implausible_findings, largest_chi_square, light_cam_findings, prior_findings
 from camtorque.fit.minima import judged
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
@@ -110,6 +110,17 @@ def test_values_that_are_unusual_together_are_told(record):
     silent = [replace(row, name=f"{row.name}_2", value=row.prior[0], stderr=row.prior[1]) for row in off]
     assert implausible_findings([*off, *silent]) == implausible_findings(off)
     assert implausible_findings([replace(row, at_bound=True) for row in off]) == ()
+
+
+def test_a_shaft_that_rings_as_if_the_cam_were_lighter_than_it_is_is_told(record):
+    row = next(row for row in record.parameters if row.name == "cam_side_inertia")
+    least = 1e-6 * row.ci95[1]
+    assert light_cam_findings(record.parameters, 0.99 * least) == ()
+    (finding,) = light_cam_findings(record.parameters, 2.0 * least)
+    assert (finding.severity, finding.where) == ("warning", "cam_side_inertia")
+    assert "less than the cam alone has by the sheet" in finding.text
+    assert light_cam_findings([row for row in record.parameters if row.name != "cam_side_inertia"], 1.0) == ()
+    assert all(found.code != "cam_side_too_light" for found in record.findings)
 
 
 @pytest.mark.parametrize("degrees", [1.0, 8.0, 20.0, 60.0])

@@ -61,6 +61,20 @@ def implausible_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Findi
     return (Finding("values_implausible", "warning", text, worst[0]),)
 
 
+def light_cam_findings(parameters: Sequence[ParameterEstimate], cam_inertia: float) -> tuple[Finding, ...]:
+    """Return the finding on a cam's side that turns more lightly than the cam of the sheet alone [kg m^2]."""
+    row = next((row for row in parameters if row.name == "cam_side_inertia"), None)
+    if row is None or row.ci95[1] >= cam_inertia * 1.0e6:
+        return ()
+    text = (
+        f"the shaft rings as if {short(row.value)} {row.unit} sat on it ({short(row.ci95[1])} at most), less than the "
+        f"cam alone has by the sheet ({short(cam_inertia * 1.0e6)}): compliance, damping and inertia of the shaft are "
+        "not to be relied on, they stand in for something between cam and logger; check cam_inertia_kg_m2, cutoff_hz "
+        "and filters of the logger"
+    )
+    return (Finding("cam_side_too_light", "warning", text, row.name),)
+
+
 def largest_chi_square(degrees: float) -> float:
     """Return what a chi-square number stays below in 999 of 1000 cases (Wilson & Hilferty, PNAS 17 (1931))."""
     variance = 2.0 / (9.0 * degrees)

@@ -8,7 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.derived import delivered_volume, derived_estimates
-from camtorque.fit.findings import fit_findings, implausible_findings, prior_findings, table_findings
+from camtorque.fit.findings import (
+    fit_findings,
+    implausible_findings,
+    light_cam_findings,
+    prior_findings,
+    table_findings,
+)
 from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles, on_grid
@@ -183,7 +189,8 @@ def fitted_torque(
         angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger), odd_even_rms=means.odd_even,
         next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
         findings=(
-            *prior_findings(parameters), *implausible_findings(parameters), *table_findings(recording.cam_table),
+            *prior_findings(parameters), *implausible_findings(parameters),
+            *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
             *fit_findings(fit, fitted.chain, fitted.output, None if explained else left),
         ),
         details={**_details(fit, index, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
