@@ -92,6 +92,9 @@ def test_nuisances_pulled_off_their_sheet_are_told(record):
     row = next(row for row in record.parameters if row.name == "cutoff")
     pulled = replace(row, value=row.prior[0] + 4.0 * row.prior[1], at_bound=False)
     (finding,) = prior_findings([pulled])
+    # a gain that its bound stops at three standard deviations is no better than one that lies there freely
+    (held,) = prior_findings([replace(pulled, at_bound=True)])
+    assert "at its bound" in held.text
     assert "4.0 standard deviations off" in finding.text
     assert finding.where == "cutoff"
 

@@ -26,12 +26,13 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
     """Return the nuisances that the data pull far off what was known."""
     result = []
     for row in parameters:
-        if row.prior is None or row.at_bound:
+        if row.prior is None:
             continue
         pull = (row.value - row.prior[0]) / row.prior[1]
         if abs(pull) > PULLED:
             text = (
-                f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}, "
+                f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}"
+                f"{', at its bound,' if row.at_bound else ','} "
                 f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
                 f"{short(row.prior[1], 2)}; {row.source}): check that number; if it is right, a loss is missing that "
                 "this one stands in for"
