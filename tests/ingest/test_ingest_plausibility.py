@@ -202,6 +202,16 @@ def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench:
     assert "torque_against_pressure" in codes(bench)
 
 
+def test_columns_under_each_others_name_are_among_the_causes_of_an_impossible_torque(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    text = toml.read_text(encoding="utf-8")
+    exchanged = {'quantity = "torque"': 'quantity = "pressure"', 'sensor = "T22-40117"': 'sensor = "K4067-40117"'}
+    exchanged |= {new: old for old, new in exchanged.items()}
+    toml.write_text(re.sub("|".join(map(re.escape, exchanged)), lambda found: exchanged[found[0]], text))
+    with pytest.raises(Refusal, match="torque and pressure are exchanged"):
+        read(bench)
+
+
 def test_a_pressure_in_the_wrong_unit_is_told_although_the_pump_then_seems_idle(bench: Path):
     toml = bench / "raw_examples" / "A" / "recording.toml"
     text = toml.read_text(encoding="utf-8")

@@ -229,7 +229,7 @@ def _implied(pump: PumpData, slope: float, ratio: float) -> str:
     return (
         f"one is wrong: plunger_diameter_m ({short(diameter)} mm would fit), the unit of the lift table "
         f"({short(1e3 * slope * ratio)} mm/rad), the sensitivity of pressure (x {short(ratio)}) or of torque "
-        f"(x {short(1.0 / ratio)}); or the logs are not of one run"
+        f"(x {short(1.0 / ratio)}); or the logs are not of one run, or torque and pressure are exchanged"
     )
 
 
