@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit.findings import implausible_findings, largest_chi_square, light_cam_findings, prior_findings
-from camtorque.fit.minima import judged
+from camtorque.fit.minima import LIGHT, judged
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
@@ -20,6 +20,7 @@ from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
 from camtorque.laws.chain import binned
+from camtorque.laws.driveline import cam_side_inertia
 from camtorque.records import Refusal
 from fit_cases import bridged, quick, quick_data, quick_prepared
 from scipy.stats import chi2
@@ -197,6 +198,24 @@ def test_a_minimum_is_worth_what_it_is_on_the_other_half_of_the_cycles():
     assert judged(found, data, other).value > found.value + 10.0
     held = replace(data, torque=binned(on_grid(means.held_torque, 1800)))
     assert abs(judged(found, data, held).unseen) < 0.5 * INDEPENDENT
+
+
+def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
+    found = quick(LAND)
+    values, _ = found.problem.values(found.solution.z, 0)
+    inertia = cam_side_inertia(values)
+
+    def with_cam(kilogram_square_metres):
+        pump = replace(found.data.chain.pump, cam_inertia=kilogram_square_metres)
+        return replace(found, data=replace(found.data, chain=replace(found.data.chain, pump=pump)))
+
+    lighter, as_heavy = with_cam(0.9 * inertia), with_cam(inertia * np.exp(3.0 * LIGHT))
+    assert lighter.value == found.solution.chi_square + found.unseen
+    assert as_heavy.value - lighter.value == pytest.approx(9.0)
+    rigid = replace(
+        found.solution, z=np.where(np.array(found.problem.names) == "shaft_compliance", 0.0, found.solution.z)
+    )
+    assert replace(as_heavy, solution=rigid).light == 0.0
 
 
 def test_a_minimum_that_falls_on_the_other_half_comes_last(monkeypatch):
