@@ -256,15 +256,23 @@ def _table(log: Log) -> tuple[list[str], list[str], list[np.ndarray]]:
     return names, ["s", *("V" for _ in log.volts)], [log.times, *log.volts.values()]
 
 
+BOOKS: dict[bytes, bytes] = {}
+"""Workbooks by their samples: writing one takes a second, and many cases begin with the same."""
+
+
 def write_xlsx(path: Path, log: Log) -> None:
     from openpyxl import Workbook
 
     names, units, columns = _table(log)
-    book = Workbook(write_only=True)
-    sheet = book.create_sheet("Log")
-    for row in (["measured on the bench"], names, units, *zip(*(column.tolist() for column in columns), strict=True)):
-        sheet.append(row)
-    book.save(path)
+    content = b"".join(column.tobytes() for column in columns)
+    if content not in BOOKS:
+        book = Workbook(write_only=True)
+        sheet = book.create_sheet("Log")
+        for row in (["measured on the bench"], names, units, *zip(*(part.tolist() for part in columns), strict=True)):
+            sheet.append(row)
+        book.save(path)
+        BOOKS[content] = path.read_bytes()
+    path.write_bytes(BOOKS[content])
 
 
 def write_parquet(path: Path, log: Log, *, feather: bool = False, checksum: bool = True) -> None:
