@@ -108,8 +108,10 @@ def test_line_pressure_on_the_plunger_is_told_from_a_chamber():
     assert none.text == "not compared"
     data = replace(found.data, structure="line", chain=replace(found.data.chain, uses_chamber=False))
     residual = found.solution.residuals[0] + 3.0
-    worse = replace(found.solution, chi_square=found.solution.chi_square + 600.0, residuals=(residual,))
-    line = replace(found, data=data, problem=build_problem([data]), solution=worse)
+    problem = build_problem([data])
+    z = found.solution.z[[found.problem.index(name) for name in problem.names]]
+    worse = replace(found.solution, z=z, chi_square=found.solution.chi_square + 600.0, residuals=(residual,))
+    line = replace(found, data=data, problem=problem, solution=worse)
     row = chamber_evidence((found, line), 1.0)
     assert row.verdict == "needed"
     assert row.size == pytest.approx(float(np.sqrt(np.mean((3.0 / data.weight) ** 2))))
