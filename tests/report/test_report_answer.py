@@ -69,7 +69,7 @@ def test_an_unexplained_run_says_so_loudly_and_states_no_interval(tmp_path: Path
     doc = write_run(result, tmp_path)
     head = verdict(doc)
     assert (head["level"], head["head"]) == ("unexplained", "UNEXPLAINED")
-    assert f"It fails at 40 to 52 deg (end of delivery {NASTY}): up to −0.4 N m, 9.5 times" in head["text"]
+    assert f"It fails (by the fitted cycles) at 40 to 52 deg (end of delivery {NASTY}): up to −0.4 N m, 9.5 times" in head["text"]
     assert not any("±" in card["value"] for card in cards(doc))
     text = words_of(tmp_path / "report.html")
     assert "UNEXPLAINED" in text
@@ -169,7 +169,7 @@ def test_bumps_of_an_explained_run_are_named() -> None:
     result = run_result()
     bumps = run_result(explained=False).fitted.bumps
     doc = result_document(replace(result, fitted=replace(result.fitted, bumps=bumps)))
-    assert "It stands out at 40 to 52 deg (end of delivery" in answer(doc)[2]["text"]
+    assert "In the fitted cycles it stands out at 40 to 52 deg (end of delivery" in answer(doc)[2]["text"]
 
 
 def test_what_swings_is_told_with_its_frequency_and_what_to_do() -> None:

@@ -111,7 +111,7 @@ def unexplained_text(doc: Document) -> str:
         f"the best model stays {num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the cycles repeat "
         f"to {num(accuracy['repeatability_percent'], 2)} %. "
     )
-    where = f"It fails at {places}. " if places else "The misfit is spread over the revolution. "
+    where = f"It fails (by the fitted cycles) at {places}. " if places else "The misfit is spread over the revolution. "
     return (
         start + where + "Something acts there that is not in the model. The values below are the best of an incomplete "
         "model: none of their intervals can be relied on."
@@ -168,7 +168,7 @@ def sureness_text(doc: Document) -> str:
     accuracy, rows = doc["accuracy"], [row for row in doc["parameters"].values() if row["role"] != "assumed"]
     text = shape_text(accuracy)
     if doc["bumps"] and doc["explained"]:
-        text += f" It stands out at {bump_places(doc)}."
+        text += f" In the fitted cycles it stands out at {bump_places(doc)}."
     if accuracy["block_cv_rms_percent"] is not None and doc["explained"]:
         left = num(accuracy["block_cv_rms_percent"], 2)
         text += f" Stretches of the revolution, left out of a fit in turn, are predicted to {left} % of the peak."
@@ -177,7 +177,7 @@ def sureness_text(doc: Document) -> str:
             f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
             f"certificate), which no residual shows."
         )
-    text += f" Of {len(rows)} parameters {known_text(rows)}; the others stand as the sheet or the literature had them."
+    text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
 
 
