@@ -173,7 +173,7 @@ def _spread(known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, ch
         )
 
     center, (small, whole) = about(values_of(mean, source, changes), FRACTIONS)
-    if not steps(small.std["torque"], whole.std["torque"]):
+    if not steps(small.torque[:DRAWS], whole.torque[:DRAWS]):
         return Spread(center, (small, whole), False)
     return Spread(*about(drawn(1.0)[middle(whole.torque[:DRAWS])], (1.0,)), True)
 
