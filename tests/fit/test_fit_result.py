@@ -13,7 +13,7 @@ from camtorque.fit.minima import LIGHT, judged
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
-from camtorque.fit.result import fitted_torque, model_on_grid
+from camtorque.fit.result import alternatives, fitted_torque, model_on_grid
 from camtorque.fit.search import Found
 from camtorque.fit.single import FitOptions, compared, fit_prepared
 from camtorque.fit.solver import no_lift
@@ -86,6 +86,16 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
 def record(fit):
     prepared = quick_prepared(*LAND)
     return fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+
+
+def test_what_else_fits_is_measured_beside_the_lift_correction(fit):
+    (best, *rest), lift = fit.candidates, fit.candidates[0].solution.lifts[0]
+    strongest = int(np.argmax(lift.strength))
+    asked = best.solution.residuals[0] + 20.0 * lift.vectors[:, strongest]
+    off = replace(best, solution=replace(best.solution, residuals=(asked,)))
+    (before, *_), (after, *_) = (alternatives(replace(fit, candidates=(item, *rest)), 0.0) for item in (best, off))
+    assert 20.0 * (1.0 - lift.shrink[strongest]) < 3.0
+    assert after.rms_nm == pytest.approx(before.rms_nm, rel=0.3)
 
 
 def test_nuisances_pulled_off_their_sheet_are_told(record):

@@ -229,7 +229,7 @@ def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
         if rows and probability < WORTH_TELLING:
             continue
         trigger = item.problem.index("trigger_offset")
-        residual = item.solution.residuals[0] / item.data.weight
+        residual = item.solution.lifts[0].beside(item.solution.residuals[0]) / item.data.weight
         rows.append(Alternative(
             STRUCTURES[item.data.structure], probability, float(np.sqrt(np.mean(residual**2))),
             nominal + float(item.solution.z[trigger]), float(np.max(item.solution.outputs[0].pressure)),
