@@ -13,6 +13,7 @@ from camtorque.limits import Limit
 from camtorque.records import Refusal
 from camtorque.report.answer import (
     CHECKS,
+    UNUSUAL,
     alternatives_text,
     answer,
     cards,
@@ -48,12 +49,13 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert parts["What to do"].endswith("To learn more: record standstill readings.")
 
 
-def test_values_that_are_unusual_together_ask_to_look_closer() -> None:
+@pytest.mark.parametrize(("code", "words"), UNUSUAL.items())
+def test_values_that_no_bench_has_ask_to_look_closer(code: str, words: str) -> None:
     doc = result_document(run_result())
-    unusual = {"code": "values_implausible", "severity": "warning", "text": "", "where": ""}
+    unusual = {"code": code, "severity": "warning", "text": "", "where": ""}
     head = verdict({**doc, "findings": [*doc["findings"], unusual]})
     assert (head["level"], head["head"]) == ("look", "Look closer")
-    assert head["text"].endswith("only with values that are unusual together: see the warnings before using them.")
+    assert head["text"].endswith(f"only with {words}: see the warnings before using the values.")
 
 
 def test_what_was_not_computed_is_not_mentioned() -> None:

@@ -31,7 +31,10 @@ INPUT_CAUSES = frozenset({
     "torque_against_model", "speed_off_nominal", "pump_unusual", "torque_drifts",
 })  # fmt: skip
 """Findings on the input that explain a model that fails: the first of them is said first."""
-UNUSUAL = {"values_implausible": "values that are unusual together"}
+UNUSUAL = {
+    "values_implausible": "values that are unusual together",
+    "cam_side_too_light": "a shaft that rings as if the cam were lighter than it is",
+}
 """Finding on values that may stand in for what the model lacks -> how the headline names them."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
@@ -55,7 +58,7 @@ def verdict(doc: Document) -> dict[str, Any]:
     if missed:
         text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
     if odd:
-        text += f" The model meets it only with {odd[0]}: see the warnings before using them."
+        text += f" The model meets it only with {' and '.join(odd)}: see the warnings before using the values."
     look = bool(missed or odd)
     return {"level": "look" if look else "good", "head": "Look closer" if look else "Explained", "text": text}
 
