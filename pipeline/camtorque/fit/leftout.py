@@ -30,7 +30,7 @@ from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.result import modelled
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import solve
-from camtorque.laws.chain import COLUMN_NAMES, evaluate
+from camtorque.laws.chain import coefficients_of, evaluate
 from camtorque.records import Array, Finding, Metrics
 
 ZERO_SPREAD_SHARE = 1.0e-3
@@ -232,7 +232,7 @@ def typical(known: KnownFit, data: FitData, shared: Mapping[str, float], ends: M
     def torque(values: Mapping[str, float]) -> Array:
         full = values_of({**values, **ends}, source)
         output = evaluate(data.chain, full)
-        return output.torque + output.linear @ np.array([full[name] for name in COLUMN_NAMES])
+        return output.torque + output.linear @ coefficients_of(full)
 
     center = torque(shared)
     small, whole = (

@@ -17,7 +17,7 @@ from camtorque.fit.pair import Pair
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import GROUPS
 from camtorque.laws.causes import cam_torques, work_per_revolution
-from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
+from camtorque.laws.chain import NONLINEAR_NAMES, coefficients_of, evaluate
 from camtorque.records import Array
 
 SEEN = 4.3
@@ -120,7 +120,7 @@ def works(pair: Pair, values: Array, side: int) -> dict[str, float]:
     """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
     item = pair.items[side]
     full = {**pair.fixed, **dict(zip(pair.names, values.tolist(), strict=True))}
-    linear = np.array([full[name] for name in COLUMN_NAMES])
+    linear = coefficients_of(full)
     nonlinear = {name: full[name] for name in NONLINEAR_NAMES}
     output = evaluate(item.chain, nonlinear, linear)
     none = np.zeros(item.chain.theta.size)

@@ -22,7 +22,7 @@ from camtorque.laws import LAWS, LINEAR_NAMES
 from camtorque.laws.columns import At
 from camtorque.mechanism.friction import guide_share, guide_share_by, sliding_sign, sliding_sign_by
 from camtorque.mechanism.kinematics import path_at
-from camtorque.mechanism.torque import axial_force, contact_torque
+from camtorque.mechanism.torque import axial_force
 from camtorque.records import Array
 
 LEAST_GUIDE = 0.05
@@ -90,7 +90,7 @@ def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # typ
         turn, turn_a = spin * dw + spin_a * w * w, spin_a * dw + spin_aa * w * w
         normal = axial / guide
         load[i] = normal
-        torques[i, 0] = contact_torque(pump, normal, 0.0, height, y1, lever)
+        torques[i, 0] = normal * y1
         at = At(
             y, y1, y2, w, p, sliding_sign(y1), sliding_sign_by(y1, y2), lever, lever_a, spin, spin_a,
             turn, turn_a, pump.stiffness, pump.preload, pump.area,
