@@ -29,7 +29,6 @@ FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_fit", "co
 ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf"}
 ONLY_SHOWN = {
-    "solve_cycles": "a row of docs/mechanism_speed.md",
     "CERTIFICATE_COLUMNS": "writes the table of certificates of docs/recording_toml.md",
     "BASES": "writes the legend of docs/thresholds.md",
     "reducer_override": "called by pickle",

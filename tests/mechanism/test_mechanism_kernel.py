@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.mechanism.friction import Friction
-from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles, solve_cycles
+from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles
 from camtorque.mechanism.torque import closed_form_tables
 from mechanism_cases import CASES, analytic_law, case
 
@@ -20,10 +20,6 @@ def test_compiled_pass_is_the_closed_form(name, friction):
     pressure = run.pressure * np.array([[1.0], [0.3], [0.0]])
     speed = np.array([40.0, 90.0, 400.0])
     result = evaluate_cycles(cycle_tables(tables), pressure, speed)
-    direct = solve_cycles(pump, LAW, run.theta, pressure, speed, mounting, friction)
-    for row in range(len(CYCLE_OUTPUTS)):
-        scale = np.max(np.abs(result[row])) + 1e-3 * np.max(np.abs(result[1]))
-        assert np.max(np.abs(direct[row] - result[row])) < 1e-12 * scale, CYCLE_OUTPUTS[row]
     for row, output in enumerate(CYCLE_OUTPUTS[:-1]):
         expected = tables.evaluate(output, pressure, speed[:, None])
         # rounding, on the scale of the forces that are added up to it

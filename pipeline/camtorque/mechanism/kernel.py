@@ -12,13 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.compiled import njit
-from camtorque.config import PumpData
-from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.contact import contact_modulus
-from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain
-from camtorque.mechanism.kinematics import path_at
-from camtorque.mechanism.mounting import Mounting
-from camtorque.mechanism.torque import ClosedForm, Constants, constants_of, joint_forces, solve_angle
+from camtorque.mechanism.friction import guide_gain
+from camtorque.mechanism.torque import ClosedForm, Constants, joint_forces
 from camtorque.records import Array, ReadOnly
 
 CYCLE_OUTPUTS = (
@@ -104,61 +99,12 @@ def evaluate_cycles(tables: CycleTables, pressure: Array, speed: Array, out: Arr
     -------
     (8, n_cycles, n_theta) in the order of `CYCLE_OUTPUTS`; ``contact_normal`` keeps its sign where contact is lost
     """
-    result = _room(tables.rows.shape[1], pressure, speed, out)
-    _tabulated(tables.rows, tables.gain, tables.constants, pressure, speed, result)
-    return result
-
-
-def _room(n_theta: int, pressure: Array, speed: Array, out: Array | None) -> Array:
-    """Return where to write, after a check of all shapes."""
+    n_theta = tables.rows.shape[1]
     if pressure.ndim != 2 or pressure.shape[1] != n_theta or speed.shape != (pressure.shape[0],):
         raise ValueError(f"cycles: pressure {pressure.shape}, speed {speed.shape}; tables have {n_theta} angles")
     shape = (len(CYCLE_OUTPUTS), *pressure.shape)
     result = np.empty(shape) if out is None else out
     if result.shape != shape:
         raise ValueError(f"cycles: out has shape {result.shape}, expected {shape}")
-    return result
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
-def _from_lift(c, factor, lift, pressure, speed, out):  # type: ignore[no-untyped-def]
-    squared = speed * speed
-    for i in range(pressure.size):
-        y, slope, curve = lift[0, i], lift[1, i], lift[2, i]
-        path = path_at(y, slope, curve, c.base, c.offset, c.radius)
-        values = solve_angle(c, 1.0, pressure[i], squared, 0.0, y, slope, curve, path)
-        out[0, i] = values[0]
-        out[1, i] = values[1]
-        out[2, i] = values[2]
-        out[3, i] = values[5]
-        out[4, i] = values[6]
-        out[5, i] = values[7]
-        out[6, i] = values[8]
-        relative = 1.0 - c.radius * path[5]
-        out[7, i] = factor * np.sqrt(max(values[1], 0.0) / relative) if relative > 0.0 else np.nan
-
-
-def solve_cycles(
-    pump: PumpData,
-    law: CamLaw,
-    theta: Array,
-    pressure: Array,
-    speed: Array,
-    mounting: Mounting | None = None,
-    friction: Friction = NO_FRICTION,
-    out: Array | None = None,
-) -> Array:
-    """Return the same from the lift law on, for cycles that have each its own angles.
-
-    Parameters
-    ----------
-    theta : (n_cycles, n_theta) cam angles of each cycle, or (n_theta,) for all [rad]
-    pressure, speed, out : see `evaluate_cycles`
-    """
-    constants = constants_of(pump, Mounting() if mounting is None else mounting, friction)
-    angles = np.broadcast_to(theta, pressure.shape)
-    result = _room(angles.shape[1], pressure, speed, out)
-    factor = float(np.sqrt(contact_modulus(pump) / (np.pi * pump.roller_width * pump.roller_radius)))
-    for cycle, row in enumerate(angles):
-        _from_lift(constants, factor, law.compiled_derivatives(row, 2), pressure[cycle], speed[cycle], result[:, cycle])
+    _tabulated(tables.rows, tables.gain, tables.constants, pressure, speed, result)
     return result
