@@ -26,7 +26,7 @@ from numba import njit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "mechanism"))
 from camtorque.mechanism.elastic import solve_elastic
-from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles, solve_cycles
+from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
 from camtorque.mechanism.torque import closed_form_tables
@@ -35,8 +35,8 @@ from mechanism_cases import analytic_law, paper_pump
 
 MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 PUMP_COUNTS = (1, 2, 4, 8, 16, 32, 64)
-MOST_PUMPS = {"denoc": 16}
-"""Left out beyond: dense shaft matrices of 64 lobes take seconds."""
+MOST_PUMPS = {"denoc": 16, "elastic shaft": 16}
+"""Left out beyond: dense matrices of 64 lobes take seconds."""
 
 
 @njit(cache=True)
@@ -127,11 +127,6 @@ def candidates(cycles, size):
             partial(per_method, method, units, theta, pressure[:few], speed[:few]),
             few * size,
         )
-    some = min(cycles, 50)
-    found["closed form, compiled, kinematics included"] = (
-        lambda: solve_cycles(pump, law, theta, pressure[:some], speed[:some], mounting, out=out[:, :some]),
-        some * size,
-    )
     angles = theta[:: max(1, size // 300)]
     samples = [Sample(pump, law, mounting, angle, 3e7, 50.0, 0.0) for angle in angles]
     for engine in ENGINES:
@@ -236,11 +231,11 @@ and y, guide force and moment, Hertz stress). {machine}.
 ![cost](mechanism_speed.png)
 
 - The compiled closed form is bound by memory: it writes what the copy writes. The target is 1.1 times the copy.
-- "kinematics included" solves each cycle from the lift law on, at its own angles; the target is 15 times the copy.
-  "One cycle" is a call of `solve_shaft`, with its checks, eleven outputs and fresh memory for them.
-- Recursion, closed form and elastic shaft (fixed-point iteration to 1e-12, whole-shaft stiffness kept) grow in
-  proportion to the number of pumps. The matrices of `denoc` also grow with the square of it; they are there to be read,
-  not to be fast.
+- "Kinematics included, one cycle" is a call of `solve_shaft` from the lift law on, with its checks, eleven outputs and
+  fresh memory for them; the target is 15 times the copy.
+- Recursion and closed form grow in proportion to the number of pumps. The matrices of `denoc` also grow with the square
+  of it; they are there to be read, not to be fast. The elastic shaft (whole-shaft stiffness kept) grows with a power
+  between one and two up to 16 pumps, then with the third (0115); one pump alone has a method of its own.
 - Pinocchio and MuJoCo get motion and contact point prepared beforehand and give no Hertz stress. "From Python" is the
   whole cut-joint solution as a Python user writes it; "alone" is their inverse dynamics only, without the contact, the
   multipliers and the reactions.
