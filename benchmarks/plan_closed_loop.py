@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
-from camtorque.fit.ends import Curve
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
 from camtorque.fit.known_fit import FittedAt, KnownFit

@@ -26,8 +26,9 @@ import numpy as np
 from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.fit import leftout
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER, either, endings_of
-from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.ends import load_for
 from camtorque.fit.firm_end import END_OF
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.end_shape import Curve
+from camtorque.fit.ends import load_for
 from camtorque.fit.forecast import forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid

@@ -20,7 +20,7 @@ from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
 from camtorque.fit.draws import Load
-from camtorque.fit.ends import Curve
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table

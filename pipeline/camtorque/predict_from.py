@@ -22,8 +22,9 @@ from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.design.fitted import FRICTION_NAMES
 from camtorque.fit.draws import Load
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
-from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.ends import load_for
 from camtorque.fit.firm_end import END_OF
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -117,8 +118,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
 
 
 def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
-    modes = row["left_out_rms_percent"] or {}
-    share = modes.get("own_zero_and_end")
+    share = (row["left_out_rms_percent"] or {}).get("own_zero_and_end")
     used = row["rms_percent_of_peak"] if share is None else share
     return FittedAt(row["id"], row["speed_rpm"] * RPM, row["structure"], used / 100.0, share is not None)
 

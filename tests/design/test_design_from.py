@@ -13,7 +13,7 @@ from camtorque.commands.design import fitted_lines
 from camtorque.design import read_task
 from camtorque.design_from import as_fitted, carried_angles, carried_pressure, fitted_pump, read_known, stroke_angles
 from camtorque.fit import forecast
-from camtorque.fit.ends import Curve
+from camtorque.fit.end_shape import Curve
 from camtorque.ingest.pump_file import read_pump
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.records import Refusal

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import draws
-from camtorque.fit.ends import LEAST_STD, Curve, load_for
+from camtorque.fit.end_shape import Curve
+from camtorque.fit.ends import LEAST_STD, load_for
 from camtorque.fit.firm_end import END_OF, WIDTHS_OF, Lever, levers_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
 

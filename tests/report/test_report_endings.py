@@ -12,8 +12,9 @@ from camtorque import predict_from as flow
 from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import Load, draws
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
-from camtorque.fit.ends import UNKNOWN_STD, Curve, load_for
+from camtorque.fit.ends import UNKNOWN_STD, load_for
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.laws import ROWS

@@ -14,20 +14,12 @@ import pytest
 from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
+from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import Load, draws
-from camtorque.fit.ends import (
-    LEAST_STD,
-    UNKNOWN_STD,
-    Curve,
-    KnownEnd,
-    found_end,
-    load_for,
-    matched_end,
-    taught_by,
-    width_of,
-)
+from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, load_for, taught_by, width_of
 from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.load_file import refuse_other_load
@@ -86,7 +78,7 @@ def falling(end: float, speed: float) -> Curve:
 
 
 def test_an_end_of_delivery_is_found_by_the_shape_of_the_line_pressure() -> None:
-    place = matched_end([KnownEnd("a", 0.7, falling(0.7, 60.0))], falling(0.9, 90.0), RISING)
+    place = matched_end([KnownEnd("a", 0.7, falling(0.7, 60.0))], falling(0.9, 90.0), RISING).angle
     assert place == pytest.approx(0.9, abs=0.006)
 
 
@@ -96,7 +88,7 @@ def test_the_first_fall_is_the_end_and_not_the_wave_that_returns() -> None:
         return Curve(THETA, 1e7 + 2e7 * np.sum(falls, axis=0), 60.0)
 
     known_ends = [KnownEnd("a", 0.70, twice(0.70, 1.16)), KnownEnd("b", 0.74, twice(0.74, 1.23))]
-    assert matched_end(known_ends, twice(0.72, 0.98), RISING) == pytest.approx(0.72, abs=0.02)
+    assert matched_end(known_ends, twice(0.72, 0.98), RISING).angle == pytest.approx(0.72, abs=0.02)
 
 
 def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float = 60.0) -> Estimate:
@@ -109,7 +101,7 @@ def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float 
         KnownEnd(n, end, falling(0.8, speeds[n]), {k: 1.0}) for k, (n, end) in enumerate(zip("abc", ends, strict=True))
     ]
     curve = replace(falling(0.8, at), step=step, points=np.arange(0.0, 2.0 * np.pi, step) if step else np.zeros(0))
-    return found_end(known_ends, curve, RISING, taught_by(fit, known_ends, RISING, curve.coarse_step))
+    return found_end(known_ends, curve, RISING, taught_by(fit, known_ends, RISING, curve.pause))
 
 
 def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
@@ -134,7 +126,7 @@ def test_misses_that_grow_with_speed_are_taken_off_and_widen_beyond_the_fitted_s
     found = taught(ends, at=90.0)
     blind = matched_end([KnownEnd("b", ends[1], falling(0.8, 60.0)), KnownEnd("c", ends[2], falling(0.8, 75.0))],
                         falling(0.8, 90.0), RISING)  # fmt: skip
-    assert abs(found.value - truth) < 0.4 * abs(blind - truth)
+    assert abs(found.value - truth) < 0.4 * abs(blind.angle - truth)
     scattered = [0.8, 0.82, 0.8]
     assert taught(scattered, at=90.0).stderr > taught(scattered, at=61.0).stderr
 
@@ -251,7 +243,32 @@ def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_p
     known_ends = [KnownEnd("a", 0.7, falling(0.7, 60.0))]
     for step_deg in (1.5, 3.0, 4.0):
         found = matched_end(known_ends, of_file(tmp_path, step_deg), RISING)
-        assert found == pytest.approx(0.8, abs=np.radians(0.4 * step_deg))
+        assert found.angle == pytest.approx(0.8, abs=np.radians(0.4 * step_deg))
+
+
+def test_few_points_that_look_like_an_end_at_two_places_leave_both_open() -> None:
+    """Two falls alike, 15 degrees apart: the file has a point every 3 degrees, and one fall is the end."""
+    known_ends = [KnownEnd(n, 0.8, falling(0.8, speed)) for n, speed in (("a", 55.0), ("b", 60.0))]
+    falls = [1.0 / (1.0 + np.exp((THETA - at) / 0.01)) for at in (0.7, 0.7 + np.radians(15.0))]
+    curve = Curve(THETA, 1e7 + 2e7 * np.sum(falls, axis=0), 50.0)
+    step = np.radians(3.0)
+    coarse = matched_end(known_ends, replace(curve, step=step, points=np.arange(0.0, 2.0 * np.pi, step)), RISING)
+    both = np.array([0.7, 0.7 + np.radians(15.0)])
+    assert np.all(np.abs(both - coarse.angle) < 1.96 * np.sqrt(coarse.variance))
+    assert matched_end(known_ends, curve, RISING).variance == 0.0, "a recording is looked at point by point"
+
+
+def test_what_a_coarse_file_blurs_is_learnt_at_the_same_time_between_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Curve] = []
+
+    def matched(others: list[KnownEnd], curve: Curve, rising: np.ndarray) -> Match:
+        seen.append(curve)
+        return Match(0.8, 1e-4)
+
+    monkeypatch.setattr(ends_module, "matched_end", matched)
+    found = taught([0.8, 0.8, 0.8], step=np.radians(3.0), at=40.0)
+    assert {round(curve.step / curve.speed, 9) for curve in seen} == {round(np.radians(3.0) / 40.0, 9)}
+    assert found.stderr == pytest.approx(0.01, rel=0.05), "what the points of this file leave open is the least"
 
 
 def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import endings_of
-from camtorque.fit.ends import Curve, load_for
+from camtorque.fit.ends import load_for
 from camtorque.fit.firm_end import END_OF, WIDTHS_OF
 from camtorque.fit.forecast import values_of
 from camtorque.fit.joint_fit import JointFit, shown_covariance, values_of_each

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER
-from camtorque.fit.ends import Curve
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
