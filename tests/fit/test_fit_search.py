@@ -10,6 +10,7 @@ from camtorque.fit import search, swings
 from camtorque.fit.problem import build_problem, with_starts
 from camtorque.fit.starts import Start, continued, on_search_grid
 from camtorque.laws.chain import evaluate
+from camtorque.laws.driveline import COMPLIANCE_NAMES, cam_side_inertia, compliances, shaft_transfer
 from fit_cases import quick, quick_data
 
 LAND = ("closed_volume", 0, 1000.0)
@@ -59,3 +60,47 @@ def test_a_scan_finds_the_coupling_that_a_start_has_lost(found):
     lost = with_starts(replace(there.data, torque=torque), {"coupling_compliance": 0.0})
     best = swings.with_couplings(Start(lost, there.lifts, 0.0))[0]
     assert best.rows["coupling_resonance"].start == pytest.approx(soft["coupling_resonance"], rel=0.2)
+
+
+MIRRORED = {
+    "shaft_compliance": 300e-6, "shaft_resonance": 2.0 * np.pi * 300.0, "half_inertia": 1.1e-3, "half_place": 0.3,
+    "half_damping": 0.0,
+}  # fmt: skip
+"""A coupling's half, with less than half of the compliance between it and a cam of 0.94 g m^2."""
+
+
+def on_a_heavy_cam(data, cam):
+    return replace(data, chain=replace(data.chain, pump=replace(data.chain.pump, cam_inertia=cam)))
+
+
+def test_shafts_that_ring_alike_pass_the_torque_alike_and_turn_no_lighter_cam():
+    item = on_a_heavy_cam(with_starts(quick_data(LAND), MIRRORED), 1.15e-3)
+    omega = 2.0 * np.pi * np.linspace(0.0, 1500.0, 40)
+    held = {name: item.rows[name].start for name in COMPLIANCE_NAMES} | {
+        "shaft_damping_ratio": 0.0, "drive_admittance": 0.0, "coupling_compliance": 0.0,
+    }  # fmt: skip
+
+    def passed(values):
+        both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), False)
+        return shaft_transfer(omega, values, both)[0]
+
+    shafts = swings.ringing_alike(item)
+    assert len(shafts) >= 3
+    for shaft in shafts:
+        assert cam_side_inertia(held | shaft) >= 1.15e-3 * (1.0 - 1e-12)
+        alike = passed(held | shaft | {"shaft_damping_ratio": 0.0})
+        np.testing.assert_allclose(1.0 / alike, 1.0 / passed(held), rtol=1e-9, atol=1e-9)
+    # a cam that weighs more than all that rings leaves none
+    assert swings.ringing_alike(on_a_heavy_cam(item, 1.0)) == []
+
+
+def test_a_start_whose_cam_is_too_light_finds_the_shaft_that_rings_alike(found):
+    shaft = swings.ringing_alike(on_a_heavy_cam(with_starts(quick_data(LAND), MIRRORED), 1.3e-3))[0]
+    data = on_a_heavy_cam(with_starts(quick_data(LAND), shaft), 1.3e-3)
+    there = continued(on_search_grid(data), 0.0, core=False, iterations=0)
+    problem = build_problem([there.data])
+    torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque
+    lost = with_starts(replace(there.data, torque=torque), MIRRORED)
+    best = swings.with_heavier_cams(Start(lost, there.lifts, 0.0))[0]
+    for name in ("shaft_compliance", "half_place"):
+        assert best.rows[name].start == pytest.approx(shaft[name], rel=0.3), name

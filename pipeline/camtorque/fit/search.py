@@ -28,7 +28,7 @@ from camtorque.fit.starts import (
     ends_at,
     on_search_grid,
 )
-from camtorque.fit.swings import expected, with_couplings, with_hubs, with_hubs_alone, with_ringing
+from camtorque.fit.swings import expected, with_couplings, with_heavier_cams, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.laws.chain import SENSOR_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_NAMES
@@ -50,7 +50,7 @@ POLISHED, OF_A_STRUCTURE = 3, 2
 """New starts that are followed to their minimum on the fine grid, in all and of one structure."""
 PROMISING_TIMES, PROMISING_PLUS = 10.0, 300.0
 """A start is followed while its chi-square is below the best start's times and plus these."""
-HELPED, MOST_MOVES = 0.7, 14
+HELPED, MOST_MOVES = 0.7, 30
 """Ratio of chi-squares below which a move has helped much, and how many are made at most."""
 Hops = tuple[tuple[float, int], ...]
 HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 12))
@@ -229,6 +229,7 @@ MOVES: dict[str, Move] = {
     "outlet on the return": Move(within_structure(outlet_opening_again), SMOOTHINGS_DEG[2:], UNSURE),
     "ringing": Move(within_structure(with_ringing), UNSMOOTHED, UNSURE),
     "coupling": Move(within_structure(with_couplings), UNSMOOTHED, DOUBTFUL),
+    "heavier cam": Move(within_structure(with_heavier_cams), UNSMOOTHED, DOUBTFUL),
     "hub": Move(within_structure(with_hubs), UNSMOOTHED, DOUBTFUL),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
     "hub alone": Move(within_structure(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),

@@ -11,6 +11,7 @@ from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, try_at
 from camtorque.fit.starts import CORE, Start, continued
 from camtorque.laws.chain import ChainOutput, evaluate, with_transfer
+from camtorque.laws.driveline import HALF_NAMES
 from camtorque.process.second_process import in_two
 
 
@@ -36,6 +37,12 @@ COUPLINGS = tuple(
 """Couplings on which the hub behind the transducer swings."""
 HUBS = tuple(coupled(hertz, soft, 0.07) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Hubs that swing on a yielding coupling."""
+CAM_SIDES = (1.0, 1.4, 2.0, 3.0)
+"""Inertias of the cam's side that are tried, over the sheet's cam."""
+STIFFER = (1.0, 0.7, 0.5)
+"""Compliances that are tried with them, over that of the shaft which they replace."""
+ELASTOMER = 2.0
+"""Logarithm of the damping time of a coupling's elastomer over that of steel."""
 SCANNED_KEPT = 3
 APART = 1.1
 """Least ratio of two frequencies of ringing that are followed."""
@@ -57,7 +64,7 @@ def as_expected(start: Start) -> FitData:
 
 def with_hubs(best: Start) -> list[FitData]:
     """Return the best start with the hubs that help it most."""
-    return scanned_hubs([best.data])
+    return best_of([with_starts(best.data, hub) for hub in HUBS])
 
 
 def with_hubs_alone(best: Start) -> list[FitData]:
@@ -66,16 +73,15 @@ def with_hubs_alone(best: Start) -> list[FitData]:
     A shaft that rings where shaft and hub swing together does not let go of it.
     """
     item = as_expected(best)
-    return scanned_hubs([with_starts(item, {"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz})
-                         for soft, hertz in SHAFTS_WITH_HUB])  # fmt: skip
+    shafts = ({"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz} for soft, hertz in SHAFTS_WITH_HUB)
+    return best_of([with_starts(item, {**shaft, **hub}) for shaft in shafts for hub in HUBS])
 
 
-def scanned_hubs(shafts: list[FitData]) -> list[FitData]:
-    """Return the best hubs on some shafts by two rungs of less and less smoothing.
+def best_of(items: list[FitData]) -> list[FitData]:
+    """Return the best of some starts with other drivelines by two rungs of less and less smoothing.
 
     Much smoothing hides a hub: at 300 Hz and 600 rpm it swings once in 12 degrees.
     """
-    items = [with_starts(item, hub) for item in shafts for hub in HUBS]
     for smoothing, iterations, kept in HUB_RUNGS:
         ends = in_two(partial(continued, smoothing_deg=smoothing, core=False, iterations=iterations), items)
         order = sorted((end for end in ends if end), key=lambda end: end.chi_square)
@@ -94,6 +100,42 @@ def with_ringing(best: Start) -> list[FitData]:
 def with_couplings(best: Start) -> list[FitData]:
     """Return the best start with the coupling swinging at other frequencies: the best of a scan."""
     return scanned(best, COUPLINGS, "coupling_resonance")
+
+
+def with_heavier_cams(best: Start) -> list[FitData]:
+    """Return the best start with shafts on which the torque rings alike, and a cam's side no lighter than the cam.
+
+    With the drive held, the load reaches the transducer over 1 + p s^2 + q s^4::
+
+        p = C (I_c + (1 - h) I_h),   q = C^2 h (1 - h) I_h I_c
+
+    (symbols of `camtorque.laws.driveline`): two numbers, met by any I_c. It is the sheet that tells which.
+    """
+    return best_of([with_starts(best.data, shaft) for shaft in ringing_alike(best.data)])
+
+
+def ringing_alike(item: FitData) -> list[dict[str, float]]:
+    """Return shafts of the same p and q by inertia of the cam's side and compliance, damped as long as the start's."""
+    soft, resonance, ratio, half, place, ln_longer = (
+        item.rows[name].start for name in ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio", *HALF_NAMES)
+    )
+    cam = 1.0 / (resonance**2 * soft)
+    linear = soft * (cam + (1.0 - place) * half)
+    square = soft**2 * place * (1.0 - place) * half * cam
+    found = []
+    for yielding in soft * np.array(STIFFER):
+        for inertia in item.chain.pump.cam_inertia * np.array(CAM_SIDES):
+            rest = linear - yielding * inertia
+            share = square / (yielding * inertia * rest) if rest > 0.0 else 1.0
+            if share < 1.0:
+                ringing = 1.0 / np.sqrt(yielding * inertia)
+                shaft = {
+                    "shaft_compliance": yielding, "shaft_resonance": ringing, "half_place": share,
+                    "half_inertia": rest / (yielding * (1.0 - share)),
+                    "shaft_damping_ratio": ratio * ringing / resonance,
+                }  # fmt: skip
+                found += [{**shaft, "half_damping": way} for way in (ln_longer, -ln_longer, ELASTOMER)]
+    return found
 
 
 def scanned(best: Start, swings: Iterable[Mapping[str, float]], place: str) -> list[FitData]:
