@@ -12,13 +12,24 @@ import h5py
 import numpy as np
 
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.planning import SETUP_MINUTES, TOOTH_MINUTES, Offer, Step, chamber_peak, plan, point_of, weighed
+from camtorque.fit.planning import (
+    SETUP_MINUTES,
+    TOOTH_MINUTES,
+    Number,
+    Offer,
+    Step,
+    chamber_peak,
+    plan,
+    point_of,
+    weighed,
+)
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
 from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.process.threads import on_one_thread
-from camtorque.records import Array, Refusal
+from camtorque.records import Refusal
+from camtorque.results import NAME, read_result
 from camtorque.units import BAR, RPM, did_you_mean
 from camtorque.version import __version__
 
@@ -31,14 +42,14 @@ MOST_LOADS = 3
 
 @dataclass(frozen=True)
 class Target:
-    """A number: name, unit, value, SI per unit, wanted standard uncertainty [SI], gradient by the parameters."""
+    """A number: name, unit, value, SI per unit, wanted standard uncertainty [SI], how it hangs on the fit."""
 
     name: str
     unit: str
     value: float
     per_unit: float
     wanted: float
-    gradient: Array
+    number: Number
 
 
 def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
@@ -91,8 +102,8 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
             chain = chain_of(rig, speed, curve)
             points.append(point_of(known, chain, item, item.id, _scatter(reports[item.id])))
     teeth = (False, True) if tooth else (False,)
-    steps = plan(known, goal.gradient, goal.wanted, points, DURATIONS, teeth)
-    alone = weighed(known, goal.gradient, [(p, Offer(p.speed, p.load, DURATIONS[0], t)) for t in teeth for p in points])
+    steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
+    alone = weighed(known, goal.number, [(p, Offer(p.speed, p.load, DURATIONS[0], t)) for t in teeth for p in points])
     return _document(known, goal, steps, alone)
 
 
@@ -121,15 +132,21 @@ def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float
     else:
         gradient = np.eye(len(known.names))[known.names.index(name)]
         value, unit, per = float(known.values[known.names.index(name)]), ROWS[name].unit, ROWS[name].per_unit
+    number = Number(gradient, rest_of(known, reports, name, per, float(np.sqrt(gradient @ known.matrix @ gradient))))
     if relative:
-        need_size(name, value / per, known_to(known, gradient) / per, unit)
+        need_size(name, value / per, number.std(known.matrix) / per, unit)
     wanted = size / 100.0 * abs(value) if relative else size * per
-    return Target(name, unit, value, per, wanted, gradient)
+    return Target(name, unit, value, per, wanted, number)
 
 
-def known_to(known: KnownFit, gradient: Array) -> float:
-    """Return the standard uncertainty of a number with that gradient by the parameters."""
-    return float(np.sqrt(gradient @ known.matrix @ gradient))
+def rest_of(known: KnownFit, reports: Mapping[str, Path], name: str, per: float, fitted: float) -> float:
+    """Return what the report of a recording states beyond the covariance of its fit [SI]; none of a joint fit."""
+    if len(known.recordings) > 1:
+        return 0.0
+    document = read_result(next(iter(reports.values())) / NAME)
+    row = (document["chamber"] or {}).get("peak_bar") if name == CHAMBER_PEAK else document["parameters"].get(name)
+    stated = ((row or {}).get("stderr") or 0.0) * per
+    return float(np.sqrt(max(stated**2 - fitted**2, 0.0)))
 
 
 def need_size(name: str, value: float, std: float, unit: str) -> None:
@@ -147,7 +164,7 @@ def need_size(name: str, value: float, std: float, unit: str) -> None:
 
 
 def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Sequence[Step]) -> dict[str, Any]:
-    now = known_to(known, goal.gradient)
+    now = goal.number.std(known.matrix)
     last = steps[-1].std if steps else now
     return {
         "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,

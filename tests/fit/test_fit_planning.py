@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from camtorque.commands.plan import plan_table
@@ -11,6 +15,7 @@ from camtorque.fit.planning import (
     MOST_RUNS,
     SETUP_MINUTES,
     TOOTH_MINUTES,
+    Number,
     Offer,
     Point,
     information,
@@ -19,13 +24,13 @@ from camtorque.fit.planning import (
     weighed,
 )
 from camtorque.laws.chain import BINS
-from camtorque.plan import need_size, wanted_number
+from camtorque.plan import CHAMBER_PEAK, need_size, rest_of, wanted_number
 from camtorque.records import Refusal
 
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
 KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovariance.whole(np.eye(2)),
                  (FittedAt("a", 100.0, "land", 0.01, False),))  # fmt: skip
-LEAKAGE = np.array([1.0, 0.0])
+LEAKAGE = Number(np.array([1.0, 0.0]))
 
 
 def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -> Point:
@@ -86,6 +91,24 @@ def test_a_run_that_a_later_one_made_needless_is_not_in_the_plan() -> None:
     assert len(needed(KNOWN, LEAKAGE, both[1].std, both)) == 2, "both are needed for what both reach"
 
 
+def test_what_no_run_tells_stays() -> None:
+    number = Number(LEAKAGE.gradient, 0.4)
+    assert number.std(KNOWN.matrix) == pytest.approx(np.hypot(1.0, 0.4))
+    told, alone = (plan(KNOWN, what, 0.5, [point(150.0, 0.9)], (20.0,)) for what in (number, LEAKAGE))
+    assert told[0].std == pytest.approx(np.hypot(alone[0].std, 0.4))
+    assert all(step.std > 0.4 for step in plan(KNOWN, number, 0.39, [point(150.0, 0.9)], (20.0,)))
+
+
+def test_a_plan_begins_with_the_uncertainty_that_the_report_states(tmp_path: Path) -> None:
+    stated = {"chamber": {"peak_bar": {"stderr": 13.0}}, "parameters": {"leakage": {"stderr": 0.5}}}
+    (tmp_path / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", **stated}), encoding="utf-8")
+    peak = rest_of(KNOWN, {"a": tmp_path}, CHAMBER_PEAK, 1e5, 12e5)
+    assert Number(np.array([12e5, 0.0]), peak).std(KNOWN.matrix) == pytest.approx(13e5)
+    assert rest_of(KNOWN, {"a": tmp_path}, "leakage", 1.0, 0.6) == 0.0
+    both = replace(KNOWN, recordings=2 * KNOWN.recordings)
+    assert rest_of(both, {"a": tmp_path}, CHAMBER_PEAK, 1e5, 12e5) == 0.0, "the report is not of the joint fit"
+
+
 def test_a_second_tooth_is_paid_for_once() -> None:
     offer = (point(100.0, 0.0, tooth=0.003), Offer(100.0, "a", 20.0, True))
     first = weighed(KNOWN, LEAKAGE, [offer])
@@ -94,7 +117,7 @@ def test_a_second_tooth_is_paid_for_once() -> None:
 
 
 def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
-    assert plan(KNOWN, np.array([0.0, 1.0]), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
+    assert plan(KNOWN, Number(np.array([0.0, 1.0])), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
     doc = {"target": "bearing_arm", "unit": "um", "value": 1.0, "stderr_now": 1.0, "stderr_wanted": 0.5, "runs": [],
            "reached": False, "minutes": 0.0}  # fmt: skip
     assert "NOT reached: no further run on offer narrows it" in plan_table(doc)

@@ -61,6 +61,21 @@ class Point(ReadOnly):
 
 
 @dataclass(frozen=True)
+class Number(ReadOnly):
+    """A number of a fit: gradient by its parameters (k,), and the part of its uncertainty that no run narrows [SI].
+
+    That part is what the report states beside the covariance of the fit: other structures and laws, the sensor's gain.
+    """
+
+    gradient: Array
+    rest: float = 0.0
+
+    def std(self, covariance: Array) -> float:
+        """Return its standard uncertainty with a covariance of the parameters, (k, k)."""
+        return float(np.sqrt(self.gradient @ covariance @ self.gradient + self.rest**2))
+
+
+@dataclass(frozen=True)
 class Step:
     """A run with what it costs and the standard uncertainty expected after it and those before it."""
 
@@ -123,23 +138,22 @@ def information(point: Point, offer: Offer, runs: int) -> Array:
 
 
 def plan(
-    known: KnownFit, target: Array, wanted: float, points: Sequence[Point], durations: Sequence[float],
+    known: KnownFit, target: Number, wanted: float, points: Sequence[Point], durations: Sequence[float],
     teeth: Sequence[bool] = (False, True),
 ) -> tuple[Step, ...]:  # fmt: skip
-    """Return the runs that bring the standard uncertainty of ``target @ values`` to ``wanted`` [SI], best first.
+    """Return the runs that bring the standard uncertainty of a number to ``wanted`` [SI], best first.
 
     The run that narrows most per minute is taken, then the next; at each place the cheapest run that would suffice is
     kept as an end of the plan, and the cheapest whole is returned.
 
     Parameters
     ----------
-    target : (k,) gradient of the wanted number by the fit's parameters
     durations : that may be chosen [s]
     teeth : whether runs without and with a second tooth may be chosen
     """
     chosen: list[Step] = []
     sufficient: list[list[Step]] = []
-    std = float(np.sqrt(target @ known.matrix @ target))
+    std = target.std(known.matrix)
     while std > wanted and len(chosen) < MOST_RUNS:
         offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
         worth = weighed(known, target, offers, chosen)
@@ -165,7 +179,7 @@ def _most_per_minute(tried: Sequence[Step], std: float) -> Step:
 
 
 def weighed(
-    known: KnownFit, target: Array, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
+    known: KnownFit, target: Number, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
 ) -> list[Step]:
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
@@ -178,11 +192,11 @@ def weighed(
         after = inverse(before + information(point, offer, runs))
         tooth = TOOTH_MINUTES if offer.tooth and not fitted else 0.0
         minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
-        found.append(Step(point, offer, minutes, float(np.sqrt(target @ after @ target))))
+        found.append(Step(point, offer, minutes, target.std(after)))
     return found
 
 
-def needed(known: KnownFit, target: Array, wanted: float, chosen: Sequence[Step]) -> list[Step]:
+def needed(known: KnownFit, target: Number, wanted: float, chosen: Sequence[Step]) -> list[Step]:
     """Return the runs without those that later ones made needless, the dearest of these first."""
     kept = list(chosen)
     for row in sorted(chosen, key=lambda item: -item.minutes):
