@@ -18,7 +18,6 @@ import pandas as pd
 from scipy.io import savemat
 
 from camtorque.records import Array, Refusal
-from camtorque.report.files import atomic_file
 from camtorque.units import BAR, DEGREE, RPM
 
 BORDER = {
@@ -123,18 +122,19 @@ def safe_text(text: str) -> str:
 
 
 def _write_csv(tables: Tables, stem: Path) -> list[Path]:
-    return [
-        _written(stem.with_name(f"{stem.name}_{name}.csv"),
-                 partial(table.to_csv, index=False, lineterminator="\n", float_format="%.9g"))
-        for name, table in tables.items()
-    ]  # fmt: skip
+    write = partial(pd.DataFrame.to_csv, index=False, lineterminator="\n", float_format="%.9g")
+    return _a_file_each(tables, stem, "csv", write)
 
 
 def _write_parquet(tables: Tables, stem: Path) -> list[Path]:
-    return [
-        _written(stem.with_name(f"{stem.name}_{name}.parquet"), partial(table.to_parquet, index=False))
-        for name, table in tables.items()
-    ]
+    return _a_file_each(tables, stem, "parquet", partial(pd.DataFrame.to_parquet, index=False))
+
+
+def _a_file_each(tables: Tables, stem: Path, suffix: str, write: Callable[[pd.DataFrame, Path], Any]) -> list[Path]:
+    paths = {name: stem.with_name(f"{stem.name}_{name}.{suffix}") for name in tables}
+    for name, table in tables.items():
+        write(table, paths[name])
+    return list(paths.values())
 
 
 def _write_xlsx(tables: Tables, stem: Path) -> list[Path]:
@@ -150,23 +150,20 @@ def _write_xlsx(tables: Tables, stem: Path) -> list[Path]:
         sheet.append(list(table.columns))
         for row in table.astype(object).where(table.notna(), None).itertuples(index=False, name=None):
             sheet.append(row)
-    return [_written(stem.with_name(f"{stem.name}.xlsx"), book.save)]
+    path = stem.with_name(f"{stem.name}.xlsx")
+    book.save(path)
+    return [path]
 
 
 def _write_mat(tables: Tables, stem: Path) -> list[Path]:
     content = {name: {column: _column(table[column]) for column in table.columns} for name, table in tables.items()}
-    write = partial(savemat, mdict=content, do_compression=True, long_field_names=True, appendmat=False)
-    return [_written(stem.with_name(f"{stem.name}.mat"), write)]
+    path = stem.with_name(f"{stem.name}.mat")
+    savemat(path, content, do_compression=True, long_field_names=True, appendmat=False)
+    return [path]
 
 
 def _column(values: pd.Series) -> Any:
     return values.to_numpy() if values.dtype.kind in "fiub" else np.array(values.fillna("").tolist(), dtype=object)
-
-
-def _written(path: Path, write: Callable[[Path], Any]) -> Path:
-    with atomic_file(path) as unfinished:
-        write(unfinished)
-    return path
 
 
 FORMATS: dict[str, Callable[[Tables, Path], list[Path]]] = {
@@ -179,11 +176,10 @@ FORMATS: dict[str, Callable[[Tables, Path], list[Path]]] = {
 
 
 def write_tables(tables: Tables, stem: Path, file_format: str) -> list[Path]:
-    """Write tables in one of `FORMATS` to files that begin with ``stem`` (``reports/run_7/run_7``); return the paths.
+    """Write tables in one of `FORMATS` into an existing folder, to files that begin with ``stem``; return the paths.
 
     Raises
     ------
     Refusal : more columns than a sheet holds
     """
-    stem.parent.mkdir(parents=True, exist_ok=True)
     return FORMATS[file_format](tables, stem)

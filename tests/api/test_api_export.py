@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -154,3 +156,15 @@ def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.Ca
     for label in ("feed pressure / bar", "fuel temperature", "date", "chamber peak"):
         assert label in svg
     assert "speed / rpm" not in svg  # all three ran at one speed
+
+
+def test_a_full_disk_leaves_nothing(
+    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", full)
+    assert cli.main(["export", str(report), "--out", str(tmp_path / "new" / "tables")]) == 2
+    assert "cannot be written (No space left on device)" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -151,6 +151,15 @@ def test_files_join_those_of_another_output(target: Path) -> None:
     assert left(target.parent) == ["out"]
 
 
+def test_files_are_written_within_a_folder_that_is_there(target: Path) -> None:
+    # its parent may be another disk or not one's own, as that of a mounted drive is
+    with output_files(target) as folder:
+        assert folder.parent == target.resolve()
+    with output_files(target / "new") as folder:
+        assert folder.parent == target.resolve()
+    assert left(target) == ["result.json"]
+
+
 def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
     code = (
         "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (200_000, resource.RLIM_INFINITY))\n"

@@ -12,7 +12,7 @@ from typing import Any
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.options import require
 from camtorque.export import report_tables, write_tables
-from camtorque.report.folder import check_writable
+from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
 from camtorque.results import read_results
 from camtorque.trend import AXES, informed_parameters, trend_table
@@ -31,17 +31,20 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "tables")
     documents = read_results(arguments.results)
     check_writable(arguments.out)
-    paths = _trend(arguments, documents) if arguments.trend else _tables(arguments, documents, tell)
+    with output_files(arguments.out) as folder:
+        written = (
+            _trend(arguments, documents, folder) if arguments.trend else _tables(arguments, documents, tell, folder)
+        )
+    paths = [arguments.out / path.name for path in written]
     text = "\n".join(str(path) for path in paths)
     return Outcome(text, {"schema": "camtorque.export/1", "files": [str(path) for path in paths]})
 
 
-def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: Tell) -> list[Path]:
+def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: Tell, out: Path) -> list[Path]:
     paths = []
     for name, stem in _stems(documents).items():
-        folder = Path(name)
         tell(f"tables of {stem}")
-        paths += write_tables(report_tables(folder, documents[name]), arguments.out / stem, arguments.format)
+        paths += write_tables(report_tables(Path(name), documents[name]), out / stem, arguments.format)
     return paths
 
 
@@ -52,8 +55,8 @@ def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
     return {folder: name if often[name] == 1 else UNSAFE.sub("_", f"{name}_{folder}") for folder, name in names.items()}
 
 
-def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any]) -> list[Path]:
-    table, out = trend_table(documents), arguments.out
+def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any], out: Path) -> list[Path]:
+    table = trend_table(documents)
     paths = write_tables({"trend": table}, out / "reports", arguments.format)
     chosen = dict(list(informed_parameters(documents).items())[:MOST_PARAMETERS])
     drawn = {name: label for name, label in {**DRAWN, **chosen}.items() if table[name].notna().any()}

@@ -104,7 +104,7 @@ def output_folder(target: Path) -> Iterator[Path]:
     Refusal : see `check_output`; another run writes there; the place cannot be written, is full or went away
     """
     check_output(target)
-    with _written_beside(target) as partial:
+    with _written_beside(target, target.resolve()) as partial:
         yield partial
         seal(partial, target.name)
         _replace(partial, target.resolve())
@@ -128,7 +128,9 @@ def output_files(target: Path) -> Iterator[Path]:
     ------
     Refusal : another run writes there; the place cannot be written, is full or went away
     """
-    with _written_beside(target) as partial:
+    # inside a folder that is there: beside it may be another disk, or not one's own
+    place = target.resolve() / "files" if target.is_dir() else target.resolve()
+    with _written_beside(target, place) as partial:
         yield partial
         move_files(partial, target)
 
@@ -143,9 +145,9 @@ def move_files(source: Path, target: Path) -> None:
 
 
 @contextmanager
-def _written_beside(target: Path) -> Iterator[Path]:
-    """Give an empty hidden neighbour of the target that is gone after the block, with the parents made for it."""
-    partial = hidden(target.resolve(), "partial")
+def _written_beside(target: Path, place: Path) -> Iterator[Path]:
+    """Give an empty hidden neighbour of a place that is gone after the block, with the parents made for it."""
+    partial = hidden(place, "partial")
     made: list[Path] = []
     try:
         made = _made_parents(partial.parent)
