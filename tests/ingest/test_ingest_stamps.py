@@ -35,7 +35,21 @@ def test_a_jump_is_found_where_it_is(at: int, jump: float, sign: float):
     assert base.breaks == (at,)
     assert base.break_steps[0] == pytest.approx(sign * jump, abs=5e-6)  # the rounding of steps and stamps
     assert base.rate == pytest.approx(10_000.0, rel=1e-4)
-    assert [finding.code for finding in base.findings] == ["time_gap" if sign > 0 else "time_not_monotonic"]
+    assert base.findings[0].code == ("time_gap" if sign > 0 else "time_not_monotonic")
+
+
+@pytest.mark.parametrize("copies", [2, 3])
+def test_a_log_appended_to_itself_is_told(copies: int):
+    base = read_stamps(ArraySource(np.tile(stamps(10_000.0, 1000, 2.5), copies)), 10_000.0, "log")
+    assert [finding.code for finding in base.findings] == ["time_not_monotonic", "log_appended"]
+    assert "at sample 1000 the time begins again" in base.findings[1].text
+    assert "count twice, or another log to it; keep one of them" in base.findings[1].text
+
+
+def test_a_clock_set_back_is_no_log_appended():
+    times = stamps(10_000.0, 1000)
+    times[600:] -= 0.03
+    assert [f.code for f in read_stamps(ArraySource(times), 10_000.0, "log").findings] == ["time_not_monotonic"]
 
 
 @settings(deadline=None)

@@ -67,7 +67,8 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
         )
     index, size, stamps = _take_damaged_stamps(odd_index, odd_size, step)
     rate = _rate(index, size, first, last, where)
-    findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, step, where)]
+    findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, step, where),
+                *_appended(index, size, first[0], step, where)]  # fmt: skip
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
     start = first[1] - first[0] / rate
@@ -207,3 +208,15 @@ def _break_findings(index: np.ndarray, size: Array, step: float, where: str) -> 
             at = ", ".join(f"sample {i} ({s:+.6g} s)" for i, s in zip(index[chosen][:3], size[chosen][:3], strict=True))
             found.append(Finding(code, "error", f"{count} {what[count > 1]}: {at}", where))
     return found
+
+
+def _appended(index: np.ndarray, size: Array, first: int, step: float, where: str) -> list[Finding]:
+    """Tell where the time is again that of the first sample: a copy of the log, or another one, stands behind it."""
+    again = np.flatnonzero(np.abs((index - first) * step + np.cumsum(size)) < ODD_STEP * step)
+    if not again.size:
+        return []
+    text = (
+        f"at sample {index[again[0]]} the time begins again as at the start of the file: the log was appended to "
+        "itself, so that its cycles count twice, or another log to it; keep one of them"
+    )
+    return [Finding("log_appended", "error", text, where)]
