@@ -16,6 +16,8 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
+from camtorque.ingest.proposal import SURE_SHARE, is_pulse_train, level_share
+from camtorque.ingest.wheel import LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.running import percentile
 from camtorque.units import BAR, STEEL_DENSITY, short
@@ -181,6 +183,33 @@ def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:
         f"{100.0 * CLOSING_LIFT[0]:.0f} to {100.0 * CLOSING_LIFT[1]:.0f} %: {hint}"
     )
     return [Finding("closing_lift_unusual", "warning", text, f"{config.path.name} [trigger]")]
+
+
+def check_trigger_exchanged(recording: Recording) -> None:
+    """Look whether a log named torque or pressure has the two levels of a trigger, and the trigger has not.
+
+    Raises
+    ------
+    Refusal : the two are exchanged
+    """
+    triggers = recording.of("trigger")
+    if not triggers or recording.config.trigger.sensor == "inductive":
+        return
+    where, usual = f"{recording.config.path} [[channels]]", level_share(_beginning(triggers[0]))
+    for channel in (*recording.of("torque"), *recording.of("pressure")):
+        values = _beginning(channel)
+        share = level_share(values)
+        if usual < SURE_SHARE < share and is_pulse_train(values):
+            raise Refusal(
+                f"{where}: {channel.quantity} and trigger are exchanged: {channel.name!r}, named {channel.quantity}, "
+                f"stands at two levels for {100.0 * share:.0f} % of its samples as pulses do, {triggers[0].name!r}, "
+                f"named trigger, for {100.0 * usual:.0f} % only; exchange the two"
+            )
+
+
+def _beginning(channel: Channel) -> Array:
+    values = channel.read_volts(0, min(channel.n_samples, LOOKED_AT))
+    return values[np.isfinite(values)]
 
 
 def check_loads(recording: Recording) -> list[Finding]:
