@@ -34,8 +34,7 @@ from numpy.typing import NDArray
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt
-from camtorque.align import align
-from camtorque.ingest import read_recording
+from camtorque.api import align, read
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
 
@@ -157,7 +156,7 @@ def reading_rows(scratch: Path) -> Iterator[str]:
     folder = write_recording(scratch / "minute", 60.0)
     arrays = scratch / "minute.npy"
     np.save(arrays, np.random.default_rng(1).standard_normal((3, 6_000_000)))
-    costs = timed({"load": lambda: np.load(arrays), "own": lambda: align(read_recording(folder))}, 9)
+    costs = timed({"load": lambda: np.load(arrays), "own": lambda: align(read(folder))}, 9)
     own, load = (Cost(*costs[name]) for name in ("own", "load"))
     yield row("read and align 144 MB, compiled", own, "ratio 2", f"np.load ({load.wall:.3g} s wall)", load)
     shutil.rmtree(folder)

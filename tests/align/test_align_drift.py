@@ -22,7 +22,8 @@ CYCLE = np.where(np.arange(N) < 60, 50.0, 0.0)
 
 def told(quantity: str, drift: float, cycles: int = 40, scatter: float = 0.05, size: float = 1.0) -> str:
     level = drift * np.linspace(0.0, 1.0, cycles) + np.random.default_rng(2).normal(0.0, scatter, cycles)
-    found = drift_findings(IDLE, {quantity: size * (CYCLE + level[:, None])}, np.arange(cycles))
+    rows = size * (CYCLE + level[:, None])
+    found = drift_findings(IDLE, {quantity: (rows, np.mean(rows, axis=0))}, np.arange(cycles))
     return found[0].text if found else ""
 
 

@@ -26,9 +26,13 @@ def cycles(rpm: float, hertz: float, amplitude: float, drift: float = 0.0, noise
     return CLEAN + scatter + amplitude * np.sin(2.0 * np.pi * hertz * time + 0.4), speed, np.arange(40)
 
 
+def hum_of(torque, speed, index):
+    return hum_findings(THETA, torque, np.mean(torque, axis=0), speed, index, LIFT)
+
+
 def told(*arguments, **options) -> str:
     torque, speed, index = cycles(*arguments, **options)
-    found = hum_findings(THETA, torque, speed, index, LIFT)
+    found = hum_of(torque, speed, index)
     return found[0].text if found else ""
 
 
@@ -43,7 +47,7 @@ def test_locked_hum_is_told_on_the_base_circle(rpm, hertz):
 @pytest.mark.parametrize(("amplitude", "severity"), [(0.03, "info"), (1.0, "warning")])
 def test_large_hum_that_stays_in_the_mean_cycle_is_a_warning(amplitude, severity):
     torque, speed, index = cycles(1000.0, 50.0, amplitude)
-    assert [row.severity for row in hum_findings(THETA, torque, speed, index, LIFT)] == [severity]
+    assert [row.severity for row in hum_of(torque, speed, index)] == [severity]
 
 
 @pytest.mark.parametrize("hertz", MAINS_HZ)
@@ -67,15 +71,15 @@ def test_another_frequency_is_not_called_mains(hertz):
 def test_ringing_after_the_stroke_is_not_called_mains():
     torque, speed, index = cycles(500.0, 50.0, 0.0)
     ringing = np.where(THETA > 2.4, 0.3 * np.exp(-(THETA - 2.4) / 0.5) * np.sin(6.0 * 6.3 * (THETA - 2.4)), 0.0)
-    assert hum_findings(THETA, torque + ringing, speed, index, LIFT) == ()
+    assert hum_of(torque + ringing, speed, index) == ()
 
 
 def test_the_hum_of_many_cycles_is_told_in_pieces(monkeypatch):
     """An hour has 60 000 cycles: their waves would take a gigabyte."""
     torque, speed, index = cycles(517.0, 50.0, 0.03, drift=0.002)
-    whole = hum_findings(THETA, torque, speed, index, LIFT)
+    whole = hum_of(torque, speed, index)
     monkeypatch.setattr(hum, "PIECE", 7)
-    assert hum_findings(THETA, torque, speed, index, LIFT) == whole
+    assert hum_of(torque, speed, index) == whole
     chance = np.random.default_rng(1)
     speed = chance.normal(105.0, 0.3, 5000)
     bins, start = chance.normal(size=(5000, hum.POINTS)), np.r_[0.0, np.cumsum(2.0 * np.pi / speed)][:-1]

@@ -94,13 +94,13 @@ def _at_rest(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
     if table is None:
         return ()
     lift = np.interp(found.theta, table.theta, table.lift, period=TURN)
-    rows = (
-        {"pressure": found.pressure} if found.torque is None else {"torque": found.torque, "pressure": found.pressure}
-    )
+    rows = {} if found.torque is None else {"torque": (found.torque, found.mean_torque)}
+    rows |= {"pressure": (found.pressure, found.mean_pressure)} if found.pressure.size else {}
     drifts = drift_findings(idle_points(found.theta, lift), rows, found.index)
     if found.torque is None:
         return drifts
-    return (*hum_findings(found.theta, found.torque, found.speed, found.index, lift), *drifts)
+    hum = hum_findings(found.theta, found.torque, found.mean_torque, found.speed, found.index, lift)
+    return (*hum, *drifts)
 
 
 def _table(

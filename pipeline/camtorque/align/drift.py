@@ -15,7 +15,6 @@ import numpy as np
 
 from camtorque.records import Array, Finding
 from camtorque.signal.threshold import Count, Threshold
-from camtorque.stacks import mean_of
 from camtorque.units import BAR, short
 
 FEWEST = Count(6, "cycles", "convention", "Cycles below which a drift cannot be told from their scatter.")
@@ -55,13 +54,13 @@ DRIFTING: Mapping[str, Drifting] = {
 }  # fmt: skip
 
 
-def drift_findings(idle: Any, rows: Mapping[str, Array], index: Any) -> tuple[Finding, ...]:
+def drift_findings(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any) -> tuple[Finding, ...]:
     """Return what drifts between the first and the last used cycle.
 
     Parameters
     ----------
     idle : points of the grid on the base circle
-    rows : quantity -> (n_cycles, n_theta) in SI
+    rows : quantity -> (n_cycles, n_theta) and their mean (n_theta,), in SI
     index : (n_cycles,) cycle number
     """
     if index.size < FEWEST or not idle.size:
@@ -69,16 +68,16 @@ def drift_findings(idle: Any, rows: Mapping[str, Array], index: Any) -> tuple[Fi
     return tuple(
         Finding(f"{quantity}_drifts", "warning", text, quantity)
         for quantity, kind in DRIFTING.items()
-        if quantity in rows and rows[quantity].size
-        for text in _told(kind, quantity, rows[quantity], idle, index)
+        if quantity in rows and rows[quantity][0].size
+        for text in _told(kind, quantity, *rows[quantity], idle, index)
     )
 
 
-def _told(kind: Drifting, quantity: str, values: Array, idle: Any, index: Any) -> list[str]:
+def _told(kind: Drifting, quantity: str, values: Array, mean: Array, idle: Any, index: Any) -> list[str]:
     share = np.zeros(values.shape[1])
     share[idle] = 1.0 / idle.size
     # a product: an hour's cycles are not copied
-    level, peak = values @ share, float(np.max(mean_of(values)))
+    level, peak = values @ share, float(np.max(mean))
     drift, stderr = _line(level, index - np.mean(index))
     if abs(drift) < max(SIGNIFICANT * stderr, kind.share * peak):
         return []

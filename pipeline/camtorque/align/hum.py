@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.records import Array, Finding
 from camtorque.signal.threshold import Threshold
-from camtorque.stacks import mean_of, pieces
+from camtorque.stacks import pieces
 from camtorque.units import DEGREE
 
 MAINS_HZ = (50.0, 60.0)
@@ -66,13 +66,15 @@ LARGE_SHARE = Threshold(
 )  # fmt: skip
 
 
-def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Array) -> tuple[Finding, ...]:
+def hum_findings(
+    theta: Array, torque: Array, mean: Array, speed: Array, index: Any, lift: Array
+) -> tuple[Finding, ...]:
     """Return the finding about mains hum, if there is any.
 
     Parameters
     ----------
     theta, lift : (n,) cam angle [rad], lift [m]
-    torque : (n_cycles, n) [N m]
+    torque, mean : (n_cycles, n) and their mean (n,) [N m]
     speed, index : (n_cycles,) [rad/s], cycle number
     """
     bins, start = _binned(torque), _starts(speed, index)
@@ -81,9 +83,7 @@ def hum_findings(theta: Array, torque: Array, speed: Array, index: Any, lift: Ar
     for frequency in MAINS_HZ:
         coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
         if coherence > LOCKED:
-            hum = _on_base_circle(
-                frequency, theta, mean_of(torque), float(np.mean(speed)), idle_points(theta, lift), coherence
-            )
+            hum = _on_base_circle(frequency, theta, mean, float(np.mean(speed)), idle_points(theta, lift), coherence)
         else:
             hum = _over_cycles(frequency, bins, speed, start, coherence)
         found += [] if hum is None else [hum]

@@ -15,7 +15,7 @@ HYSTERESIS = Threshold(
     0.25, "1", "convention",
     "Part of the pulse height above and below half height that a pulse has to pass."
 )  # fmt: skip
-FINE_SAMPLES = 64
+FINE_SAMPLES = passes_compiled.WINDOW
 """Windows from which the distance of the pulses is estimated."""
 CACHED_WINDOWS = 256
 """Fine windows worked on at a time: their samples stay in the processor's cache."""
@@ -43,7 +43,7 @@ def looked_at(volts: Array, compiled: bool) -> tuple[Array, int, tuple[Array, Ar
     """Return the samples of a block, how many of them are no voltages (nan), and the extremes of its fine windows."""
     if compiled and volts.size > FINE_SAMPLES:
         samples, extremes = np.require(volts, np.float64, ["C", "W"]), np.empty((2, volts.size // FINE_SAMPLES))
-        if not passes_compiled.plateaus(samples, FINE_SAMPLES, float(NO_VOLTAGE), *extremes):
+        if not passes_compiled.plateaus(samples, float(NO_VOLTAGE), *extremes):
             return samples, 0, (extremes[0], extremes[1])
     volts, missing = without_missing(volts)
     return volts, missing, _fine_extremes(volts)

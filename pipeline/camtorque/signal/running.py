@@ -16,10 +16,20 @@ def running_median(values: Array, size: int) -> Array:
     """
     out, half, n = np.empty(values.size), size // 2, values.size
     if n >= size:
-        out[half : n - half] = np.sort(sliding_window_view(values, size), axis=1)[:, half]
+        windows = values[np.arange(n - size + 1)[:, None] + np.arange(size)]  # short ones: a view of them takes longer
+        windows.sort(axis=1)
+        out[half : n - half] = windows[:, half]
     for i in (*range(min(half, n)), *range(max(n - half, min(half, n)), n)):
-        out[i] = median(values[max(0, i - half) : i + half + 1])
+        out[i] = _median_of_few(values[max(0, i - half) : i + half + 1].tolist())
     return out
+
+
+def _median_of_few(values: list[float]) -> float:
+    """Return what `median` does."""
+    ordered, half = sorted(values), len(values) // 2
+    if any(value != value for value in values):
+        return np.nan
+    return ordered[half] if len(values) % 2 else 0.5 * (ordered[half - 1] + ordered[half])
 
 
 def median(values: NDArray[np.generic]) -> float:
