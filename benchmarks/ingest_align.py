@@ -26,7 +26,7 @@ from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "align"))
 from align_truth import PRESSURE_GAIN, TORQUE_GAIN, Rig, pressure_of, torque_of, trigger_volts
-from camtorque.align import AlignOptions, align
+from camtorque.align import align
 from camtorque.hashes import input_file
 from camtorque.ingest import read_recording
 from camtorque.process.threads import on_one_thread
@@ -129,20 +129,18 @@ def _status(key: str) -> float:
     return next(int(line.split()[1]) for line in lines if line.startswith(key)) / 1024.0
 
 
-def child(folder: Path, scratch: str) -> None:
+def child(folder: Path) -> None:
     """Read and align; print the peak memory above what imports and compiled code take [MB]."""
     align(read_recording(ROOT / "raw_examples" / "A_1000rpm"))
     Path("/proc/self/clear_refs").write_text("5")  # sets the peak back to what is resident now
     before, anonymous = _status("VmRSS"), _status("RssAnon")
-    cycles = align(read_recording(folder), AlignOptions(scratch_dir=Path(scratch) if scratch else None))
+    cycles = align(read_recording(folder))
     kept = _status("RssAnon") - anonymous
     print(json.dumps({"mb": _status("VmHWM") - before, "kept_mb": kept, "cycles": int(cycles.index.size)}))
 
 
-def memory(folder: Path, scratch: Path | None) -> dict:
-    if scratch is not None:
-        scratch.mkdir()
-    command = [sys.executable, __file__, "--child", str(folder), "--scratch", str(scratch or "")]
+def memory(folder: Path) -> dict:
+    command = [sys.executable, __file__, "--child", str(folder)]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
 
 
@@ -182,21 +180,20 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="three rounds, no 10 minute recording")
     parser.add_argument("--out", type=Path, default=ROOT / "docs")
     parser.add_argument("--child", type=Path)
-    parser.add_argument("--scratch", default="")
     options = parser.parse_args()
     if options.child:
-        child(options.child, options.scratch)
+        child(options.child)
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         minute = write_recording(folder / "minute", 60.0)
         np.save(folder / "minute.npy", np.array(rig_signals(0.0, 60.0)))
         costs = timed(candidates(minute, folder / "minute.npy"), 3 if options.quick else 7)
-        sizes = {"1 min": memory(minute, None), "1 min, arrays on disk": memory(minute, folder / "s1")}
-        minutes = [1.0, 1.0]
+        sizes = {"1 min": memory(minute)}
+        minutes = [1.0]
         if not options.quick:
             long = write_recording(folder / "long", 600.0)
-            sizes["10 min"] = memory(long, None)
+            sizes["10 min"] = memory(long)
             minutes.append(10.0)
     text = report(costs, sizes, minutes)
     (options.out / "ingest_align_speed.md").write_text(text)

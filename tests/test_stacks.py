@@ -8,13 +8,13 @@ from camtorque import stacks
 from camtorque.stacks import distance_of, empty_stack, give_back, mean_of, std_of
 
 
-@pytest.fixture(params=["memory", "nameless file", "file"])
-def stack(request: pytest.FixtureRequest, tmp_path, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
+@pytest.fixture(params=["memory", "nameless file"])
+def stack(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
     if request.param == "nameless file":
         monkeypatch.setattr(stacks, "LARGEST_IN_MEMORY", 1000)
     monkeypatch.setattr(stacks, "GIVEN_BACK", 4000)
     monkeypatch.setattr(stacks, "PIECE_VALUES", 500)
-    rows = empty_stack(31, 90, str(tmp_path / "rows.npy") if request.param == "file" else None)
+    rows = empty_stack(31, 90)
     assert isinstance(rows, np.memmap) == (request.param != "memory")
     rows[:] = 5.0 + np.random.default_rng(1).standard_normal(rows.shape)
     return rows

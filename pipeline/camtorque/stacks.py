@@ -27,10 +27,8 @@ LARGEST_IN_MEMORY = 1 << 27
 """Bytes of one channel's stack above which it is kept on disk, where the system can promise the room."""
 
 
-def empty_stack(n_cycles: int, n_theta: int, path: str | None = None) -> Stack:
-    """Return room for aligned cycles: in the file ``path``, in memory, or in a nameless file where they are many."""
-    if path is not None and n_cycles:
-        return np.lib.format.open_memmap(path, mode="w+", dtype=np.float64, shape=(n_cycles, n_theta))
+def empty_stack(n_cycles: int, n_theta: int) -> Stack:
+    """Return room for aligned cycles: in memory, or in a nameless file where they are many."""
     size = 8 * n_cycles * n_theta
     if size > LARGEST_IN_MEMORY and hasattr(os, "posix_fallocate"):
         try:

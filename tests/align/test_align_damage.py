@@ -363,7 +363,6 @@ def test_ninety_five_percent_of_sound_cycles_are_used() -> None:
     [
         ({"n_theta": 10}, "n_theta is 10"),
         ({"interpolation": "spline"}, "interpolation is 'spline'"),
-        ({"speed_law": "free"}, "speed_law is 'free'"),
         ({"block_samples": 10}, "block_samples is 10"),
     ],
 )

@@ -63,7 +63,7 @@ class CamAngle:
         return flagged[end + 1] > flagged[np.clip(begin, 0, end + 1)]
 
 
-def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, speed_law: str, places: Places | None = None) -> CamAngle:
+def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, places: Places | None = None) -> CamAngle:
     """Return the cam angle over time.
 
     Parameters
@@ -71,7 +71,6 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, speed_law: str, plac
     train : numbered pulses
     spec : the nominal angle passes ``train.offset`` steps after the pulse of step zero
     n : pulses per turn of the cam
-    speed_law : see `AlignOptions`
     places : where the teeth really are; None: where they should be
     """
     pitch = TURN / n
@@ -83,7 +82,7 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, speed_law: str, plac
     if places is not None:
         angle = angle + places.place[train.step % n]
     jumped = np.zeros(angle.size, dtype=bool) if train.jumped is None else train.jumped
-    left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:], speed_law == "smooth")
+    left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:], smooth=True)
     polynomials = interval_polynomials(angle, train.time, left, right)
     error_deg = 360.0 / n * train.repair_error
     return CamAngle(angle, train.time, polynomials, train.repaired, train.broken, jumped, error_deg, zero, places)

@@ -94,8 +94,7 @@ def _align_channel(
     options: AlignOptions,
     reading: threading.Lock,
 ) -> AlignedChannel:
-    path = None if options.scratch_dir is None else str(options.scratch_dir / f"{channel.quantity}_aligned.npy")
-    rows = empty_stack(cycles.size, options.n_theta, path)
+    rows = empty_stack(cycles.size, options.n_theta)
     damage, extremes = np.zeros((cycles.size, 5), dtype=np.int64), np.full((cycles.size, 2), np.nan)
     rows[~complete] = np.nan
     begin, middle, end = (angle.time_at((cycles + part) * TURN) for part in (0.0, 0.5, 1.0))

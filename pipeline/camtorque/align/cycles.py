@@ -49,7 +49,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     options = options or AlignOptions()
     channels = measured(recording)
     base = settled_phase(recording, time_base(recording, channels.reference, options), channels, options)
-    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, options.speed_law, base.places)
+    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
     cycles = angle.candidate_cycles()
     complete = covered(angle, cycles, channels.deciding, base.clocks)
     aligned = align_channels(channels.main, angle, cycles, complete, base.clocks, options)
@@ -166,7 +166,7 @@ def _cam_cycles(
         angle_errors=angle_error_budget(spec, channels, base, mean_speed, speed_change, mean_torque),
         trigger_jitter_s=base.edge_noise, findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
-        details={**alignment_details(table.options, base, aligned), **_deviation(angle, theta)},
+        details={**alignment_details(base, aligned), **_deviation(angle, theta)},
         pulses={logger: trigger.edges.time for logger, trigger in base.triggers.items()},
     )  # fmt: skip
 

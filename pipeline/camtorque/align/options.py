@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from camtorque.records import Finding, Refusal
 
@@ -11,7 +10,6 @@ LINEAR, CUBIC, AVERAGE = 0, 1, 2
 RULES = {"cubic": CUBIC, "linear": LINEAR, "average": AVERAGE}
 """Name -> number of a rule of resampling."""
 INTERPOLATIONS = ("auto", *RULES)
-SPEED_LAWS = ("constant", "smooth")
 
 
 @dataclass(frozen=True)
@@ -23,24 +21,20 @@ class AlignOptions:
     n_theta : points of the angle grid (0.1 degree by default: finer than one sample at the usual rates)
     interpolation : ``auto`` averages over a grid step where samples lie finer than the grid and interpolates by a
         cubic where they lie coarser; the others force one rule
-    speed_law : speed between two pulses; ``smooth`` lets it change steadily through each pulse, ``constant`` does not
     steady_change : largest relative change of speed from one revolution to the next of a steady cycle
     steady_band : largest relative distance of a cycle's speed from the recording's
     outlier_z : robust z of a cycle's distance from the robust mean cycle beyond which it is an outlier
     repaired_angle_deg : a repaired pulse is used when its expected error is below this
-    scratch_dir : folder for aligned arrays on disk; None keeps them in memory
     block_samples : samples read at a time (a block and its results fit into the processor's cache)
     notes : remarks on how these options were chosen; they stand among the findings
     """
 
     n_theta: int = 3600
     interpolation: str = "auto"
-    speed_law: str = "smooth"
     steady_change: float = 0.005
     steady_band: float = 0.02
     outlier_z: float = 8.0
     repaired_angle_deg: float = 0.15
-    scratch_dir: Path | None = None
     block_samples: int = 1 << 18
     notes: tuple[Finding, ...] = ()
 
@@ -49,7 +43,5 @@ class AlignOptions:
             raise Refusal(f"align: n_theta is {self.n_theta}, expected at least 36 points per revolution")
         if self.interpolation not in INTERPOLATIONS:
             raise Refusal(f"align: interpolation is {self.interpolation!r}, expected one of {INTERPOLATIONS}")
-        if self.speed_law not in SPEED_LAWS:
-            raise Refusal(f"align: speed_law is {self.speed_law!r}, expected one of {SPEED_LAWS}")
         if self.block_samples < 1024:
             raise Refusal(f"align: block_samples is {self.block_samples}, expected at least 1024")

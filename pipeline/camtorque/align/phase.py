@@ -53,8 +53,8 @@ def settled_phase(recording: Recording, base: TimeBase, channels: Measured, opti
 
 def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:
     """Return the median cycle of torque and pressure on a coarse grid."""
-    coarse = replace(options, n_theta=COARSE, scratch_dir=None)
-    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, options.speed_law, base.places)
+    coarse = replace(options, n_theta=COARSE)
+    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
     cycles = angle.candidate_cycles()
     complete = covered(angle, cycles, channels.main, base.clocks)
     if not complete.any():

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.align.channels import AlignedChannel
-from camtorque.align.options import RULES, AlignOptions
+from camtorque.align.options import RULES
 from camtorque.align.timebase import TimeBase
 from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles
@@ -40,9 +40,7 @@ def alignment_summary(cycles: CamCycles) -> dict[str, Any]:
     }
 
 
-def alignment_details(
-    options: AlignOptions, base: TimeBase, aligned: Mapping[str, AlignedChannel]
-) -> dict[str, dict[str, Any]]:
+def alignment_details(base: TimeBase, aligned: Mapping[str, AlignedChannel]) -> dict[str, dict[str, Any]]:
     """Return what the record's own fields do not hold: triggers, clocks, resampling."""
     names = {rule: name for name, rule in RULES.items()}
     return {
@@ -73,7 +71,6 @@ def alignment_details(
                 "rule": names[item.rule],
                 "text": ANTI_ALIAS[names[item.rule]],
                 "samples_per_step": item.samples_per_step,
-                "speed_law": options.speed_law,
             }
             for quantity, item in aligned.items()
         },

@@ -144,7 +144,7 @@ def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, op
             f"torque nor pressure with logger {base!r}, expected one of them; record the trigger on every logger with "
             "its own clock"
         )
-    angle = cam_angle(main.train, recording.config.trigger, main.pulses_per_cycle, options.speed_law)
+    angle = cam_angle(main.train, recording.config.trigger, main.pulses_per_cycle)
     return physics_clock(Pair(pair, own.quantity, recording.cam_table, angle))
 
 
