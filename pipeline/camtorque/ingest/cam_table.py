@@ -10,7 +10,7 @@ from camtorque.config import PumpData
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
-from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
@@ -95,10 +95,7 @@ def _named(table: SmallTable, name: str) -> str:
 
 
 def _column(table: SmallTable, name: str, dimension: str) -> Array:
-    if name not in table.columns:
-        names = tuple(table.columns)
-        raise Refusal(f"{table.path}: no column {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}")
-    return table.columns[name] * unit_factor(_unit(table, name), dimension, f"{table.path} column {name!r}")
+    return table.column(name) * unit_factor(_unit(table, name), dimension, f"{table.path} column {name!r}")
 
 
 def _unit(table: SmallTable, name: str) -> str:

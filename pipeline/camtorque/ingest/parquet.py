@@ -54,8 +54,7 @@ def _layout(path: Path) -> CsvLayout:
             refuse_bomb(8 * rows * max(len(schema), 1), path.stat().st_size, f"{path}: {rows} rows")
             refuse_lying_pages(path, metadata)
         else:
-            with library.memory_map(str(path)) as memory:
-                schema = library.ipc.open_file(memory).schema
+            schema = _feather_schema(path, library)
             refuse_feather_bomb(path, library)
     names, units, first = [], [], []
     for item in schema:
@@ -73,20 +72,20 @@ def _layout(path: Path) -> CsvLayout:
 def _sources(path: Path, layout: CsvLayout, wanted: list[int]) -> dict[int, SampleSource]:
     library = _library(path)
     with refusing(path, "Parquet or Feather"):
-        names = [_schema_name(path, library, number) for number in wanted]
         if _is_parquet(path):
-            table = library.parquet.read_table(path, columns=names, page_checksum_verification=True)
+            names = library.parquet.read_schema(path).names
+            chosen = [names[number] for number in wanted]
+            table = library.parquet.read_table(path, columns=chosen, page_checksum_verification=True)
         else:
-            table = library.feather.read_table(path, columns=names)
+            names = _feather_schema(path, library).names
+            table = library.feather.read_table(path, columns=[names[number] for number in wanted])
         arrays = {number: _numbers(library, table.column(place)) for place, number in enumerate(wanted)}
     return {number: ArraySource(values) for number, values in arrays.items()}
 
 
-def _schema_name(path: Path, library: Any, number: int) -> str:
-    if _is_parquet(path):
-        return library.parquet.read_schema(path).names[number]
+def _feather_schema(path: Path, library: Any) -> Any:
     with library.memory_map(str(path)) as memory:
-        return library.ipc.open_file(memory).schema.names[number]
+        return library.ipc.open_file(memory).schema
 
 
 def _numbers(library: Any, column: Any) -> np.ndarray:

@@ -11,7 +11,7 @@ from camtorque.config.pump import PressureCurve, PumpConfig, load_pump_config
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Finding, Refusal
-from camtorque.units import BAR, DEGREE, did_you_mean
+from camtorque.units import BAR, DEGREE
 
 LEAST_SPAN_DEG, MOST_BAR = 10.0, 10_000.0
 """A pressure curve over less, or to more than any pump gives, is one in another unit."""
@@ -43,11 +43,7 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
         angles or pressures of another unit
     """
     table = read_small_table(Path(path), "a pressure curve")
-    for name in CURVE_COLUMNS:
-        if name not in table.columns:
-            names = tuple(table.columns)
-            raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}")
-    angle, pressure = (table.columns[name] for name in CURVE_COLUMNS)
+    angle, pressure = map(table.column, CURVE_COLUMNS)
     if angle.size > 1 and abs(angle[-1] - angle[0] - 360.0) < 1e-9:
         angle, pressure = angle[:-1], pressure[:-1]
     if angle.size < 2 or not np.all(np.diff(angle) > 0.0) or angle[-1] - angle[0] >= 360.0:

@@ -12,7 +12,7 @@ from camtorque.ingest.csv_layout import HEAD_BYTES, split_row, utf16
 from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows
 from camtorque.records import Array, Refusal
-from camtorque.units import is_known_unit
+from camtorque.units import did_you_mean, is_known_unit
 
 LARGEST_FILE = 4 * 2**20
 """Ten columns of 36 000 rows [bytes]."""
@@ -27,6 +27,13 @@ class SmallTable:
     comment: str
     decimals: dict[str, int]
     units: dict[str, str]
+
+    def column(self, name: str) -> Array:
+        """Return a column, or refuse with the names that there are."""
+        if name not in self.columns:
+            names = tuple(self.columns)
+            raise Refusal(f"{self.path}: no column {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}")
+        return self.columns[name]
 
 
 def read_small_table(path: Path, what: str) -> SmallTable:

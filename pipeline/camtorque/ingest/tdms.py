@@ -195,7 +195,6 @@ def _pieces(file: TdmsFile, channel_path: str) -> tuple[Piece, ...] | None:
     # The library reads whole chunks, which is the whole file for a one-chunk log; its segment table is not public.
     segments = file._reader._segments  # noqa: SLF001
     pieces: list[Piece] = []
-    first = 0
     for segment in segments or ():
         if segment.toc_mask & DAQMX or segment.final_chunk_lengths_override is not None:
             return None
@@ -207,13 +206,11 @@ def _pieces(file: TdmsFile, channel_path: str) -> tuple[Piece, ...] | None:
         if any(width is None for width in widths):
             return None
         order = ">" if segment.toc_mask & BIG_ENDIAN else "<"
-        for piece in _pieces_of(segment, objects, mine[0], order):
-            pieces.append(Piece(first, piece.n_samples, piece.offset, piece.dtype, piece.stride))
-            first += piece.n_samples
+        pieces += _pieces_of(segment, objects, mine[0], order, pieces[-1].first + pieces[-1].n_samples if pieces else 0)
     return tuple(pieces)
 
 
-def _pieces_of(segment: Any, objects: list[Any], mine: int, order: str) -> list[Piece]:
+def _pieces_of(segment: Any, objects: list[Any], mine: int, order: str, first: int) -> list[Piece]:
     kinds = [np.dtype(item.data_type.nptype).newbyteorder(order) for item in objects]
     sizes = [item.number_values * kind.itemsize for item, kind in zip(objects, kinds, strict=True)]
     chunk, kind, count = sum(sizes), kinds[mine], objects[mine].number_values
@@ -222,5 +219,5 @@ def _pieces_of(segment: Any, objects: list[Any], mine: int, order: str) -> list[
         before = sum(k.itemsize for k in kinds[:mine])
     else:
         stride, before = kind.itemsize, sum(sizes[:mine])
-    starts = [segment.data_position + number * chunk + before for number in range(segment.num_chunks)]
-    return [Piece(0, count, start, kind, stride) for start in starts]
+    begin = segment.data_position + before
+    return [Piece(first + n * count, count, begin + n * chunk, kind, stride) for n in range(segment.num_chunks)]

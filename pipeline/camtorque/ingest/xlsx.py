@@ -7,6 +7,8 @@ brackets or in a row of their own.
 from __future__ import annotations
 
 import zipfile
+from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, date, datetime, time, timedelta
 from importlib import import_module
 from itertools import islice
@@ -57,10 +59,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
             layout = _layout(path, rows, ())
             time = layout.time_column("")
             sources = _sources(rows, layout, [n for n, item in enumerate(layout.names) if item or n == time])
-            found += [
-                FileChannel(name, c.name, c.unit, c.n_samples, c.sample_rate, c.time_channel, c.source)
-                for c in listed(path, layout, sources)
-            ]
+            found += [replace(channel, group=name) for channel in listed(path, layout, sources)]
     return tuple(found)
 
 
@@ -85,17 +84,13 @@ def _open(path: Path) -> Any:
 
 def sheet_names(path: Path) -> list[str]:
     """Return the names of the sheets."""
-    book = _open(path)
-    try:
+    with closing(_open(path)) as book:
         return list(book.sheetnames)
-    finally:
-        book.close()
 
 
 def _sheet(path: Path, name: str) -> list[Row]:
     """Return the rows of a sheet, cut behind its last column that holds anything in the first rows."""
-    book = _open(path)
-    try:
+    with closing(_open(path)) as book:
         names = [sheet for sheet in book.sheetnames if not name or sheet == name]
         if len(names) != 1:
             what = "no sheet" if not names else f"{len(names)} sheets; name one as group"
@@ -106,8 +101,6 @@ def _sheet(path: Path, name: str) -> list[Row]:
             filled = [n for row in head for n, cell in enumerate(row) if cell is not None]
             width = max(filled, default=-1) + 1
             return list(sheet.iter_rows(max_col=max(width, 1), values_only=True))
-    finally:
-        book.close()
 
 
 def _is_number(cell: Any) -> bool:
