@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from camtorque.report.files import write_json
-from camtorque.report.plots import _front
+from camtorque.report.plots import _front, study_figure
 from camtorque.studies.table import Cell, Chart, Point, document
 from study_cases import front_factor, read_charts
 
@@ -48,3 +48,17 @@ def test_point_without_measurement_is_refused():
 def test_loud_cell_needs_its_text():
     with pytest.raises(ValueError, match="what is read"):
         Cell("condition", "method", "fails loudly", "")
+
+
+@pytest.mark.parametrize("given_cost", [True, False])
+def test_lines_of_one_method_share_a_colour_and_those_of_one_variant_a_marker(given_cost):
+    families = ("spline, 1 um", "spline, 2 um", "harmonics, 1 um")
+    lines = tuple(Point(family, str(n), 10.0**-n, 360.0 * n) for family in families for n in (1, 2))
+    drawn = study_figure(asdict(Chart("x", "x", "e", "c", lines, given_cost=given_cost))).axes[0].get_lines()
+    first, second, other = (next(line for line in drawn if line.get_label() == family) for family in families)
+    if given_cost:
+        assert first.get_color() == second.get_color() != other.get_color()
+        assert first.get_marker() == other.get_marker() != second.get_marker()
+    else:
+        assert len({line.get_color() for line in (first, second, other)}) == 3
+        assert len({line.get_marker() for line in (first, second, other)}) == 1
