@@ -37,7 +37,7 @@ def _written(answer: Answer, known: Known | None, folder: Path) -> dict[str, Any
     fitted = [] if known is None else as_fitted(known, answer, folder / TABLE)
     document = answer_document(answer, read_back, fitted)
     write_page(folder / "design.html", design_page(answer, read_back, fitted))
-    write_json(folder / "design.json", jsonable(document))
+    write_json(folder / "design.json", document)
     return document
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.jsonable import jsonable
 from camtorque.mechanism.predict import Prediction, prediction_document, sweep_rows
 from camtorque.report.chart import CAM_ANGLE, HALF, WIDE, Curves, Line, Panel
 from camtorque.report.drawings import drawing_of
@@ -154,4 +153,4 @@ def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
     """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
     with output_folder(target) as folder:
         write_page(folder / "predict.html", prediction_page(prediction, title))
-        write_json(folder / "predict.json", jsonable(prediction_document(prediction)))
+        write_json(folder / "predict.json", prediction_document(prediction))

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from camtorque.jsonable import jsonable
 from camtorque.records import Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.cycles_file import write_cycles
@@ -38,8 +37,8 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     write_page(folder / "report.html", page)
     spent = time.perf_counter() - start
     timing = {**result.timing, "report": spent, "total": sum(result.timing.values()) + spent}
-    doc["timing_s"] = jsonable(timing)
-    write_json(folder / FIT_NAME, jsonable(run_fit_document(result)))
+    doc["timing_s"] = timing
+    write_json(folder / FIT_NAME, run_fit_document(result))
     write_json(folder / "result.json", doc)
     return doc
 
