@@ -237,18 +237,14 @@ def test_every_limit_holds_what_was_seen():
         assert ratio.usual[1] <= ratio.possible[1]
 
 
-@pytest.mark.parametrize(
-    ("quantity", "columns"), [("torque", ("Grp_torque", "Torque")), ("pressure", ("Grp_pressure", "Line_Pressure"))]
-)
-def test_a_trigger_under_anothers_name_is_told_by_its_shape(bench: Path, quantity: str, columns: tuple[str, str]):
+def test_a_trigger_under_the_name_of_the_torque_is_told_by_its_shape(bench: Path):
     toml = bench / "raw_examples" / "A" / "recording.toml"
     text = toml.read_text(encoding="utf-8")
-    group, name = columns
-    rates = {"torque": "20000.0", "pressure": "100000.0"}[quantity], "50000.0"
-    places = [f'group = "{group}"\nchannel = "{name}"', 'group = "Grp_trigger"\nchannel = "Prox_Trigger"']
-    blocks = [f'{place}\nunit = "V"\nlogger = "DAQ1"\nsample_rate_hz = {rate}' for place, rate in
-              zip(places, rates, strict=True)]  # fmt: skip
+    blocks = [
+        f'group = "{group}"\nchannel = "{name}"\nunit = "V"\nlogger = "DAQ1"\nsample_rate_hz = {rate}'
+        for group, name, rate in (("Grp_torque", "Torque", "20000.0"), ("Grp_trigger", "Prox_Trigger", "50000.0"))
+    ]
     assert all(text.count(block) == 1 for block in blocks)
     toml.write_text(text.replace(blocks[0], "@").replace(blocks[1], blocks[0]).replace("@", blocks[1]))
-    with pytest.raises(Refusal, match=rf"{quantity} and trigger are exchanged: 'Prox_Trigger', .* levels for 100 %"):
+    with pytest.raises(Refusal, match=r"torque and trigger are exchanged: 'Prox_Trigger', .* two levels for 100 %"):
         read(bench)

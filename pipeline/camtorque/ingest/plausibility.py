@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
-from camtorque.ingest.proposal import SURE_SHARE, is_pulse_train, level_share
+from camtorque.ingest.proposal import LEVEL_SHARE, SURE_SHARE, is_pulse_train, level_share
 from camtorque.ingest.wheel import LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.running import percentile
@@ -199,7 +199,7 @@ def check_trigger_exchanged(recording: Recording) -> None:
     for channel in (*recording.of("torque"), *recording.of("pressure")):
         values = _beginning(channel)
         share = level_share(values)
-        if usual < SURE_SHARE < share and is_pulse_train(values):
+        if usual < LEVEL_SHARE and share > SURE_SHARE and is_pulse_train(values):
             raise Refusal(
                 f"{where}: {channel.quantity} and trigger are exchanged: {channel.name!r}, named {channel.quantity}, "
                 f"stands at two levels for {100.0 * share:.0f} % of its samples as pulses do, {triggers[0].name!r}, "
