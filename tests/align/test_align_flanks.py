@@ -89,6 +89,17 @@ def test_table_read_against_the_direction_of_running_is_refused(family: str) -> 
         check_flanks(typical, wrong, speed)
 
 
+def test_a_hub_that_rings_at_a_low_order_is_no_wrong_table() -> None:
+    recording, typical, speed = rig("closed_volume", 1100.0)
+    theta = np.arange(typical["torque"].size) * (TURN / typical["torque"].size)
+    told = set()
+    for phase in np.linspace(0.0, TURN, 8, endpoint=False):
+        ringing = 2.0 * np.max(typical["torque"]) * np.cos(6.0 * theta + phase)
+        found = check_flanks({**typical, "torque": typical["torque"] + ringing}, recording, speed)
+        told |= {(item.code, item.severity) for item in found}
+    assert ("torque_misses_rise", "warning") in told
+
+
 def test_direction_that_cannot_be_told_is_said() -> None:
     recording, typical, speed = rig("bare", 400.0)
     table = recording.cam_table

@@ -39,6 +39,18 @@ def test_the_pressure_of_another_run_is_told(aligned):
     assert not told(recording, replace(cycles, pressure=0.9 * cycles.pressure))
 
 
+def test_a_diameter_is_proposed_where_one_would_explain_the_torque(aligned):
+    recording, cycles = aligned
+    pump = recording.config.pump
+
+    def text(factor: float) -> str:
+        (found,) = load_findings(replace(cycles, torque=factor * cycles.torque), rigid_torque(recording, cycles), pump)
+        return found.text
+
+    assert "(8 mm, 5.5 mm would be usual)" in text(0.5)
+    assert "check plunger_diameter_m (8 mm), the lift table" in text(-0.2)
+
+
 def test_where_pressure_hardly_loads_the_cam_nothing_is_said(aligned):
     recording, cycles = aligned
     cycles = replace(cycles, pressure=np.full_like(cycles.pressure, 1e5))

@@ -98,7 +98,8 @@ def run_result(recording_name: str = "case", with_chamber: bool = True, explaine
         trigger_angle=Estimate(0.36, 0.001, 0.349), torque_delay=Estimate(4.5e-4, 8e-6, 4.5e-4),
         angle_errors_after=(AngleError("trigger angle", 0.06, "fitted"),), odd_even_rms=0.03,
         next_measurement=("record standstill readings (now: leakage 0.1 +- 0.02 mm^3/s/bar)",), findings=(),
-        details={"block_cv_rms_percent": 0.31, "absolute_uncertainty_percent": 0.42}, evidence=evidence,
+        details={"block_cv_percent": [0.1] * 4 + [0.7] + [0.2] * 13, "absolute_uncertainty_percent": 0.42},
+        evidence=evidence,
         alternatives=alternatives, explained=explained,
         bumps=() if explained else (ResidualBump(0.7, 0.9, -0.4, 9.5, f"end of delivery {NASTY}"),),
     )  # fmt: skip

@@ -17,6 +17,7 @@ from camtorque.report.answer import (
     alternatives_text,
     answer,
     cards,
+    left_out_text,
     missed_limits,
     shape_text,
     unexplained_advice,
@@ -43,7 +44,10 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert "The data need chamber, driveline." in parts["What closes it"]
     assert "They cannot tell whether they need friction." in parts["What closes it"]
     assert "do as well without spring; what stands for it here is what sheet" in parts["What closes it"]
-    assert "left out of a fit in turn, are predicted to 0.31 % of the peak" in parts["How sure"]
+    assert (
+        "Stretches of 20 deg, left out of a fit in turn, are predicted to 0.2 % of the peak in the middle, the worst "
+        "(80 to 100 deg) to 0.7 %." in parts["How sure"]
+    )
     assert "known to ±0.42 %" in parts["How sure"]
     assert "Not ruled out: spill (10 %)" in parts["How sure"]
     assert parts["What to do"].endswith("To learn more: record standstill readings.")
@@ -216,3 +220,9 @@ def test_a_section_without_content_is_on_neither_page_nor_list(tmp_path: Path) -
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert re.findall(r'<h2 id="(\w+)">', page) == re.findall(r'<a href="#(\w+)">', page.split("</nav>", 1)[0])
     assert "evidence" not in re.findall(r'<h2 id="(\w+)">', page)
+
+
+def test_a_stretch_that_alone_tells_what_acts_there_is_not_given_a_size():
+    text = left_out_text([0.2] * 17 + [513.0])
+    assert text.endswith("in the middle, but 340 to 360 deg not at all: what acts there, only these angles tell.")
+    assert "513" not in text

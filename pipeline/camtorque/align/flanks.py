@@ -69,6 +69,11 @@ BETTER = Threshold(
     0.3, "1", "simulated rigs",
     "Gain in correlation by which another place or direction has to explain a torque that misses the rising lift."
 )  # fmt: skip
+EXPLAINS = Threshold(
+    0.6, "1", "simulated rigs",
+    "Correlation from which a place explains the torque; sound rigs reach 0.8. A hub that rings at a low order of the "
+    "speed leaves none."
+)  # fmt: skip
 TELLS = Threshold(0.02, "1", "simulated rigs", "Correlations closer than this do not tell the two directions apart.")
 
 
@@ -124,7 +129,7 @@ def check_flanks(typical: Mapping[str, Array], recording: Recording, speed: floa
     found = flank_places(typical["torque"], typical["pressure"], recording.cam_table, recording.config.pump, speed)
     _refuse_misplaced(found, recording)
     where = recording.config.id
-    return (*_moved(found, recording, where), *_untold(found, where))
+    return (*_scattered(found, where), *_moved(found, recording, where), *_untold(found, where))
 
 
 def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData, speed: float) -> Flanks:
@@ -240,7 +245,8 @@ def _degrees(angle: float) -> str:
 
 def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
     best = max(found.forward, found.mirrored, key=lambda item: item.correlation)
-    if found.rising_share >= RISING_SHARE or best.correlation < found.nominal_correlation + BETTER:
+    least = max(found.nominal_correlation + BETTER, EXPLAINS)
+    if found.rising_share >= RISING_SHARE or best.correlation < least:
         return
     spec = recording.config.trigger
     raise Refusal(
@@ -251,6 +257,19 @@ def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
         f"({found.mirrored.correlation:.2f}), as declared {found.nominal_correlation:.2f}; correct the direction of "
         f"the lift table and of rotation, or nominal_angle_deg = {np.degrees(spec.nominal_angle):g} of the trigger"
     )
+
+
+def _scattered(found: Flanks, where: str) -> tuple[Finding, ...]:
+    """Return a warning where the torque misses the rising lift and no other place of the table explains it."""
+    if found.rising_share >= RISING_SHARE:
+        return ()
+    text = (
+        f"{100.0 * (1.0 - found.rising_share):.0f} % of the driving torque falls where the lift does not rise, and no "
+        f"other place or direction of the table explains it (correlations up to "
+        f"{max(found.forward.correlation, found.mirrored.correlation):.2f}): something rings or swings more than the "
+        "pump takes, or the log is not of this pump"
+    )
+    return (Finding("torque_misses_rise", "warning", text, where),)
 
 
 def _moved(found: Flanks, recording: Recording, where: str) -> tuple[Finding, ...]:

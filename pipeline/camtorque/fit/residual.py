@@ -36,10 +36,11 @@ def explains(item: FitData, solution: Solution, odd_even: float) -> bool:
     return is_explained(left, odd_even, float(np.max(item.torque)))
 
 
-def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance, index: int) -> float:
-    """Return the rms error on blocks of angle that the fit has not seen, by its own linear model [N m].
+def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance, index: int) -> Array:
+    """Return the rms error on each block of `BLOCK_DEG` that the fit has not seen, by its own linear model, (m,) [N m].
 
-    Each block's residual without it is ``(I - J_b C J_b')^-1 r_b``, exact where the model is linear.
+    Each block's residual without it is ``(I - J_b C J_b')^-1 r_b``, exact where the model is linear. Where one block
+    alone tells a parameter the matrix is nearly singular: the size of such an error says no more than that.
     """
     item, output = problem.data[index], solution.outputs[index]
     own, chain = problem.places[index]
@@ -56,7 +57,7 @@ def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance
         block = columns[first : first + size]
         leverage = np.eye(block.shape[0]) - block @ matrix @ block.T
         errors.append(np.linalg.solve(leverage, left[first : first + size]) / item.weight[first : first + size])
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return np.array([np.sqrt(np.mean(error**2)) for error in errors])
 
 
 def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[ResidualBump, ...]:

@@ -244,7 +244,7 @@ def _correlation(fit: Fit) -> Array:
 
 def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak: float) -> dict[str, object]:
     solution, problem = fit.solution, fit.problem
-    cv_rms = block_cross_validation(problem, solution, fit.covariance, index)
+    blocks = 100.0 / peak * block_cross_validation(problem, solution, fit.covariance, index)
     sheet = recording.of("torque")[0].calibration
     absolute = float("nan")
     if sheet is not None:
@@ -256,7 +256,7 @@ def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak:
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": fitted.lift_correction, "flows": fitted.output.flows,
         "delivery": problem.data[index].structure, "budget": uncertainty_budget(problem, fit.covariance, spreads),
-        "block_cv_rms_percent": 100.0 * cv_rms / peak, "absolute_uncertainty_percent": absolute,
+        "block_cv_percent": blocks.tolist(), "absolute_uncertainty_percent": absolute,
         "freedom": fit.covariance.freedom,
     }  # fmt: skip
 

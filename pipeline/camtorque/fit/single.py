@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unexplained
 from camtorque.fit.minima import Candidate, at_minimum, attempted, followed, judged, with_its_lost_torque
+from camtorque.fit.other_way import ways
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
-from camtorque.fit.problem import STRUCTURES, FitData, Problem, with_starts
+from camtorque.fit.problem import STRUCTURES, FitData, Problem
 from camtorque.fit.residual import explains
 from camtorque.fit.search import Found, search
 from camtorque.fit.solver import Solution
-from camtorque.fit.swings import ringing_alike
 from camtorque.fit.uncertainty import Covariance, along_valley, covariance, pressure_jacobian
 from camtorque.fit.valley import ANGLE, Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
-from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
 from camtorque.units import DEGREE
 
@@ -33,8 +31,6 @@ QUICK_ITERATIONS = 5
 """Of structures that are far behind: they are compared, not used."""
 SWITCHING = "switching delay of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
-TOO_LIGHT = 1.0
-"""Chi-square of a light cam's side (`Candidate.light`) from which shafts that ring alike are tried."""
 MINIMA = 5
 """Minima that are compared at most."""
 
@@ -102,27 +98,16 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     corrected = attempted(with_its_lost_torque, ends[0], data.chain.shaft_torque)
     kept = [ends[0], judged(corrected, data, held)] if corrected else ends[:1]
     best, valley = swept(min(kept, key=lambda item: item.value), data, held)
-    heavier = with_heavier_cam(best, data, held)
-    if heavier is not best:
-        best, valley = swept(heavier, data, held)
-    return Prepared(recording, cycles, rigid, means, (best, *ends[1:]), valley, data.chain.shaft_torque)
-
-
-def with_heavier_cam(best: Candidate, data: FitData, held: FitData) -> Candidate:
-    """Return a minimum, or a better one on a shaft that rings alike, where its cam's side is lighter than the cam."""
-    if best.light < TOO_LIGHT:
-        return best
-    items = [with_starts(best.data, shaft) for shaft in ringing_alike(best.data)]
-    ends = in_two(partial(attempted, at_minimum), items)
-    return min([best, *(judged(end, data, held) for end in ends if end)], key=lambda item: item.value)
+    turned = ways(best, data, held)
+    if turned[0] is not best:
+        best, valley = swept(turned[0], data, held)
+    others = sorted([*turned, *ends[1:]], key=lambda item: item.value)
+    return Prepared(recording, cycles, rigid, means, distinct([best, *others]), valley, data.chain.shaft_torque)
 
 
 def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
     """Return minima that differ and one of every structure that has starts, least chi-square first."""
-    ends: list[Candidate] = []
-    for _, item in found.minima:
-        if len(ends) < MINIMA and not any(_same(item, other) for other in ends):
-            ends.append(item)
+    ends = list(distinct([item for _, item in found.minima])[:MINIMA])
     for name, group in found.starts.items():
         if group and all(item.data.structure != name for item in ends):
             quick = attempted(followed, data, group[0], QUICK_ITERATIONS)
@@ -134,6 +119,15 @@ def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
             "may belong to another pump or trigger: `camtorque check` compares them"
         )
     return sorted(ends, key=lambda item: item.value)
+
+
+def distinct(minima: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return minima without those that an earlier one stands for."""
+    kept: list[Candidate] = []
+    for item in minima:
+        if not any(_same(item, other) for other in kept):
+            kept.append(item)
+    return tuple(kept)
 
 
 def _same(one: Candidate, other: Candidate) -> bool:

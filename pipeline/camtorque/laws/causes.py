@@ -40,14 +40,14 @@ def cam_torques(
     numbers = data.constants
     mu = values["guide_friction"]
     whole, columns, _, load, _ = cam_torque(numbers, mu, motion.lift, *rates, output.pressure, zero)
-    smooth, _, _, bare, _ = cam_torque(numbers, 0.0, motion.lift, *rates, output.pressure, zero)
+    smooth, *_ = cam_torque(numbers, 0.0, motion.lift, *rates, output.pressure, zero)
     parts = dict.fromkeys(CAUSES, np.zeros_like(y))
     for k, name in enumerate(LINEAR_NAMES):
         parts[cause_of(name)] = parts[cause_of(name)] + coefficients[k] * columns[:, k]
     axial_inertia = pump.follower_mass * (curve * motion.rate**2 + slope * motion.second)
     parts["pressure"] = slope * pump.plunger_area * output.pressure
     parts["spring"] = parts["spring"] + slope * (pump.spring_preload + pump.spring_stiffness * y)
-    parts["inertia"] = parts["inertia"] + slope * axial_inertia + smooth - bare * slope
+    parts["inertia"] = parts["inertia"] + slope * axial_inertia
     parts["guide_friction"] = whole - smooth
     parts["lift_table"] = load * lift_slope
     return parts

@@ -17,6 +17,8 @@ LOADED_SHARE = 0.7
 """Share of the largest rigid torque above which an angle counts."""
 USUAL = (0.95, 1.9)
 """Measured over rigid torque that is no finding; 28 pumps gave 1.01 to 1.67."""
+LEAST_TOLD = 0.2
+"""Ratio below which no plunger would explain it: what rings or is of another run has no diameter."""
 BY_PRESSURE = 0.5
 """Share of the rigid torque that pressure has to make; below it the spring is compared, not the pump."""
 
@@ -37,11 +39,13 @@ def load_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> tupl
     ratio = load_ratio(cycles, rigid)
     if not math.isfinite(ratio) or USUAL[0] <= ratio <= USUAL[1]:
         return ()
-    likely = 1e3 * pump.plunger_diameter * math.sqrt(max(ratio, 0.0) / 1.15)
+    diameter = f"{1e3 * pump.plunger_diameter:g} mm"
+    if ratio > LEAST_TOLD:
+        diameter += f", {1e3 * pump.plunger_diameter * math.sqrt(ratio / 1.15):.2g} mm would be usual"
     side = "friction adds to it, and the chamber while it delivers" if ratio < USUAL[0] else "no friction adds so much"
     text = (
         f"where the line pressure loads the cam most the measured torque is {ratio:.2f} of the rigid model's, sound "
-        f"pumps have 1.0 to 1.7 ({side}): check plunger_diameter_m ({1e3 * pump.plunger_diameter:g} mm, {likely:.2g} "
-        "mm would be usual), the lift table, nominal_angle_deg, both sensitivities, and that the logs are of one run"
+        f"pumps have 1.0 to 1.7 ({side}): check plunger_diameter_m ({diameter}), the lift "
+        "table, nominal_angle_deg, both sensitivities, and that the logs are of one run"
     )
     return (Finding("torque_against_model", "warning", text, "[pump]"),)

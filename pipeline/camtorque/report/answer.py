@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+import statistics
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from camtorque.records import KNOWLEDGE, Metrics
@@ -40,6 +41,8 @@ NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
 WIDE_DEG, AROUND_DEG = 90.0, 320.0
 """A wider stretch of the residual has more than one phase; one all around the revolution is nowhere."""
+ALONE_PERCENT = 20.0
+"""Error of a stretch that was left out, in percent of the peak, above which its size tells nothing."""
 NOTICED = 0.5
 """A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
 Document = Mapping[str, Any]
@@ -172,9 +175,8 @@ def sureness_text(doc: Document) -> str:
     text = shape_text(accuracy)
     if doc["bumps"] and doc["explained"]:
         text += f" In the fitted cycles it stands out at {bump_places(doc)}."
-    if accuracy["block_cv_rms_percent"] is not None and doc["explained"]:
-        left = num(accuracy["block_cv_rms_percent"], 2)
-        text += f" Stretches of the revolution, left out of a fit in turn, are predicted to {left} % of the peak."
+    if accuracy["block_cv_percent"] and doc["explained"]:
+        text += f" {left_out_text(accuracy['block_cv_percent'])}"
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
             f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
@@ -182,6 +184,20 @@ def sureness_text(doc: Document) -> str:
         )
     text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
+
+
+def left_out_text(blocks: Sequence[float]) -> str:
+    """Return how well stretches of the revolution are predicted without them, in percent of the peak, and the worst."""
+    width, worst = 360.0 / len(blocks), blocks.index(max(blocks))
+    median, largest = statistics.median(blocks), blocks[worst]
+    place = f"{fixed(worst * width, 0)} to {fixed((worst + 1) * width, 0)} deg"
+    text = (
+        f"Stretches of {fixed(width, 0)} deg, left out of a fit in turn, are predicted to {num(median, 2)} % of the "
+        "peak in the middle, "
+    )
+    if largest > ALONE_PERCENT:
+        return f"{text}but {place} not at all: what acts there, only these angles tell."
+    return f"{text}the worst ({place}) to {num(largest, 2)} %."
 
 
 def known_text(rows: Collection[Document]) -> str:

@@ -114,10 +114,12 @@ def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
     """Return shape of the residual, what the cycles repeat, and what no residual shows, in percent of the peak."""
     held = fitted.metrics["fitted_held_out_cycles"]
     share = held.rms_percent_of_peak / held.rms_nm if held.rms_nm else float("nan")
+    blocks = fitted.details.get("block_cv_percent")
     return {
         "shape_residual_percent": held.rms_percent_of_peak,
         "repeatability_percent": share * fitted.odd_even_rms,
-        "block_cv_rms_percent": fitted.details.get("block_cv_rms_percent"),
+        "block_cv_rms_percent": float(np.sqrt(np.mean(np.square(blocks)))) if blocks else None,
+        "block_cv_percent": blocks,
         "absolute_uncertainty_percent": fitted.details.get("absolute_uncertainty_percent"),
     }
 

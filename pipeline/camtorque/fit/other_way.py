@@ -1,0 +1,59 @@
+"""What may be the other way round: minima that no small step leads to, tried from the best one on the fine grid.
+
+An outlet that opens again at the edge of the land or on the base circle, a suction valve that is there or not, a valve
+that retracts much or hardly anything: each is a valley of its own, and where a search ends up in the wrong one a sum in
+another order may decide. Turned round one at a time, with all else where it is, they cost a descent each.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
+from camtorque.fit.problem import FitData, with_starts
+from camtorque.fit.search import UNSURE
+from camtorque.fit.swings import ringing_alike
+from camtorque.process.second_process import in_two
+
+WAYS: dict[str, tuple[float, float]] = {
+    "outlet_return": (0.0, 1.0), "suction_area": (0.0, 1.5e-6), "retraction_volume": (1.0e-9, 20.0e-9),
+    "valve_damping": (1.0e3, 12.0e3), "valve_mass": (1.5e6, 12.0e6), "valve_area": (1.5e-6, 6.0e-6),
+    "free_air": (0.0, 6.0e-3), "drive_bandwidth": (1.5, 5.5),
+}  # fmt: skip
+"""Parameter -> the two ends between which it is turned [SI], each well inside what literature has of it."""
+TOO_LIGHT = 1.0
+"""Chi-square of a light cam's side (`Candidate.light`) from which shafts that ring alike are tried."""
+GAINED, ROUNDS = 0.5, 3
+"""What a minimum has to gain, and how often all is turned once more from the one that did."""
+
+
+def turned(best: Candidate) -> list[FitData]:
+    """Return starts with one thing the other way round where doubt is left, and heavier cams where one is asked for."""
+    data, found = best.data, []
+    for name, (low, high) in WAYS.items() if best.doubt > UNSURE else ():
+        place = best.problem.index(name)
+        if place >= 0:
+            row, value = data.rows[name], best.solution.z[place]
+            other = high if abs(value - low) < abs(value - high) else low
+            found.append({name: min(max(other, row.lower), row.upper)})
+    if best.light > TOO_LIGHT:
+        found += ringing_alike(data)
+    return [with_starts(data, values) for values in found]
+
+
+def ways(best: Candidate, data: FitData, held: FitData) -> list[Candidate]:
+    """Return a minimum and those reached by turning things round one at a time, from the best one again, best first.
+
+    Parameters
+    ----------
+    best : minimum on the fine grid, judged
+    data, held : the half of the cycles that is fitted and the other one
+    """
+    found = [best]
+    for _ in range(ROUNDS):
+        least = found[0].value
+        ends = in_two(partial(attempted, at_minimum), turned(found[0]))
+        found = sorted([*found, *(judged(end, data, held) for end in ends if end)], key=lambda item: item.value)
+        if found[0].value > least - GAINED:
+            break
+    return found
