@@ -165,7 +165,7 @@ def reading_rows(scratch: Path) -> Iterator[str]:
 def mechanism_rows() -> Iterator[str]:
     """Yield the eight outputs of the mechanism against a copy; nanoseconds per sample, least of the rounds."""
     names = {
-        "closed form, compiled, all 8": "1.1", "closed form, compiled, kinematics included": "15",
+        "closed form, compiled, all 8": "1.1", "closed, kinematics included, one cycle": "15",
         "recursion, kinematics included, one cycle": "",
     }  # fmt: skip
     copy = "copy, 1 array to 8"

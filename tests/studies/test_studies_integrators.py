@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.collocation import gauss
-from camtorque.studies.driveline import at_angles, elastic, together
+from camtorque.studies.driveline import at_angles, balanced, elastic
 from camtorque.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
 
 CHECK = angle_grid(1009)
@@ -33,10 +33,10 @@ def test_fixed_steps_converge_at_their_order(reference, scheme, order):
     assert np.log2(errors[0] / errors[1]) > order - 0.5
 
 
-@pytest.mark.parametrize("solve", [elastic, together])
+@pytest.mark.parametrize("solve", [elastic, balanced])
 def test_package_solutions_are_the_same_orbit(reference, solve):
     found = at_angles(*solve(Shaft(), 1800), check=CHECK)
-    # collocation in drive angle against that in cam angle: 1e-6 of the peak, set by the knots of the law
+    # quasi-spectral in drive angle against collocation in cam angle: 1e-6 of the peak, set by the knots of the law
     np.testing.assert_allclose(found, reference, atol=1e-6 * np.max(reference))
 
 

@@ -1,12 +1,17 @@
 """Several pumps on a shaft with torsional springs between the lobes, in periodic steady running.
 
-The drive end turns at constant speed Omega; lobe i leads it by delta_i. Its torque is the closed form at its own
+The drive end turns at constant speed; lobe i runs at ``Omega t + delta_i``. Its torque is the closed form at its own
 angle, speed and acceleration, and the shaft pieces carry ``T_i = k_i (delta_(i-1) - delta_i)`` plus damping::
 
     tau_i(theta_i, omega_i, alpha_i) = T_i - T_(i+1)
 
-A single lobe is solved by collocation in its cam angle (`collocation`), which is the cheaper one; several lobes have
-no common cam angle and are solved in that of the drive (`periodic`).
+Everything is periodic in time, so the linear part (mean inertia of each lobe, springs, dampers) is solved harmonic by
+harmonic, a tridiagonal system swept once from the free end to the drive end: cost grows with the number of lobes. The
+rest of the torque is its load; it depends weakly on the twist and is found by fixed-point iteration, and where that
+does not settle (a soft shaft, or a resonance below the highest harmonic) by collocation in drive angle with Newton's
+method (`periodic`).
+A single lobe is solved by collocation in its cam angle (`collocation`), which is cheaper; where that fails, the
+harmonics follow.
 """
 
 from __future__ import annotations
@@ -16,16 +21,25 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.periodic import Shaft, lobe_rows, solve_periodic
+from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, ReadOnly, Refusal
+
+Complex = NDArray[np.complex128]
+ITERATIONS = 300
+TOLERANCE = 1.0e-12
+"""Change of the twist over its peak at which the iteration ends: rounding of the transforms is about 1e-13."""
 
 ELEMENTS, STAGES = 360, 6
 """Of the collocation for a single lobe: on the front of the driveline chart (reports/studies)."""
+GROWTH = 2.0
+"""A step this much longer than the shortest so far does not lead to the solution."""
 
 
 @dataclass(frozen=True)
@@ -63,46 +77,37 @@ def solve_elastic(
     ------
     Refusal : no periodic motion was found: the shaft is too soft for its load, or resonates without damping
     """
-    shaft = shaft_of(units, pressure, speed, stiffness, damping)
-    with np.errstate(all="ignore"):  # a motion that runs away is refused
-        found = (_alone(shaft) if len(units) == 1 else None) or solve_together(shaft)
-    if found is None:
-        raise _unsettled(shaft)
-    return found
-
-
-def shaft_of(units: Sequence[PumpUnit], pressure: Array, speed: float, stiffness: Array, damping: Array) -> Shaft:
-    """Return the shaft with the pressures as periodic curves; see `solve_elastic`."""
     load = np.atleast_2d(np.asarray(pressure, dtype=np.float64))
-    theta = np.asarray(np.arange(load.shape[1]) * (TURN / load.shape[1]), dtype=np.float64)
-    curves = tuple(_periodic(np.append(theta, TURN), np.append(row, row[0])) for row in load)
-    return Shaft(tuple(units), theta, curves, speed, np.asarray(stiffness, float), np.asarray(damping, float))
+    alone = _alone(units[0], load[0], speed, stiffness, damping) if len(units) == 1 else None
+    return solve_by_harmonics(units, load, speed, stiffness, damping) if alone is None else alone
 
 
-def solve_together(shaft: Shaft) -> ElasticShaft | None:
-    """Return the motion of any number of lobes, None where none was found."""
-    found = solve_periodic(shaft)
-    if found is None:
-        return None
-    twist, rate, acceleration = found
-    across, across_rate = (np.diff(values, axis=0, prepend=0.0) for values in (twist, rate))
-    section = -(shaft.stiffness[:, None] * across + shaft.damping[:, None] * across_rate)
-    return ElasticShaft(section[0], section, twist, shaft.speed + rate, acceleration)
+def solve_by_harmonics(
+    units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array
+) -> ElasticShaft:
+    """Return the same by harmonics, for any number of lobes; ``load`` (n_pumps, n_theta), see `solve_elastic`."""
+    shaft = _Shaft(units, load, speed, np.asarray(stiffness, dtype=np.float64), np.asarray(damping, dtype=np.float64))
+    twist = _fixed_point(shaft)
+    if twist is None:
+        twist = _newton(shaft)
+    if np.min(_derivative(twist, shaft.frequency, 1)) <= -speed:
+        raise _unsettled(shaft)
+    return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping)
 
 
-def _alone(shaft: Shaft) -> ElasticShaft | None:
+def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft | None:
     """Return the motion of a single lobe by collocation in its cam angle, None where the cam does not turn forward."""
-    rows = partial(lobe_rows, shaft.units[0], shaft.curves[0])
-    values = float(shaft.stiffness[0]), float(shaft.damping[0]), shaft.speed
-    orbit = solve_orbit(rows, _elements(shaft.units[0]), STAGES, values)
+    theta = np.asarray(np.arange(load.size) * (TURN / load.size), dtype=np.float64)
+    rows = partial(lobe_rows, unit, _periodic(theta, load))
+    orbit = solve_orbit(rows, _elements(unit), STAGES, (float(stiffness[0]), float(damping[0]), speed))
     if not orbit.closed:
         return None
     # from the stages to the uniform grid of the drive, which the cam leads
     drive = orbit.theta - orbit.lead
-    stages = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
-    curves = _periodic(np.append(drive, drive[0] + TURN), np.vstack([stages, stages[:1]]))
-    torque, lead, rate, acceleration = curves(shaft.theta).T
-    return ElasticShaft(torque, torque[None], lead[None], shaft.speed + rate[None], acceleration[None])
+    values = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
+    curves = CubicSpline(np.append(drive, drive[0] + TURN), np.vstack([values, values[:1]]), bc_type="periodic")
+    torque, lead, rate, acceleration = curves(theta).T
+    return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None])
 
 
 def _elements(unit: PumpUnit) -> Array:
@@ -113,14 +118,62 @@ def _elements(unit: PumpUnit) -> Array:
     return np.linspace(0.0, TURN, ELEMENTS + 1)
 
 
-def _periodic(angle: Array, values: Array) -> CubicSpline:
-    """Return a periodic interpolant of one revolution; the last row repeats the first."""
-    return CubicSpline(angle, values, bc_type="periodic")
+class _Shaft:
+    """The fixed-point map of the twist: loads at the present twist, then the linear shaft's answer to them."""
+
+    def __init__(self, units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array) -> None:
+        self.units, self.speed, self.stiffness, self.damping = units, speed, stiffness, damping
+        self.shape = load.shape
+        self.theta = np.asarray(np.arange(load.shape[1]) * (TURN / load.shape[1]), dtype=np.float64)
+        self.frequency = speed * np.fft.rfftfreq(load.shape[1], 1.0 / load.shape[1])
+        self.curves = [_periodic(self.theta, row) for row in load]
+        self.inertia = np.array(
+            [
+                np.mean(closed_form_tables(u.pump, u.law, self.theta, u.mounting, u.friction).outputs["torque"][3])
+                for u in units
+            ]
+        )
+
+    def answer(self, twist: Array) -> Array:
+        """Return the twist that the loads at a twist cause, (n_pumps, n_theta)."""
+        rate, change = (_derivative(twist, self.frequency, order) for order in (1, 2))
+        torque = _lobe_torque(self.units, self.curves, self.theta, twist, self.speed + rate, change)
+        rest = np.fft.rfft(torque - self.inertia[:, None] * change)
+        solved = _solve_harmonics(rest, self.frequency, self.inertia, self.stiffness, self.damping)
+        return np.fft.irfft(solved, self.shape[1])
 
 
-def _unsettled(shaft: Shaft) -> Refusal:
-    lobes = zip(shaft.units, shaft.curves, strict=True)
-    inertia = sum(float(np.mean(lobe_rows(unit, curve, shaft.theta)[2])) for unit, curve in lobes)
+def _fixed_point(shaft: _Shaft) -> Array | None:
+    """Return the twist; None where the steps stop shrinking.
+
+    They do where the shaft is soft, and where it resonates: there the varying part of the inertia, times the
+    amplification, is more than the mean part that the linear answer knows.
+    """
+    twist, least = np.zeros(shaft.shape), np.inf
+    for _ in range(ITERATIONS):
+        change = shaft.answer(twist) - twist
+        twist, size = twist + change, float(np.max(np.abs(change)))
+        if size <= TOLERANCE * np.max(np.abs(twist)):
+            return twist
+        if not size < GROWTH * least or np.max(np.abs(twist)) > 1.0:
+            return None
+        least = min(least, size)
+    return None
+
+
+def _newton(shaft: _Shaft) -> Array:
+    """Return the twist by collocation and Newton's method."""
+    with np.errstate(all="ignore"):
+        found = solve_periodic(
+            Shaft(shaft.units, shaft.curves, shaft.speed, shaft.stiffness, shaft.damping), shaft.shape[1]
+        )
+    if found is None:
+        raise _unsettled(shaft)
+    return found
+
+
+def _unsettled(shaft: _Shaft) -> Refusal:
+    inertia = float(np.sum(shaft.inertia))
     stiffness = float(np.min(shaft.stiffness))
     order = np.sqrt(stiffness / inertia) / shaft.speed
     return Refusal(
@@ -129,3 +182,60 @@ def _unsettled(shaft: Shaft) -> Refusal:
         "cam that keeps turning forward: a soft shaft lets it stop or turn back, a lightly damped one swings too far; "
         "check stiffness_N_m_per_rad and damping_N_m_s_per_rad, or leave them out for a rigid shaft"
     )
+
+
+def _periodic(theta: Array, values: Array) -> CubicSpline:
+    """Return a periodic interpolant of one revolution."""
+    return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
+
+
+def _derivative(values: Array, frequency: Array, order: int) -> Array:
+    """Return a time derivative of periodic rows."""
+    return np.fft.irfft(np.fft.rfft(values) * (1j * frequency) ** order, values.shape[1])
+
+
+def _lobe_torque(
+    units: Sequence[PumpUnit],
+    curves: list[CubicSpline],
+    theta: Array,
+    twist: Array,
+    speed: Array,
+    acceleration: Array,
+) -> Array:
+    """Return the torque of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
+    rows = []
+    for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
+        angle = theta + ahead
+        tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting, unit.friction)
+        rows.append(tables.evaluate("torque", curve(angle), rate, change))
+    return np.array(rows)
+
+
+def _solve_harmonics(rest: Complex, frequency: Array, inertia: Array, stiffness: Array, damping: Array) -> Complex:
+    """Solve J_i delta'' = T_i - T_(i+1) - rest_i for every harmonic by one sweep inward and one outward (Thomas 1949).
+
+    From the free end, a lobe and all beyond it answer ``T_i = Z_i delta_(i-1) + f_i`` at the root of their shaft piece.
+    """
+    count = rest.shape[0]
+    beyond_stiffness, beyond_load = np.zeros_like(rest[0]), np.zeros_like(rest[0])
+    pivots, loads = np.empty_like(rest), np.empty_like(rest)
+    pieces = stiffness[:, None] + 1j * frequency * damping[:, None]
+    for i in range(count - 1, -1, -1):
+        pivots[i] = pieces[i] + beyond_stiffness - frequency**2 * inertia[i]
+        loads[i] = rest[i] + beyond_load
+        # delta_i = (piece delta_(i-1) - load) / pivot, so T_i = piece (delta_(i-1) - delta_i)
+        beyond_stiffness = pieces[i] - pieces[i] ** 2 / pivots[i]
+        beyond_load = pieces[i] * loads[i] / pivots[i]
+    twist, before = np.empty_like(rest), np.zeros_like(rest[0])
+    for i in range(count):
+        before = (pieces[i] * before - loads[i]) / pivots[i]
+        twist[i] = before
+    return twist
+
+
+def _result(twist: Array, frequency: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft:
+    """Return the record; the shaft torque follows from the twist of each piece."""
+    rate = _derivative(twist, frequency, 1)
+    across, across_rate = (np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1]))) for x in (twist, rate))
+    section = -(stiffness[:, None] * across + damping[:, None] * across_rate)
+    return ElasticShaft(section[0], section, twist, speed + rate, _derivative(twist, frequency, 2))

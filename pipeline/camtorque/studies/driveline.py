@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from camtorque.laws.chain import angle_grid, filtered
 from camtorque.laws.driveline import compliance, shaft_transfer
 from camtorque.mechanism.cam import TURN
-from camtorque.mechanism.elastic import ElasticShaft, shaft_of, solve_elastic, solve_together
+from camtorque.mechanism.elastic import ElasticShaft, solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pressure, study_pump
@@ -63,16 +63,15 @@ def elastic(shaft: Shaft, size: int) -> Curve:
     return _driven(solve_elastic, shaft, size)
 
 
-def together(shaft: Shaft, size: int) -> Curve:
-    """Return collocation in drive angle, which also solves several lobes, over cam angle."""
-    return _driven(lambda *given: solve_together(shaft_of(*given)), shaft, size)
+def balanced(shaft: Shaft, size: int) -> Curve:
+    """Return the non-linear harmonic balance, which also solves several lobes, over cam angle."""
+    return _driven(solve_by_harmonics, shaft, size)
 
 
-def _driven(solve: Callable[..., ElasticShaft | None], shaft: Shaft, size: int) -> Curve:
+def _driven(solve: Callable[..., ElasticShaft], shaft: Shaft, size: int) -> Curve:
     theta, unit = angle_grid(size), PumpUnit(study_pump(), knotted_law())
     values = np.array([shaft.stiffness]), np.array([shaft.damping])
     found = solve([unit], study_pressure(theta)[None], shaft.speed, *values)
-    assert found is not None  # a cam that turns
     return theta + found.twist[0], found.torque
 
 
@@ -100,8 +99,9 @@ def candidates(shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], 
     found: dict[tuple[str, str], Callable[[], Any]] = {}
     for size in (180, 360, 720, 1800, 3600):
         found["linear harmonic", f"{size}/rev"] = partial(harmonic, load_rows(angle_grid(size)), shaft)
+    for size in (360, 720, 1800, 3600):
+        found["non-linear harmonic", f"{size}/rev"] = partial(balanced, shaft, size)
     found["predict (elastic shaft)", "3600/rev"] = partial(elastic, shaft, 3600)
-    found["predict (several lobes)", "3600/rev"] = partial(together, shaft, 3600)
     for elements, place in ((360, "on"), (377, "off")):
         for stages in (1, 2, 3, 4, 6):
             name = f"collocation, {elements} elements {place} the knots"
