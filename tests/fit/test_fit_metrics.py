@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.fit.metrics import metrics, stroke_masks
+from camtorque.fit.residual import block_cross_validation
+from camtorque.fit.uncertainty import covariance
+from fit_cases import quick
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
 LIFT = 4e-3 * (1.0 - np.cos(THETA))
@@ -56,3 +59,15 @@ def test_gap_is_taken_where_the_rigid_model_is_loaded():
     found = metrics(TORQUE + np.where(unloaded, 5.0, 0.0), TORQUE, rigid, LIFT, VELOCITY)
     assert found.forward_gap_percent == pytest.approx(0.0, abs=1e-12)
     assert found.rms_nm > 1.0
+
+
+def test_a_stretch_that_was_left_out_is_met_no_better_than_one_that_was_fitted():
+    found = quick(("closed_volume", 0, 1000.0))
+    blocks = block_cross_validation(
+        found.problem, found.solution, covariance(found.problem, found.solution), 0
+    )  # fmt: skip
+    left = found.solution.lifts[0].beside(found.solution.residuals[0]) / found.data.weight
+    fitted = np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(left, 18)])
+    assert blocks.shape == (18,)
+    assert np.all(blocks > 0.95 * fitted)  # weights differ within a stretch
+    assert np.median(blocks) > np.median(fitted)

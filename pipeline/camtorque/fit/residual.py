@@ -51,13 +51,13 @@ def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance
     matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
     residual = solution.residuals[index]
     left = lift.beside(residual)
-    size = int(BINS * BLOCK_DEG / 360.0)
     errors = []
-    for first in range(0, BINS, size):
-        block = columns[first : first + size]
-        leverage = np.eye(block.shape[0]) - block @ matrix @ block.T
-        errors.append(np.linalg.solve(leverage, left[first : first + size]) / item.weight[first : first + size])
-    return np.array([np.sqrt(np.mean(error**2)) for error in errors])
+    for place in np.array_split(np.arange(BINS), round(360.0 / BLOCK_DEG)):
+        block = columns[place]
+        leverage = np.eye(place.size) - block @ matrix @ block.T
+        error = np.linalg.solve(leverage, left[place]) / item.weight[place]
+        errors.append(np.sqrt(np.mean(error**2)))
+    return np.array(errors)
 
 
 def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[ResidualBump, ...]:
