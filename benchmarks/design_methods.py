@@ -16,7 +16,7 @@ import numpy as np
 from camtorque.design import read_task
 from camtorque.design.front import own_scale
 from camtorque.design.problem import Problem
-from camtorque.design.programme import Programme, limit_scale, scaled_aims, violation
+from camtorque.design.programme import Programme, scaled_aims, violation
 from camtorque.design.responses import RESPONSES
 from camtorque.design.solver import solve
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
@@ -64,10 +64,7 @@ def by_nsga(problem):
         def _evaluate(self, x, out, *args, **kwargs):
             design = problem.evaluated(np.ascontiguousarray(x))
             out["F"] = [RESPONSES[name].value(design) for name in problem.task.aims]
-            over = []
-            for limit in problem.limits:
-                sign = 1.0 if limit.kind == "most" else -1.0
-                over.append(sign * (RESPONSES[limit.response].value(design) - limit.value) / limit_scale(limit.value))
+            over = [x.missed_by(RESPONSES[x.response].value(design)) / x.scale for x in problem.limits]
             out["G"] = np.concatenate([over, -(rules @ x)])
 
     result = evolve(Task(), NSGA2(pop_size=POPULATION), ("n_gen", GENERATIONS), seed=0)

@@ -52,7 +52,7 @@ def picked(answer: Answer) -> dict[str, Evaluated]:
     """Return the ends of the front and its knee."""
     points = answer.front.points
     places = {"least peak torque": 0, "knee": answer.front.chosen, "least Hertz stress": len(points) - 1}
-    return {name: points[k].problem.evaluated(points[k].variables) for name, k in places.items()}
+    return {name: points[k].evaluated for name, k in places.items()}
 
 
 def same_torque(task: Task, offsets: Sequence[float]) -> dict[str, Evaluated]:

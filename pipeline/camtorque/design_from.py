@@ -105,7 +105,7 @@ def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]
     ------
     Refusal : the follower of the design jams or the torque runs away
     """
-    chosen = answer.chosen.problem.evaluated(answer.chosen.variables)
+    chosen = answer.chosen.evaluated
     changed = {field: getattr(chosen.pump, field) for field in PUMP_FIELDS.values()}
     columns = {"cam_table_path": table, "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm"}
     rows = []

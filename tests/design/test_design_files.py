@@ -72,7 +72,7 @@ def test_front_is_a_front_and_the_same_again(tmp_path):
     again = find_front(task, silent)
     assert np.array_equal(aims, np.array([point.aims for point in again.points]))
     for point in front.points:
-        design = point.problem.evaluated(point.variables)
+        design = point.evaluated
         assert RESPONSES["jump_speed_rpm"].value(design) > 2400.0 * (1.0 - 1e-4)
         assert RESPONSES["convex_radius_mm"].value(design) > 4.0 * (1.0 - 1e-4)
 
@@ -83,13 +83,19 @@ def test_flanks_compete_on_one_front(tmp_path):
     assert {point.problem.family.name for point in front.points} == {"modified_sine"}
 
 
+def test_a_fixed_flank_competes_where_nothing_but_the_other_flank_is_free(tmp_path):
+    lift = '[lift]\nlaw = ["bspline", "modified_sine"]\npieces = 4\n'
+    front = find_front(task_of(tmp_path, lift=lift, aims='peak_torque_nm = "least"', more=FEW), silent)
+    assert {point.problem.family.name for point in front.points} == {"bspline"}
+
+
 def test_price_of_a_limit_is_what_loosening_it_brings(tmp_path):
     free = "roller_radius_mm = [7, 11]"
     limits = "convex_radius_mm = {{ least = {} }}\ndelivery_angle_deg = {{ most = 20 }}"
     aim = 'hertz_gpa = "least"'
     answers = [solve_task(task_of(tmp_path, free=free, aims=aim, limits=limits.format(radius), more=FEW), silent)
                for radius in (7.0, 6.99)]  # fmt: skip
-    values = [RESPONSES["hertz_gpa"].value(a.chosen.problem.evaluated(a.chosen.variables)) for a in answers]
+    values = [RESPONSES["hertz_gpa"].value(a.chosen.evaluated) for a in answers]
     price = {p.what: p.per_aim["hertz_gpa"] for p in answers[0].prices}
     assert price["convex radius at least 7 mm"] == pytest.approx((values[1] - values[0]) / 0.01, rel=0.02)
     assert price["convex radius at least 7 mm"] < 0.0

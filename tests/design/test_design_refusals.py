@@ -6,9 +6,11 @@ import json
 
 import pytest
 from camtorque.cli import main
+from camtorque.design import read_task
 from camtorque.design.front import find_front
+from camtorque.ingest.pump_file import read_pump
 from camtorque.records import Refusal
-from design_cases import LIFT, design_file, task_of
+from design_cases import LIFT, PAPER, design_file, task_of
 
 AIM = 'peak_torque_nm = "least"'
 OFFSET = "follower_offset_mm = [-6, 9]"
@@ -37,7 +39,7 @@ REFUSED = [
     ({"lift": "[lift]\ndegre = 3\n"}, "unknown key 'degre', did you mean 'degree'"),
     ({"load": "[[load]]\nspeed_rpm = 500\n"}, "pressure_bar: this key is missing; give it, or a pressure_file"),
     ({"load": "[[load]]\nspeed_rpm = 5\npressure_bar = 6\nspills_mm = 0.1\n"}, r"found 0\.1 mm, expected at least"),
-    ({"load": "[[load]]\npressure_bar = 6\nspills_mm = 3\n"}, "speed_rpm"),
+    ({"load": "[[load]]\npressure_bar = 6\nspills_mm = 3\n"}, "speed_rpm: this key is missing; cam speeds"),
     ({"load": ""}, r"expected at least one \[\[load\]\] table"),
     ({"more": '[answer]\nchoose = "best"\n'}, "choose: found 'best', expected 'knee' or one of the aims"),
     ({"more": "[tolerances]\nlift_um = -1\n"}, "lift_um: found -1, expected a number from 0"),
@@ -49,6 +51,15 @@ REFUSED = [
 def test_wrong_design_file_is_refused(tmp_path, parts, message):
     with pytest.raises(Refusal, match=message):
         task_of(tmp_path, **{"free": OFFSET, "aims": AIM, **parts})
+
+
+def test_another_file_is_known_by_its_schema(tmp_path):
+    pump = PAPER.read_text(encoding="utf-8")
+    (tmp_path / "pump.toml").write_text(pump, encoding="utf-8")
+    with pytest.raises(Refusal, match=r"schema is 'camtorque-pump/1', expected 'camtorque-design/1'"):
+        read_task(tmp_path / "pump.toml")
+    with pytest.raises(Refusal, match=r"schema is 'camtorque-design/1', expected 'camtorque-pump/1'"):
+        read_pump(design_file(tmp_path, free=OFFSET, aims=AIM))
 
 
 def test_limits_that_collide_are_named_with_what_is_missing(tmp_path):

@@ -32,8 +32,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 
 def _written(answer: Answer, known: Known | None, folder: Path) -> dict[str, Any]:
     """Write everything into an open folder and return the document."""
-    chosen = answer.chosen
-    read_back = write_chosen(chosen.problem.evaluated(chosen.variables), folder)
+    read_back = write_chosen(answer.chosen.evaluated, folder)
     fitted = [] if known is None else as_fitted(known, answer, folder / TABLE)
     document = answer_document(answer, read_back, fitted)
     write_page(folder / "design.html", design_page(answer, read_back, fitted))
@@ -54,11 +53,10 @@ def fitted_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def _table(answer: Answer) -> list[str]:
     """Return the chosen design against the first guess, and the dearest limits."""
     problem, chosen = answer.chosen.problem, answer.chosen
-    before, after = problem.evaluated(problem.start()), problem.evaluated(chosen.variables)
     lines = [f"design {answer.front.chosen + 1} of {len(answer.front.points)}, {law_name(chosen.design.family.name)}"]
     lines.append(f"{'':44}{'first guess':>14}{'design':>14}")
     for name in problem.names:
-        values = (RESPONSES[name].value(design) for design in (before, after))
+        values = (RESPONSES[name].value(problem.first_guess), chosen.responses[name])
         lines.append(f"{label_of(name):44}" + "".join(f"{value:14.4g}" for value in values))
     for variable in problem.task.variables:
         lines.append(f"{label_of(variable.name):44}{variable.start:14.4g}{chosen.design.values[variable.name]:14.4g}")

@@ -78,8 +78,8 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     file = Path(path)
     text, values = read_toml(file, f"expected a pump file (schema {PUMP_SCHEMA})")
     root = Table(values, file, "")
-    root.only(("schema", *ONCE))
     check_schema(values, file, PUMP_SCHEMA)
+    root.only(("schema", *ONCE))
     problems = Problems()
     tables = {name: _values(root, name, problems) for name in ONCE}
     sections = _sections(root.table("cam", optional=True), problems)

@@ -13,7 +13,6 @@ from camtorque.config.schemas import PUMP as PUMP_TABLE
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.explain import Price, prices
 from camtorque.design.front import Front, FrontPoint, find_front
-from camtorque.design.responses import RESPONSES
 from camtorque.design.task import Task
 from camtorque.design.tolerances import Spread, spreads
 from camtorque.ingest.new_recording import toml_value
@@ -130,7 +129,7 @@ def write_chosen(design: Evaluated, folder: Path) -> list[dict[str, float]]:
 
 
 def answer_document(
-    answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]] = ()
+    answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Return the answer as JSON-ready values (schema ``camtorque.design/1``); ``read_back`` is by `predict`."""
     task = answer.task
@@ -150,19 +149,14 @@ def answer_document(
 
 def point_document(point: FrontPoint) -> dict[str, Any]:
     """Return one point: its law, its free quantities, coefficients of its flanks, every response."""
-    design, evaluated = point.design, point.problem.evaluated(point.variables)
+    design = point.design
     return {
         "law": design.family.name,
         "free": {variable.name: design.values[variable.name] for variable in point.problem.task.variables},
         "rise_coefficients": design.rise,
         "return_coefficients": design.fall,
-        "responses": responses_of(evaluated),
+        "responses": point.responses,
     }
-
-
-def responses_of(design: Evaluated) -> dict[str, float]:
-    """Return every response of a design in its unit."""
-    return {name: response.value(design) for name, response in RESPONSES.items()}
 
 
 def curves_of(design: Evaluated) -> dict[str, Array]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, pairwise
-from math import comb
+from math import ceil, comb
 
 import numpy as np
 
-from camtorque.design.evaluate import Design
+from camtorque.design.evaluate import Design, Evaluated
 from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
 from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
@@ -30,7 +31,7 @@ NARROW = 1.0e-6
 
 @dataclass(frozen=True)
 class FrontPoint(ReadOnly):
-    """One design of the front: the variables of its problem, its aims 0 to 1, and every response in its unit."""
+    """One design of the front: the variables of its problem, and its aims 0 to 1."""
 
     problem: Problem
     variables: Array
@@ -40,7 +41,17 @@ class FrontPoint(ReadOnly):
     @property
     def design(self) -> Design:
         """The design."""
-        return self.problem.design(self.variables)
+        return self.evaluated.design
+
+    @cached_property
+    def evaluated(self) -> Evaluated:
+        """The design under the loads of its task."""
+        return self.problem.evaluated(self.variables)
+
+    @cached_property
+    def responses(self) -> dict[str, float]:
+        """Every response of it in its unit."""
+        return {name: response.value(self.evaluated) for name, response in RESPONSES.items()}
 
 
 @dataclass(frozen=True)
@@ -65,23 +76,17 @@ def find_front(task: Task, tell: Progress) -> Front:
     if not any(ends):
         refuse_collision(problems[0], min((_least_violation(p) for p in problems), key=lambda s: s.violation))
     scale = _common_scale(task, [(p, s) for p, rows in zip(problems, ends, strict=True) for s in rows])
-    points = []
-    for problem, rows in zip(problems, ends, strict=True):
-        if rows:
-            points += list(_between(problem, scale, rows, _share(task, sum(map(bool, ends))), tell))
+    # each family that keeps the limits gets as many; the answer has fewer where some lose
+    share = max(2, ceil(task.points / sum(map(bool, ends))))
+    points = [point for problem, rows in zip(problems, ends, strict=True) if rows
+              for point in _between(problem, scale, rows, share, tell)]  # fmt: skip
     kept = _filled(_best(points), scale, task.points)
     return Front(kept, scale, _choice(task, kept))
 
 
-def _share(task: Task, families: int) -> int:
-    """Return how many points each family gets; the answer has as many as were asked for, or fewer where some lose."""
-    return max(2, int(np.ceil(task.points / families)))
-
-
 def own_scale(problem: Problem) -> Scale:
     """Return a scale by the size of the aims at the first guess."""
-    design = problem.evaluated(problem.start())
-    sizes = np.array([abs(RESPONSES[name].value(design)) for name in problem.task.aims])
+    sizes = np.array([abs(RESPONSES[name].value(problem.first_guess)) for name in problem.task.aims])
     return Scale(np.zeros(sizes.size), np.maximum(sizes, 1e-9))
 
 
@@ -145,25 +150,17 @@ def references(aims: int, count: int) -> Array:
     if aims == 1:
         return np.zeros((1, 1))
     steps = 1
-    while _lattice_size(aims, steps) < count:
+    while comb(steps + aims - 1, aims - 1) < count:
         steps += 1
     cuts = combinations(range(steps + aims - 1), aims - 1)
     rows = [np.diff([-1, *cut, steps + aims - 1]) - 1 for cut in cuts]
     return np.array(rows, dtype=np.float64) / steps
 
 
-def _lattice_size(aims: int, steps: int) -> int:
-    return comb(steps + aims - 1, aims - 1)
-
-
-def _between(
-    problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Progress
-) -> Iterator[FrontPoint]:  # fmt: skip
+def _between(problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Progress) -> Iterator[FrontPoint]:
     """Yield the points of a family, each started from the solved one that is nearest."""
     goals = references(len(ends), count)
-    solved = [
-        FrontPoint(problem, s.variables, None, scaled_aims(problem, scale, s.variables)) for s in ends
-    ]  # fmt: skip
+    solved = [FrontPoint(problem, s.variables, None, scaled_aims(problem, scale, s.variables)) for s in ends]
     yield from solved
     if len(ends) == 1:
         return

@@ -25,13 +25,11 @@ Corners = tuple[Array, Array, Array, Array, Array]
 
 def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> list[Load]:
     """Return one load per speed of a [[load]] table."""
-    speeds = table.values.get("speed_rpm")
-    listed = Table(
-        {**table.values, "speed_rpm": speeds if isinstance(speeds, list) else [speeds]}, table.file, table.header
-    )
-    values = read_values(listed, LOAD)
-    given = values["pressure_bar"] is not None or values["pressure_file"] is not None
-    if values["recording"] or (fitted is not None and not given):
+    one = table.values.get("speed_rpm")
+    given = {**table.values, "speed_rpm": [one]} if isinstance(one, int | float) else table.values
+    values = read_values(Table(given, table.file, table.header), LOAD)
+    stated = values["pressure_bar"] is not None or values["pressure_file"] is not None
+    if values["recording"] or (fitted is not None and not stated):
         return [_fitted_load(table, values["recording"], speed, fitted) for speed in values["speed_rpm"]]
     if values["pressure_file"] is not None:
         curve = _carried(read_pressure_curve(values["pressure_file"]), cam_of(config), table)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from camtorque.design.answer import Answer, curves_of, responses_of
-from camtorque.design.explain import SEEN, limit_words, over, plain_name, unit_of
+from camtorque.design.answer import Answer, curves_of
+from camtorque.design.explain import SEEN, limit_words, plain_name, unit_of
 from camtorque.design.front import Front, FrontPoint
 from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
@@ -65,7 +65,7 @@ def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before
 
 
 def _values(front: Front, name: str) -> Array:
-    return np.array([RESPONSES[name].value(p.problem.evaluated(p.variables)) for p in front.points])
+    return np.array([point.responses[name] for point in front.points])
 
 
 def _near(guess: float, values: Array) -> bool:
@@ -76,7 +76,7 @@ def _first_guess_words(answer: Answer, before: Mapping[str, float]) -> str:
     """Return where the charts show the first guess, and which limits it breaks: such a one may lie below the front."""
     far = [plain_name(name) for name in answer.task.aims if not _near(before[name], _values(answer.front, name))]
     broken = [plain_name(limit.response) for limit in answer.chosen.problem.limits
-              if over(limit, before[limit.response]) > SEEN * abs(limit.value)]  # fmt: skip
+              if limit.missed_by(before[limit.response]) > SEEN * abs(limit.value)]  # fmt: skip
     seen = f"lies beyond the charts of {' and '.join(far)}" if far else "is the ring"
     return f"The first guess {seen}" + (f"; it breaks the limit of {' and '.join(broken)}." if broken else ".")
 
@@ -101,7 +101,7 @@ def _axes(across: Scale, up: Scale, below: str, beside: str) -> list[str]:
 
 def design_svg(point: FrontPoint, names: tuple[str, ...]) -> str:
     """Return lift, pressure angle, torque and stress of one design over cam angle; ``names`` of the loads."""
-    curves = curves_of(point.problem.evaluated(point.variables))
+    curves = curves_of(point.evaluated)
     grid, angle = curves["shaft_deg"], curves["theta_deg"]
 
     def on_grid(values: Array) -> Array:
@@ -128,20 +128,20 @@ def fitted_cells(row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return [(TITLES[key], with_band(row["fitted_pump"][key]), with_band(row["design"][key])) for key in FITTED]
 
 
-def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]] = ()) -> str:
+def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Sequence[Mapping[str, Any]]) -> str:
     """Return the page as HTML; ``fitted`` is what the fitted model makes of pump and design under each load."""
     task, front = answer.task, answer.front
     pairs = [(a, b) for b in range(1, len(task.aims)) for a in range(b)]
     loads = tuple(load.name for load in task.loads)
     designs = [_design(k, point, loads) for k, point in enumerate(front.points)]
-    responses = responses_of(answer.chosen.problem.evaluated(answer.chosen.variables))
     before = first_guess(answer)
     return render(
         "design.html", {}, title=f"{task.path.stem}: design", aims=[label_of(name) for name in task.aims],
         fronts=[Markup(front_svg(front, task.aims, (a, b), before)) for a, b in pairs],
         designs=designs, chosen=front.chosen + 1,
         families=[law_name(f.name) for f in task.families],
-        gains="; ".join(_gain(n, responses[n], before[n]) for n in task.aims), targets=_targets(answer, before),
+        gains="; ".join(_gain(n, answer.chosen.responses[n], before[n]) for n in task.aims),
+        targets=_targets(answer, before),
         missed=_most_missed(answer), first_guess=_first_guess_words(answer, before),
         prices=[(p.what, p.unit, [p.per_aim.get(name) for name in task.aims]) for p in answer.prices],
         spreads=[(label_of(name), spread) for name, spread in answer.spreads.items()],
@@ -157,8 +157,7 @@ def _gain(name: str, after: float, before: float) -> str:
 
 def _targets(answer: Answer, before: Mapping[str, float]) -> list[tuple[str, float, float, str]]:
     """Return every aim and limited response: name, first guess, design, and what was asked."""
-    problem = answer.chosen.problem
-    after = responses_of(problem.evaluated(answer.chosen.variables))
+    problem, after = answer.chosen.problem, answer.chosen.responses
     asked = dict.fromkeys(problem.task.aims, "aim")
     for limit in problem.limits:
         text = limit_words(limit).removeprefix(f"{plain_name(limit.response)} ")
@@ -182,16 +181,14 @@ def _most_missed(answer: Answer) -> str:
 def first_guess(answer: Answer) -> dict[str, float]:
     """Return every aim and limit of the first guess: the pump file within the bounds."""
     problem = answer.chosen.problem
-    design = problem.evaluated(problem.start())
-    return {name: RESPONSES[name].value(design) for name in problem.names}
+    return {name: RESPONSES[name].value(problem.first_guess) for name in problem.names}
 
 
 def _design(number: int, point: FrontPoint, loads: tuple[str, ...]) -> dict[str, Any]:
     values = point.design.values
-    responses = responses_of(point.problem.evaluated(point.variables))
     return {
         "number": number + 1, "law": law_name(point.design.family.name),
         "free": [(label_of(v.name), values[v.name]) for v in point.problem.task.variables],
-        "responses": [(label_of(name), value) for name, value in responses.items()],
+        "responses": [(label_of(name), value) for name, value in point.responses.items()],
         "svg": Markup(design_svg(point, loads)),
     }  # fmt: skip

@@ -7,6 +7,7 @@ B-spline, which do not decrease (so that the flank does not turn back).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -60,6 +61,11 @@ class Problem:
         kinds = (sections[0].kind, sections[2].kind) if len(sections) == 4 else ("", "")
         return np.concatenate([(first - self.low) / self.width, *(self.family.start(kind) for kind in kinds)])
 
+    @cached_property
+    def first_guess(self) -> Evaluated:
+        """The design that the search begins with."""
+        return self.evaluated(self.start())
+
     def random_start(self, generator: np.random.Generator) -> Array:
         """Return a design anywhere within the bounds, its flanks near the first guess."""
         free = self.low.size
@@ -85,9 +91,12 @@ class Problem:
         if key not in self._seen:
             if len(self._seen) > 8:
                 self._seen.clear()
-            design = self.evaluated(variables)
-            self._seen[key] = {name: RESPONSES[name].values(design) for name in self.names}
+            self._seen[key] = self._responses(variables)
         return self._seen[key]
+
+    def _responses(self, variables: Array) -> Values:
+        design = self.evaluated(variables)
+        return {name: RESPONSES[name].values(design) for name in self.names}
 
     def slopes(self, variables: Array) -> Values:
         """Return the derivatives of all values, (k, n) each, by forward differences."""
@@ -95,21 +104,16 @@ class Problem:
         if key not in self._slopes:
             self._slopes.clear()
             base = self.values(variables)
-            columns = []
+            slopes = {name: tuple(np.empty((part.size, self.size)) for part in base[name]) for name in self.names}
             for k in range(self.size):
                 moved = variables.copy()
                 step = STEP if moved[k] + STEP <= 1.0 else -STEP
                 moved[k] += step
-                design = self.evaluated(moved)
-                columns.append({name: RESPONSES[name].values(design) for name in self.names})
+                after = self._responses(moved)
                 for name in self.names:
-                    columns[-1][name] = tuple(
-                        (a - b) / step for a, b in zip(columns[-1][name], base[name], strict=True)
-                    )
-            self._slopes[key] = {
-                name: tuple(np.stack([c[name][i] for c in columns], axis=1) for i in range(len(base[name])))
-                for name in self.names
-            }
+                    for slope, there, here in zip(slopes[name], after[name], base[name], strict=True):
+                        slope[:, k] = (there - here) / step
+            self._slopes[key] = slopes
         return self._slopes[key]
 
     def shape_rules(self) -> Array:

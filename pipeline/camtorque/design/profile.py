@@ -168,14 +168,10 @@ class Lobe(ReadOnly):
         _cross(self.flanks[0], self.angles[0] / SAMPLES, lifts, self.lift, out)
         return out[ORDERS], out[:ORDERS]
 
-    @cached_property
-    def _rise_curve(self) -> PPoly:
-        return self.family.curve(self.rise)
-
     def law(self, start: float = 0.0) -> CamLaw:
         """Return the lift law over one revolution, the rise at ``start`` [rad]."""
         rise, dwell, fall = self.angles
-        up, down = self._rise_curve, self.family.curve(self.fall)
+        up, down = self.family.curve(self.rise), self.family.curve(self.fall)
         order = up.c.shape[0]
         powers = np.arange(order - 1, -1, -1)[:, None]
         flat = np.zeros((order, 1))

@@ -9,10 +9,13 @@ import numpy as np
 
 from camtorque.design.problem import Problem, Values
 from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
+from camtorque.design.task import Limit
 from camtorque.records import Array, ReadOnly
 
 AUGMENT = 1.0e-4
 """Weight of the sum of all aims: what costs no other aim is taken along."""
+Label = tuple[str, Limit | str]
+"""What a constraint is of: its kind, and the limit or the name of aim or quantity that it belongs to."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Block:
     slope: Array
     factor: float
     others: Mapping[int, float]
-    label: str
+    label: Label
 
     def rows(self, size: int, variables: int) -> Array:
         """Return the slopes by all unknowns, (k, size)."""
@@ -47,11 +50,6 @@ def signs_of(problem: Problem) -> Array:
     return np.array([1.0 if RESPONSES[name].aim == LEAST else -1.0 for name in problem.task.aims])
 
 
-def limit_scale(value: float) -> float:
-    """Return the number by which a limit is scaled."""
-    return max(abs(value), 1.0)
-
-
 class Programme:
     """The constraints of a problem on the vector (variables, t of every aim, floors, s)."""
 
@@ -67,7 +65,7 @@ class Programme:
         self.size = n + m + len(self.floors) + 1
         self.floor_scale = {name: max(float(np.max(np.abs(parts[name][0]))), 1e-9) for name in self.ranges}
 
-    def blocks(self, vector: Array, slopes: bool) -> tuple[list[Array], list[Array], list[str]]:
+    def blocks(self, vector: Array, slopes: bool) -> tuple[list[Array], list[Array], list[Label]]:
         """Return what has to be 0 or more as (values, rows, labels); no rows without ``slopes``."""
         n = self.problem.size
         variables = np.ascontiguousarray(vector[:n])
@@ -76,7 +74,7 @@ class Programme:
         found = [*self._aims(vector, parts, tangents), *self._floors(vector, parts, tangents),
                  *self._limits(vector, parts, tangents)]  # fmt: skip
         rules = self.problem.shape_rules()
-        found.append(Block(rules @ variables, rules, 1.0, {}, "shape"))
+        found.append(Block(rules @ variables, rules, 1.0, {}, ("shape", "")))
         labels = [block.label for block in found for _ in range(block.value.size)]
         return [b.value for b in found], [b.rows(self.size, n) for b in found] if slopes else [], labels
 
@@ -86,18 +84,18 @@ class Programme:
             width, offset, t = self.scale.width[i], self.scale.offset[i], vector[self.at_aims + i]
             for part, slope, others in self._leveled(name, vector, parts[name], tangents[name], sign / width):
                 value = t - (sign * part - offset) / width
-                yield Block(value, slope, -sign / width, {self.at_aims + i: 1.0, **others}, f"aim {name}")
+                yield Block(value, slope, -sign / width, {self.at_aims + i: 1.0, **others}, ("aim", name))
             if self.reference is not None:
                 value = np.array([vector[-1] - t + self.reference[i]])
                 others = {self.size - 1: 1.0, self.at_aims + i: -1.0}
-                yield Block(value, np.zeros((1, self.problem.size)), 0.0, others, f"reference {name}")
+                yield Block(value, np.zeros((1, self.problem.size)), 0.0, others, ("reference", name))
 
     def _floors(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
         """Yield that the lower values of a range stay above its floor."""
         for (name, k), i in self.floors.items():
             share, at = self.floor_scale[name], self.at_floors + i
             value = parts[name][2 * k + 1] / share - vector[at]
-            yield Block(value, tangents[name][2 * k + 1], 1.0 / share, {at: -1.0}, f"floor {name}")
+            yield Block(value, tangents[name][2 * k + 1], 1.0 / share, {at: -1.0}, ("floor", name))
 
     def _limits(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
         """Yield that every limit is kept, or missed by no more than s."""
@@ -105,10 +103,10 @@ class Programme:
         for limit in self.problem.limits:
             if limit.kind == EQUAL:
                 continue
-            sign, size, name = (1.0 if limit.kind == MOST else -1.0), limit_scale(limit.value), limit.response
+            sign, size, name = (1.0 if limit.kind == MOST else -1.0), limit.scale, limit.response
             for part, slope, others in self._leveled(name, vector, parts[name], tangents[name], sign / size):
                 value = sign * (limit.value - part) / size + slack
-                yield Block(value, slope, -sign / size, {**shared, **others}, f"limit {limit.text}")
+                yield Block(value, slope, -sign / size, {**shared, **others}, ("limit", limit))
 
     def _leveled(
         self, name: str, vector: Array, parts: tuple[Array, ...], tangents: tuple[Array, ...], scale: float
@@ -128,13 +126,12 @@ class Programme:
         for limit in self.problem.limits:
             if limit.kind != EQUAL:
                 continue
-            size = limit_scale(limit.value)
             if slopes:
                 row = np.zeros((1, self.size))
-                row[:, : self.problem.size] = self.problem.slopes(variables)[limit.response][0] / size
+                row[:, : self.problem.size] = self.problem.slopes(variables)[limit.response][0] / limit.scale
                 found.append(row)
             else:
-                found.append((self.problem.values(variables)[limit.response][0] - limit.value) / size)
+                found.append((self.problem.values(variables)[limit.response][0] - limit.value) / limit.scale)
         return np.concatenate(found) if found else np.zeros((0, self.size) if slopes else 0)
 
     def objective(self) -> Array:
@@ -177,8 +174,5 @@ def scaled_aims(problem: Problem, scale: Scale, variables: Array) -> Array:
 def violation(problem: Problem, variables: Array) -> float:
     """Return the greatest scaled violation of any limit, 0 where all are kept."""
     design = problem.evaluated(variables)
-    worst = 0.0
-    for limit in problem.limits:
-        over = (RESPONSES[limit.response].value(design) - limit.value) / limit_scale(limit.value)
-        worst = max(worst, abs(over) if limit.kind == EQUAL else over if limit.kind == MOST else -over)
-    return worst
+    misses = [limit.missed_by(RESPONSES[limit.response].value(design)) / limit.scale for limit in problem.limits]
+    return max([0.0, *misses])

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import minimize, nnls
 
 from camtorque.design.problem import Problem
-from camtorque.design.programme import Programme, Scale, scaled_aims, violation
+from camtorque.design.programme import Label, Programme, Scale, scaled_aims, violation
 from camtorque.design.responses import EQUAL
 from camtorque.records import Array, ReadOnly
 
@@ -81,8 +81,8 @@ def solve(
 
 
 def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Array | None, relaxed: bool = False
-                ) -> Mapping[str, float]:  # fmt: skip
-    """Return the multipliers of everything that is active at a solution, by label; bounds by ``lower``, ``upper``.
+                ) -> Mapping[Label, float]:  # fmt: skip
+    """Return the multipliers of everything that is active at a solution; bounds are ``lower`` and ``upper``.
 
     Non-negative least squares of the objective's gradient on those of the active constraints.
     """
@@ -91,11 +91,11 @@ def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Arr
     values, rows, labels = programme.blocks(vector, True)
     slack, jacobian = np.concatenate(values), np.concatenate(rows)
     near = slack < ACTIVE
-    columns, names = [jacobian[near].T], [label for label, active in zip(labels, near, strict=True) if active]
+    columns = [jacobian[near].T]
+    signed: list[tuple[Label, float]] = [(label, 1.0) for label, active in zip(labels, near, strict=True) if active]
     equal = programme.equalities(vector, True)
-    texts = [f"limit {limit.text}" for limit in problem.limits if limit.kind == EQUAL]
     columns += [equal.T, -equal.T]
-    names += [*texts, *(f"-{text}" for text in texts)]
+    signed += [(("limit", limit), sign) for sign in (1.0, -1.0) for limit in problem.limits if limit.kind == EQUAL]
     for k in range(problem.size):
         name = problem.task.variables[k].name if k < problem.low.size else "shape"
         for side, sign, at_bound in (("lower", 1.0, variables[k] < ACTIVE), ("upper", -1.0, variables[k] > 1 - ACTIVE)):
@@ -103,12 +103,11 @@ def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Arr
                 unit = np.zeros((programme.size, 1))
                 unit[k] = sign
                 columns.append(unit)
-                names.append(f"{side} {name}")
+                signed.append(((side, name), 1.0))
     gradient = programme.objective()
     weights, _ = nnls(np.concatenate(columns, axis=1), gradient)
-    found: dict[str, float] = {}
-    for name, weight in zip(names, weights, strict=True):
+    found: dict[Label, float] = {}
+    for (label, sign), weight in zip(signed, weights, strict=True):
         if weight > 0.0:
-            plain = name.removeprefix("-")
-            found[plain] = found.get(plain, 0.0) + (-weight if name.startswith("-") else weight)
+            found[label] = found.get(label, 0.0) + sign * weight
     return found

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,12 +18,13 @@ from camtorque.design.load_tables import loads_of
 from camtorque.design.loads import Load
 from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
-from camtorque.design.responses import MOST, RESPONSES
+from camtorque.design.responses import EQUAL, MOST, RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
 from camtorque.ingest.pump_file import read_pump
-from camtorque.records import Refusal
+from camtorque.records import Array, Refusal
 from camtorque.units import DEGREE, expected_one_of
 
+Value = TypeVar("Value", float, Array)
 SLIP = 50.0
 """Bounds further than this factor from the value of the pump file are taken for a slip of units."""
 LEAST_OFFSET = 0.002
@@ -55,6 +56,16 @@ class Limit:
     def text(self) -> str:
         """Return the limit as the user wrote it."""
         return f"{self.response} {self.kind} {self.value:g}"
+
+    @property
+    def scale(self) -> float:
+        """The number by which an optimiser divides it."""
+        return max(abs(self.value), 1.0)
+
+    def missed_by(self, value: Value) -> Value:
+        """Return by how much values of the response miss the limit, in its unit; below 0 where they keep it."""
+        beyond = value - self.value
+        return abs(beyond) if self.kind == EQUAL else beyond if self.kind == MOST else -beyond
 
     def as_tight_as(self, other: Limit) -> bool:
         """Return whether what keeps this limit keeps another one, too."""
@@ -104,10 +115,10 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     """
     file = Path(path)
     text, values = read_toml(file, f"expected a design file (schema {DESIGN_SCHEMA})")
+    check_schema(values, file, DESIGN_SCHEMA)
     root = Table(values, file, "")
     root.only((*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
     top = read_values(root, TOP)
-    check_schema(values, file, DESIGN_SCHEMA)
     config, _ = read_pump(top["pump"])
     if top["fit"] is not None:
         config = replace(config, friction=fitted_friction(top["fit"], config))

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.problem import Problem
-from camtorque.design.programme import limit_scale
-from camtorque.design.responses import EQUAL, MOST, RESPONSES
+from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
 
 POINTS = 720
@@ -44,16 +42,10 @@ def spreads(problem: Problem, variables: Array, seed: int) -> Mapping[str, Sprea
     for name in problem.names:
         values = np.array([RESPONSES[name].value(design) for design in drawn])
         low, high = np.quantile(values, [0.025, 0.975])
-        missed = [_misses(limit.kind, values - limit.value, limit_scale(limit.value))
-                  for limit in problem.limits if limit.response == name]  # fmt: skip
+        missed = [limit.missed_by(values) > SLACK * limit.scale for limit in problem.limits if limit.response == name]
         share = float(np.mean(np.any(missed, axis=0))) if missed else None
         found[name] = Spread(RESPONSES[name].value(nominal), float(low), float(high), share)
     return found
-
-
-def _misses(kind: str, over: Array, size: float) -> NDArray[np.bool_]:
-    far = np.abs(over) if kind == EQUAL else over if kind == MOST else -over
-    return np.asarray(far > SLACK * size)
 
 
 def _drawn(problem: Problem, nominal: Evaluated, generator: np.random.Generator) -> Evaluated:
