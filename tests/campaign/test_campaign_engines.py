@@ -18,7 +18,7 @@ import campaign_words
 import pytest
 from campaign_cases import make
 from camtorque.campaign import cluster
-from camtorque.campaign.flow import with_help
+from camtorque.campaign.flow import CampaignOptions, with_help
 from camtorque.campaign.task import Task
 from camtorque.process.workers import Lost, on_processes
 from camtorque.records import Refusal
@@ -95,6 +95,12 @@ def test_items_are_taken_as_workers_become_free() -> None:
 def test_recordings_of_the_last_round_use_idle_workers(workers: int, helped: list[bool]) -> None:
     tasks = [Task(str(k), Path(), Path(), RunOptions()) for k in range(5)]
     assert [task.helped for task in with_help(tasks, workers)] == helped
+
+
+def test_workers_are_as_many_as_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {5})
+    assert CampaignOptions().processes == 1, "a batch system gives one of many"
+    assert CampaignOptions(workers=3).processes == 3
 
 
 def test_a_running_scheduler_is_used() -> None:

@@ -32,6 +32,12 @@ def test_a_recording_counts_once_and_the_other_name_is_told(tmp_path: Path) -> N
     assert finding.text.startswith("zz_latest is the recording run_017")
 
 
+def test_no_recording_hides_another_of_the_same_name(tmp_path: Path) -> None:
+    make(tmp_path, raw="", **{"raw/raw": ""})
+    with pytest.raises(Refusal, match=r"raw/raw: found another recording called raw, .*raw; rename one"):
+        search(tmp_path / "raw")
+
+
 def test_half_written_hidden_folders_are_passed_over(tmp_path: Path) -> None:
     make(tmp_path, **{"a": "", ".a.partial": ""})
     assert list(search(tmp_path)[0]) == ["a"]

@@ -7,6 +7,7 @@ import itertools
 import json
 import os
 import pickle
+import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -151,6 +152,16 @@ def test_the_key_holds_every_file_that_a_recording_names(tmp_path: Path) -> None
     assert first != key.recording_key("b", examples / "A_1250rpm", OPTIONS), "equal recordings do not share a folder"
 
 
+def test_a_recording_without_a_pump_stops_no_campaign(tmp_path: Path) -> None:
+    whole = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1250rpm" / "recording.toml"
+    text, count = re.subn(r"\[pump\]\n[^\[]*", "", whole.read_text(encoding="utf-8"))
+    (tmp_path / "recording.toml").write_text(text, encoding="utf-8")
+    names = {path.name for path in key.input_paths(tmp_path)}
+    assert count == 1
+    assert {"recording.toml", "A_1250rpm_all.csv", "torque_T22-40117.toml"} <= names
+    assert "cam_A.csv" not in names
+
+
 def test_what_may_be_over_next_time_is_not_remembered(
     analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,6 +209,12 @@ def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
     assert analysed == ["c", "b", "a"]
     with pytest.raises(Refusal, match=r"--only nowhere: found no such recording, expected one of a, b, deep/c"):
         run_only("nowhere", raw, out, OPTIONS)
+
+
+def test_one_alone_that_is_called_as_the_folder_is(analysed: list[str], tmp_path: Path) -> None:
+    raw = make(tmp_path / "raw", raw="say", b="say")
+    assert run_only("raw", raw, tmp_path / "out", OPTIONS).status == "ok"
+    assert run_only("b", raw / "b", tmp_path / "out", OPTIONS).status == "ok"
 
 
 def test_another_process_at_the_same_recording(analysed: list[str], tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
 
     Raises
     ------
-    Refusal : the folder is missing or holds no recording; a link leads back to a folder above it
+    Refusal : the folder is missing or holds no recording; a link leads back to a folder above it; one below the folder
+        is called as the folder itself, which is a recording, too
     """
     if not folder.is_dir():
         raise Refusal(f"{folder}: found no such folder, expected one with recordings below it; check the path")
@@ -26,11 +27,13 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
         name = path.relative_to(folder).as_posix()
         name = folder.resolve().name if name == "." else name
         known = first.setdefault(os.path.realpath(path), name)
-        if known == name:
-            names[name] = path
-        else:
+        if known != name:
             text = f"{name} is the recording {known} under another name; it counts once"
             findings.append(Finding("linked_twice", "info", text, str(path)))
+        elif name in names:
+            raise Refusal(f"{path}: found another recording called {name}, {names[name]}; rename one of the folders")
+        else:
+            names[name] = path
     if not names:
         raise Refusal(f"{folder}: found no {RECORDING_FILE} at or below it, expected one per recording; check the path")
     return names, tuple(findings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from camtorque.campaign.task import Task, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.joint import CampaignFit
 from camtorque.jsonable import now
+from camtorque.process.threads import processors
 from camtorque.process.workers import Lost, on_processes
 from camtorque.progress import Progress, silent, spoken
 from camtorque.records import Finding, Refusal
@@ -48,7 +48,7 @@ class CampaignOptions:
 
     Attributes
     ----------
-    workers : processes of this machine, None for as many as it has processors
+    workers : processes of this machine, None for as many as there are processors for this one
     scheduler : address of a running Dask scheduler, instead of workers of this machine
     cluster : file that says how to ask a batch system for workers, see docs/campaigns.md
     retry_failed : compute again what was refused before
@@ -58,6 +58,11 @@ class CampaignOptions:
     scheduler: str = ""
     cluster: Path | None = None
     retry_failed: bool = False
+
+    @property
+    def processes(self) -> int:
+        """Processes of this machine."""
+        return self.workers or processors()
 
 
 def run_campaign(
@@ -84,7 +89,7 @@ def run_campaign(
         mapped = time.perf_counter() - start
         usable = usable_folders(out, entries)
         progress(f"joint fit of {len(usable)} recordings")
-        joint, more = joint_fit(len(usable), lambda k: read_joint_input(usable[k]), how.workers or os.cpu_count() or 1)
+        joint, more = joint_fit(len(usable), lambda k: read_joint_input(usable[k]), how.processes)
         total = time.perf_counter() - start
         timing = {"recordings": mapped, "joint": total - mapped, "total": total}
         return _write_index(out, entries, joint, (*findings, *more), timing)
@@ -102,9 +107,9 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     ------
     Refusal : there is no recording of that name; ``out`` holds something else or is full
     """
-    path = folder if name == folder.resolve().name else folder / name
-    known = (path / RECORDING_FILE).is_file()
-    if not known:
+    places = [folder / name, *([folder] if name == folder.resolve().name else [])]
+    path = next((place for place in places if (place / RECORDING_FILE).is_file()), None)
+    if path is None:
         names = list(search(folder)[0])
         raise Refusal(
             f"--only {name}: found no such recording, expected one of {', '.join(names[:5])}, ...; see --list"
@@ -179,8 +184,7 @@ def _outcomes(
         return on_scheduler(run_task, tasks, how.scheduler, progress)
     if how.cluster is not None:
         return on_cluster_file(run_task, tasks, how.cluster, progress)
-    workers = how.workers or os.cpu_count() or 1
-    return on_processes(run_task, with_help(tasks, workers), min(workers, len(tasks)))
+    return on_processes(run_task, with_help(tasks, how.processes), min(how.processes, len(tasks)))
 
 
 def with_help(tasks: Sequence[Task], workers: int) -> list[Task]:

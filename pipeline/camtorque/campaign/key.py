@@ -51,7 +51,7 @@ def input_paths(path: Path) -> tuple[Path, ...]:
         config = load_recording_config(path)
     except Refusal:
         return (path / RECORDING_FILE if path.is_dir() else path,)
-    files = [config.path, config.pump.cam_table_path]
+    files = [config.path, *(() if config.pump_sheet is None else (config.pump_sheet.cam_table_path,))]
     for reference in config.sensors.values():
         try:
             files += read_sensor(reference).files

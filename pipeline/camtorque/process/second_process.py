@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
 from camtorque.process.stopping import SIGNALS, before_leaving
+from camtorque.process.threads import processors
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -121,7 +122,7 @@ def second_process(wanted: bool = True) -> Iterator[None]:
 
 def _possible() -> bool:
     on_main = threading.current_thread() is threading.main_thread()
-    return sys.platform == "linux" and on_main and len(os.sched_getaffinity(0)) > 1
+    return sys.platform == "linux" and on_main and processors() > 1
 
 
 def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -13,6 +14,11 @@ from threadpoolctl import threadpool_limits
 P = ParamSpec("P")
 T = TypeVar("T")
 R = TypeVar("R")
+
+
+def processors() -> int:
+    """Return how many processors this process may use; a batch system or a container may keep some from it."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
