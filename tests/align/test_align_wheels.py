@@ -83,6 +83,13 @@ def test_exchanged_wires_of_a_coil_are_told_and_read_right() -> None:
     assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
 
 
+@pytest.mark.parametrize("volts", [np.zeros(10_000), np.full(10_000, np.nan), np.full(3, 1.0), np.zeros(0)])
+def test_a_dead_coil_is_refused(volts: np.ndarray) -> None:
+    wheel = WHEELS["60-2 inductive"]
+    with pytest.raises(Refusal, match=r"found 0 teeth in .* of an inductive pick-up .* check that the channel is the"):
+        find_crossings(pulse_channel(wheel, "trigger", volts), "falling")
+
+
 def test_coil_from_standstill_keeps_its_teeth_over_a_range_of_speed() -> None:
     # 0.2 to 1.8 times the speed: the waves grow ninefold, and the first interval is the longest
     wheel = replace(WHEELS["60-2 inductive"], shaft=Shaft(rpm=300.0, ramp=0.0), duration=4.0, noise=0.002)

@@ -89,7 +89,7 @@ def _level_and_noise(channel: Channel) -> tuple[float, float]:
     """Return the rest level (the mean of a derivative is zero) and the noise from third differences [V]."""
     pieces = np.linspace(0, max(0, channel.n_samples - 4096), 64).astype(int)
     parts = [channel.read_volts(first, min(first + 4096, channel.n_samples)) for first in np.unique(pieces)]
-    parts = [part[np.abs(part) < NO_VOLTAGE] for part in parts]
+    parts = [known for known in (part[np.abs(part) < NO_VOLTAGE] for part in parts) if known.size]
     third = [float(np.median(np.abs(np.diff(part, 3)))) for part in parts if part.size > 8]
     # the quietest tenth: third differences of a wave that is sampled coarsely are no noise
     noise = 1.4826 / np.sqrt(20.0) * float(np.percentile(third, 10)) if third else 0.0
@@ -150,12 +150,11 @@ def _ranked(windows: Array, percentile: float) -> Array:
 def _merged(waves: Waves, least: Array) -> Waves:
     """Leave out the half waves that are too low, and join what lies on the two sides of one."""
     real = np.flatnonzero(np.abs(waves.height) > least)
+    if not real.size:
+        return Waves(waves.begin[:0], waves.height[:0])
     height, begin = waves.height[real], waves.begin[real]
     same = np.r_[False, np.sign(height[1:]) == np.sign(height[:-1])]
     # the first of equal signs begins the half wave, the highest gives its height
-    group = np.cumsum(~same) - 1
-    if not group.size:
-        return Waves(begin, height)
     starts = np.flatnonzero(~same)
     return Waves(begin[starts], np.sign(height[starts]) * np.maximum.reduceat(np.abs(height), starts))
 
