@@ -176,7 +176,7 @@ def test_functions_of_the_kernel_have_the_derivatives_that_they_state(function):
         assert flow_root(900.0)[0] == pytest.approx(30.0, rel=1e-5)
         assert flow_root(1e-3 * LAMINAR)[0] == pytest.approx(1e-3 * np.sqrt(LAMINAR), rel=1e-5)
     if function == "opening":
-        for x in (-0.03, 0.05, 0.4, 0.95, 1.05):
+        for x in (-1.0, -0.03, 0.05, 0.4, 0.95, 1.05, 2.0):
             compare(lambda v: opening(v, 0.3)[0], x, opening(x, 0.3)[1], 1e-6)
             compare(lambda v, x=x: opening(x, v)[0], 0.3, opening(x, 0.3)[2], 1e-6)
         assert [opening(x, 0.7)[0] for x in (-1.0, 2.0)] == [0.0, 1.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from camtorque.mechanism.collocation import _sweep, gauss
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.shaft import solve_shaft
@@ -164,3 +165,20 @@ def test_collocation_and_harmonics_give_the_same_motion(stiffness):
     for name, share in (("torque", 1e-5), ("twist", 1e-5), ("speed", 1e-5), ("acceleration", 1e-3)):
         ours, theirs = getattr(one, name), getattr(other, name)
         assert np.max(np.abs(ours - theirs)) < share * np.max(np.abs(theirs)), name
+
+
+def test_newtons_matrix_of_the_period_is_how_the_end_depends_on_the_start():
+    nodes, weights, matrix = gauss(3)
+    borders = np.linspace(0.0, 2.0 * np.pi, 25)
+    theta = (borders[:-1, None] + nodes * np.diff(borders)[:, None]).ravel()
+    rows = np.stack([5.0 * np.sin(theta), 1e-4 * np.cos(theta), 2e-3 + 5e-4 * np.cos(theta)])
+
+    def end(lead, rate):
+        transition, found = np.empty((2, 2)), np.empty(2)
+        state = np.zeros((2, theta.size))
+        assert _sweep(rows, np.diff(borders), weights, matrix, (300.0, 0.2, 50.0), lead, rate, state, transition, found)
+        return found, transition
+
+    slopes = [(end(*step)[0] - end(*-step)[0]) / (2.0 * np.sum(step)) for step in np.diag([1e-5, 1e-3])]
+    _, stated = end(0.0, 0.0)
+    assert stated == pytest.approx(np.transpose(slopes), rel=1e-4)

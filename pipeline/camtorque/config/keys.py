@@ -24,7 +24,6 @@ KEY_UNITS: dict[str, tuple[float, float]] = {
 """Unit at the end of a key -> factor and offset to SI: SI = factor * value + offset."""
 
 SLIPS: dict[str, dict[str, float]] = {
-    "C": {},
     "Hz": {"kHz": 1.0e3},
     "N": {"kN": 1.0e3, "lbf": 4.4482},
     "N_per_m": {"N/mm": 1.0e3, "kN/m": 1.0e3},
@@ -83,7 +82,7 @@ class Key:
     Attributes
     ----------
     name : as written in the file; ends in ``_<unit>`` where ``unit`` is one of `KEY_UNITS`
-    kind : ``number``, ``whole``, ``numbers``, ``pair``, ``flag``, ``text``, ``name``, ``path``, ``choice``, ``date``
+    kind : ``number``, ``whole``, ``numbers``, ``pair``, ``flag``, ``text``, ``path``, ``choice``, ``date``
     meaning : one line for a test engineer
     unit : of a number in the file
     default : value in SI where the key is left out, `REQUIRED` where it may not be

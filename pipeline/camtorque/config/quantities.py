@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from camtorque.units import BORDER_UNITS, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, DEGREE, RPM, tidy_unit, unit_factor
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ CHANNEL_QUANTITIES: dict[str, ChannelQuantity] = {
     "index": ChannelQuantity("voltage", "V", "V", 1.0, "one pulse per revolution beside the trigger", True),
     "encoder_a": ChannelQuantity("voltage", "V", "V", 1.0, "track A of an encoder", True),
     "encoder_b": ChannelQuantity("voltage", "V", "V", 1.0, "track B of an encoder", True),
-    "angle": ChannelQuantity("angle", "rad", "deg", 57.29577951308232, "recorded angle, counted on or per revolution"),
+    "angle": ChannelQuantity("angle", "rad", "deg", 1.0 / DEGREE, "recorded angle, counted on or per revolution"),
     "fuel_temperature": ChannelQuantity("temperature", "K", "K", 1.0, "temperature of the fuel"),
     "housing_temperature": ChannelQuantity("temperature", "K", "K", 1.0, "temperature of the housing"),
     "chamber_pressure": ChannelQuantity("pressure", "Pa", "bar", 1e-5, "pressure above the plunger"),
     "gallery_pressure": ChannelQuantity("pressure", "Pa", "bar", 1e-5, "feed pressure in the suction gallery"),
     "delivered_volume": ChannelQuantity("volume", "m3", "mm3", 1e9, "volume delivered per stroke"),
-    "shaft_speed": ChannelQuantity("speed", "rad/s", "rpm", 9.549296585513721, "speed of the shaft"),
+    "shaft_speed": ChannelQuantity("speed", "rad/s", "rpm", 1.0 / RPM, "speed of the shaft"),
     "needle_lift": ChannelQuantity("length", "m", "mm", 1e3, "lift of the injector needle"),
 }
 """Quantity of a channel -> what it is."""

@@ -97,7 +97,7 @@ def _loggers(root: Table, problems: Problems) -> tuple[LoggerSpec, ...]:
         for table in root.tables("loggers"):
             values = read_keys(table, RECORDING_TABLES["loggers"], problems)
             loggers += [LoggerSpec(**values)] if len(values) == 2 else []
-        _refuse_repeated([logger.id for logger in loggers], f"{root.file} [[loggers]] id")
+    problems.texts += _repeated([logger.id for logger in loggers], f"{root.file} [[loggers]] id")
     return tuple(loggers)
 
 
@@ -163,15 +163,10 @@ def _check_roles(config: RecordingConfig) -> None:
     for channel in config.channels:
         with problems.collecting():
             _check_channel(channel, config)
-    names = {channel.quantity for channel in config.channels}
-    for refuse in (
-        lambda: _refuse_repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in config.channels],
-                                 f"{file} [[channels]]"),
-        lambda: _refuse_repeated([f"{c.quantity} on {c.logger}" for c in config.channels if c.quantity in PER_LOGGER],
-                                 f"{file} [[channels]]"),
-    ):  # fmt: skip
-        with problems.collecting():
-            refuse()
+    names, where = {channel.quantity for channel in config.channels}, f"{file} [[channels]]"
+    problems.texts += _repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in config.channels], where)
+    pulses = [c for c in config.channels if c.quantity in PER_LOGGER]
+    problems.texts += _repeated([f"{c.quantity} on {c.logger}" for c in pulses], where)
     problems.texts += _rivals(config)
     if not names & set(ANGLE_QUANTITIES):
         problems.texts.append(f"{file}: no channel has quantity 'trigger' (or {', '.join(ANGLE_QUANTITIES[1:])}); "
@@ -241,10 +236,10 @@ def _check_channel(channel: ChannelSpec, config: RecordingConfig) -> None:
         )
 
 
-def _refuse_repeated(names: list[str], where: str) -> None:
+def _repeated(names: list[str], where: str) -> list[str]:
+    """Tell the first of the names that repeat."""
     repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise Refusal(f"{where}: {repeated[0]!r} is given more than once")
+    return [f"{where}: {name!r} is given more than once" for name in repeated[:1]]
 
 
 def _unknown_keys(values: Mapping[str, Any], file: Path) -> list[Finding]:

@@ -23,7 +23,8 @@ from camtorque.studies.table import Chart, Choice, measured
 REFERENCE_ELEMENTS, REFERENCE_STAGES = 3600, 6
 CYCLES = 4
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
-DEFAULTS = (("linear harmonic", "720/rev"), ("predict (elastic shaft)", "3600/rev"))
+LINEAR, PREDICT = "linear harmonic", "predict (elastic shaft)"
+DEFAULTS = ((LINEAR, "720/rev"), (PREDICT, "3600/rev"))
 """What the fit's chain uses (3600 points in bins of 5), and what a prediction uses."""
 Curve = tuple[Array, Array]
 
@@ -98,10 +99,10 @@ def candidates(shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], 
     """Return (method, setting) -> function that returns cam angle and torque first."""
     found: dict[tuple[str, str], Callable[[], Any]] = {}
     for size in (180, 360, 720, 1800, 3600):
-        found["linear harmonic", f"{size}/rev"] = partial(harmonic, load_rows(angle_grid(size)), shaft)
+        found[LINEAR, f"{size}/rev"] = partial(harmonic, load_rows(angle_grid(size)), shaft)
     for size in (360, 720, 1800, 3600):
         found["non-linear harmonic", f"{size}/rev"] = partial(balanced, shaft, size)
-    found["predict (elastic shaft)", "3600/rev"] = partial(elastic, shaft, 3600)
+    found[PREDICT, "3600/rev"] = partial(elastic, shaft, 3600)
     for elements, place in ((360, "on"), (377, "off")):
         for stages in (1, 2, 3, 4, 6):
             name = f"collocation, {elements} elements {place} the knots"

@@ -12,7 +12,7 @@ from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pump
-from camtorque.studies.driveline import adaptive, at_angles, elastic, harmonic
+from camtorque.studies.driveline import LINEAR, PREDICT, adaptive, at_angles, elastic, harmonic
 from camtorque.studies.integrators import (
     SCHEMES,
     TABLE,
@@ -25,7 +25,6 @@ from camtorque.studies.integrators import (
 from camtorque.studies.table import Outcome, StabilityMap, cell
 
 CHECK = angle_grid(2003)
-PACKAGE = "predict (elastic shaft)"
 GAPS = (1.0e-5, 1.0e-2)
 LIMITS = (1.0e-3, 5.0e-2)
 """Error of the torque over its peak up to which a solution works, and up to which it still serves a sketch."""
@@ -96,7 +95,7 @@ def stiffness_map(quick: bool) -> StabilityMap:
             name += " (the cam stalls: no periodic orbit with forward motion)"
         for scheme in SCHEMES:
             cells.append(cell(name, scheme, partial(_march, table, scheme, shaft, reference), LIMITS))
-        cells.append(cell(name, PACKAGE, partial(_package, shaft, reference), LIMITS, default=True))
+        cells.append(cell(name, PREDICT, partial(_package, shaft, reference), LIMITS, default=True))
         cells.append(cell(name, "collocation in cam angle", partial(_collocated, shaft, reference), LIMITS))
     note = "c = 0.5 N m s/rad, 500 rpm, five turns from rest; error of the shaft torque over its peak"
     return StabilityMap(
@@ -137,8 +136,8 @@ def event_map(quick: bool) -> StabilityMap:
                 cells.append(cell(f"rtol {tolerance:g}, {step}", f"scipy {method}", attempt, LIMITS))
     linear = partial(harmonic, load_rows(angle_grid(3600)), shaft)
     for name in dict.fromkeys(item.condition for item in cells):
-        cells.append(cell(name, PACKAGE, partial(_package, shaft, reference), LIMITS, default=True))
-        cells.append(cell(name, "linear harmonic", lambda: _error(linear(), reference), LIMITS))
+        cells.append(cell(name, PREDICT, partial(_package, shaft, reference), LIMITS, default=True))
+        cells.append(cell(name, LINEAR, lambda: _error(linear(), reference), LIMITS))
     note = "fourth turn from rest; on the base circle the shaft is at rest and a free step grows over the next lift"
     return StabilityMap("pump_event", "Stepping over the pump event", tuple(cells), note)
 
