@@ -144,17 +144,17 @@ def dependents() -> dict[str, set[str]]:
             f"{n.module}.{a.name}" for n in ast.walk(ast.parse(text)) if isinstance(n, ast.ImportFrom) for a in n.names
         }
         uses[str(path.relative_to(ROOT / PACKAGE))] = modules
+    heads = {name: "camtorque." + name.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for name in uses}
+    users = {
+        name: {other for other, used in uses.items() if any(u == head or u.startswith(f"{head}.") for u in used)}
+        for name, head in heads.items()
+    }
     result = {}
     for name in uses:
-        known = {name}
-        while True:
-            heads = {
-                "camtorque." + item.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for item in known
-            }
-            more = {n for n, used in uses.items() if any(u == h or u.startswith(f"{h}.") for u in used for h in heads)}
-            if more <= known:
-                break
-            known |= more
+        known, new = {name}, {name}
+        while new:
+            new = set[str]().union(*(users[item] for item in new)) - known
+            known |= new
         result[name] = known
     return result
 
