@@ -19,6 +19,7 @@ REFUSED = [
     ({"free": "follower_offset_mm = 3"}, r"follower_offset_mm: found 3, expected two bounds .* without bounds cannot"),
     ({"free": "follower_offset_mm = [5, -5]"}, r"found \[5, -5\], expected two bounds"),
     ({"free": 'rise_deg = ["a", 3]'}, "expected two bounds"),
+    ({"free": f"rise_deg = [10, 1{'0' * 400}]"}, "expected two bounds"),
     ({"free": "base_circle_radius_mm = [0.018, 0.025]"}, r"bounds 0\.018 to 0\.025, but the pump has 20 .* the unit"),
     ({"free": "plunger_diameter_mm = [6000, 9000]"}, r"found bounds 6000 to 9000, but the pump has 8 "),
     ({"free": "base_circle_radius_m = [0.018, 0.025]"}, "did you mean 'base_circle_radius_mm'"),

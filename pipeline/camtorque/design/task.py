@@ -209,7 +209,7 @@ def _refuse_slip(free: Table, name: str, bounds: tuple[float, float], start: flo
 
 
 def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:
-    numbers = isinstance(bounds, list) and all(isinstance(x, int | float) and np.isfinite(x) for x in bounds)
+    numbers = isinstance(bounds, list) and all(isinstance(x, int | float) and ANY_SIZE.holds(x) for x in bounds)
     if not numbers or len(bounds) != 2 or not bounds[0] < bounds[1]:
         raise Refusal(
             f"{free.where(name)}: found {bounds!r}, expected two bounds such as [lower, upper]; a quantity without "
