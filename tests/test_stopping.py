@@ -22,7 +22,7 @@ from pathlib import Path
 from camtorque.process import stopping
 folder = Path(sys.argv[1])
 folder.mkdir()
-with stopping.stoppable(), stopping.removed_when_stopped(folder):
+with stopping.stoppable(), stopping.removed_when_stopped(folder, []):
     Path(sys.argv[1] + ".ready").touch()
     hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
 """

@@ -18,11 +18,10 @@ from camtorque.design.tolerances import Spread, spreads
 from camtorque.ingest.new_recording import toml_value
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.jsonable import jsonable
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import predict, sweep_rows
 from camtorque.progress import Progress
-from camtorque.records import Array, Refusal
+from camtorque.records import Refusal
 from camtorque.units import BAR, DEGREE
 
 TABLE_STEP_DEG, TABLE_DECIMALS = 0.5, 5
@@ -157,21 +156,3 @@ def point_document(point: FrontPoint) -> dict[str, Any]:
         "return_coefficients": design.fall,
         "responses": point.responses,
     }
-
-
-def curves_of(design: Evaluated) -> dict[str, Array]:
-    """Return what is drawn of a design over cam angle, in order: angle, lift, pressure angle, torques, stresses."""
-    order = design.order
-    found: dict[str, Array] = {
-        "theta_deg": design.theta[order] / DEGREE,
-        "lift_mm": 1e3 * design.lift[0][order],
-        "pressure_angle_deg": np.arctan(design.path[1][order]) / DEGREE,
-    }
-    grid = np.linspace(0.0, TURN, 721)
-    found["shaft_deg"] = np.rad2deg(grid)
-    for k, solved in enumerate(design.solved):
-        local = np.mod(grid[:, None] - design.phases, TURN)
-        torque = np.interp(local, design.theta[order], solved.outputs["torque"][order], period=TURN).sum(axis=1)
-        found[f"torque_{k}_nm"] = torque
-        found[f"hertz_{k}_gpa"] = 1e-9 * solved.hertz[order]
-    return found

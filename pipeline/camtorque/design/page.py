@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from camtorque.design.answer import Answer, curves_of
+from camtorque.design.answer import Answer
 from camtorque.design.explain import SEEN, limit_words, plain_name, unit_of
 from camtorque.design.front import Front, FrontPoint
 from camtorque.design.responses import RESPONSES
+from camtorque.mechanism.cam import TURN
 from camtorque.records import Array
 from camtorque.report.chart import Curves, Line, Panel
 from camtorque.report.curves_svg import curves_svg
@@ -20,6 +21,7 @@ from camtorque.report.numbers import num, plus
 from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
 from camtorque.report.tones import CYCLE, fill, stroke
+from camtorque.units import DEGREE
 
 SIZE = (480.0, 340.0)
 EDGES = (70.0, 14.0, 14.0, 46.0)
@@ -101,22 +103,31 @@ def _axes(across: Scale, up: Scale, below: str, beside: str) -> list[str]:
 
 def design_svg(point: FrontPoint, names: tuple[str, ...]) -> str:
     """Return lift, pressure angle, torque and stress of one design over cam angle; ``names`` of the loads."""
-    curves = curves_of(point.evaluated)
-    grid, angle = curves["shaft_deg"], curves["theta_deg"]
+    design, grid = point.evaluated, np.linspace(0.0, TURN, 721)
+    theta = design.theta[design.order]
 
-    def on_grid(values: Array) -> Array:
-        return np.interp(grid, angle, values, period=360.0)
+    def on_grid(values: Array, lag: float = 0.0) -> Array:
+        return np.interp(np.mod(grid - lag, TURN), theta, values[design.order], period=TURN)
 
-    steep = on_grid(curves["pressure_angle_deg"])
-    torque = tuple(Line(n, curves[f"torque_{k}_nm"], CYCLE[k % len(CYCLE)]) for k, n in enumerate(names))
-    hertz = tuple(Line(n, on_grid(curves[f"hertz_{k}_gpa"]), CYCLE[k % len(CYCLE)]) for k, n in enumerate(names))
+    tones = [CYCLE[k % len(CYCLE)] for k in range(len(names))]
+    torque = tuple(
+        Line(name, np.sum([on_grid(solved.outputs["torque"], lag) for lag in design.phases], axis=0), tone)
+        for name, solved, tone in zip(names, design.solved, tones, strict=True)
+    )
+    hertz = tuple(
+        Line(name, on_grid(1e-9 * solved.hertz), tone)
+        for name, solved, tone in zip(names, design.solved, tones, strict=True)
+    )
+    steep = np.arctan(design.path[1]) / DEGREE
     panels = (
-        Panel("lift [mm]", (Line("lift", on_grid(curves["lift_mm"]), "c2"),), height=90.0),
-        Panel("pressure angle [deg]", (Line("pressure angle", steep, "c6"),), height=90.0),
+        Panel("lift [mm]", (Line("lift", on_grid(1e3 * design.lift[0]), "c2"),), height=90.0),
+        Panel("pressure angle [deg]", (Line("pressure angle", on_grid(steep), "c6"),), height=90.0),
         Panel("torque of all pumps [N m]", torque, height=150.0),
         Panel("Hertz pressure [GPa]", hertz, height=110.0),
     )
-    return curves_svg(Curves(grid, "cam angle from the start of the rise [deg]", panels, width=SIZE[0]), "one design")
+    return curves_svg(
+        Curves(grid / DEGREE, "cam angle from the start of the rise [deg]", panels, width=SIZE[0]), "one design"
+    )
 
 
 FITTED = ("torque_max_nm", "torque_min_nm", "torque_mean_nm", "chamber_peak_bar", "delivered_mm3", "hertz_max_gpa")

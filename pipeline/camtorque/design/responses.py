@@ -28,13 +28,11 @@ class Response:
 
     Attributes
     ----------
-    meaning : for the page
     extreme : ``max``, ``min`` or ``range`` of the values, or ``single`` for one number
     values : the values; for a range those of the upper and of the lower end under each load in turn
     aim : what an aim asks of it, ``least`` or ``most``
     """
 
-    meaning: str
     extreme: str
     values: Callable[[Evaluated], tuple[Array, ...]]
     aim: str = LEAST
@@ -128,38 +126,27 @@ def _friction_work(design: Evaluated, k: int) -> Array:
 
 
 RESPONSES: dict[str, Response] = {
-    "peak_torque_nm": Response(
-        "greatest torque of all pumps at the drive end", "max", _over_loads(lambda d, k: d.peaks(d.shaft_torques[k]))
-    ),
-    "torque_ripple_nm": Response("torque of all pumps, greatest less least", "range", _ripple),
-    "hertz_gpa": Response(
-        "greatest Hertz pressure of cam and roller", "max", _over_loads(lambda d, k: d.peaks(1e-9 * d.solved[k].hertz))
-    ),
-    "side_force_n": Response("greatest force of the guide on the follower", "max", _force("guide")),
-    "contact_force_n": Response("least contact force, 0 where contact is lost", "min", _over_loads(_contact)),
-    "friction_work_j": Response("work of friction per revolution, all pumps", "max", _over_loads(_friction_work)),
-    "pressure_angle_deg": Response("greatest pressure angle", "max", _pressure_angle),
-    "pressure_angle_rise_deg": Response("greatest pressure angle of the rise", "max", _pressure_angle_rise),
-    "velocity_mm_per_rad": Response("greatest slope of the lift", "max", _lift(1)),
-    "acceleration_mm_per_rad2": Response("greatest second derivative of the lift", "max", _lift(2)),
-    "jerk_mm_per_rad3": Response("greatest third derivative of the lift within a flank", "max", _lift(3)),
-    "convex_radius_mm": Response("least radius of the convex cam surface", "min", _convex_radius, MOST),
-    "hollow_radius_mm": Response("least radius of a hollow flank, for the wheel", "min", _hollow_radius, MOST),
-    "jump_speed_rpm": Response("lowest speed at which the dry follower leaves the cam", "min", _jump_speed, MOST),
-    "delivery_mm3": Response("volume that a pump delivers per revolution", "single", _single(_delivery), MOST),
-    "delivery_rate_mm3_per_deg": Response("greatest rate of delivery", "max", _over_loads(_delivery_rate)),
-    "delivery_angle_deg": Response(
-        "cam angle over which the pressure is at least half its peak", "single", _single(_delivery_angle)
-    ),
-    "cam_radius_mm": Response(
-        "greatest radius of the cam", "single", _single(lambda d: 1e3 * (d.pump.base_circle_radius + d.lobe.lift))
-    ),
+    "peak_torque_nm": Response("max", _over_loads(lambda d, k: d.peaks(d.shaft_torques[k]))),
+    "torque_ripple_nm": Response("range", _ripple),
+    "hertz_gpa": Response("max", _over_loads(lambda d, k: d.peaks(1e-9 * d.solved[k].hertz))),
+    "side_force_n": Response("max", _force("guide")),
+    "contact_force_n": Response("min", _over_loads(_contact)),
+    "friction_work_j": Response("max", _over_loads(_friction_work)),
+    "pressure_angle_deg": Response("max", _pressure_angle),
+    "pressure_angle_rise_deg": Response("max", _pressure_angle_rise),
+    "velocity_mm_per_rad": Response("max", _lift(1)),
+    "acceleration_mm_per_rad2": Response("max", _lift(2)),
+    "jerk_mm_per_rad3": Response("max", _lift(3)),
+    "convex_radius_mm": Response("min", _convex_radius, MOST),
+    "hollow_radius_mm": Response("min", _hollow_radius, MOST),
+    "jump_speed_rpm": Response("min", _jump_speed, MOST),
+    "delivery_mm3": Response("single", _single(_delivery), MOST),
+    "delivery_rate_mm3_per_deg": Response("max", _over_loads(_delivery_rate)),
+    "delivery_angle_deg": Response("single", _single(_delivery_angle)),
+    "cam_radius_mm": Response("single", _single(lambda d: 1e3 * (d.pump.base_circle_radius + d.lobe.lift))),
     "spring_force_n": Response(
-        "greatest force of the spring", "single",
-        _single(lambda d: d.pump.spring_preload + d.pump.spring_stiffness * d.lobe.lift),
+        "single", _single(lambda d: d.pump.spring_preload + d.pump.spring_stiffness * d.lobe.lift)
     ),
-    "lobe_angle_deg": Response(
-        "angle of rise, upper dwell and return", "single", _single(lambda d: sum(d.lobe.angles) / DEGREE)
-    ),
-}  # fmt: skip
-"""Name, which carries the unit -> response."""
+    "lobe_angle_deg": Response("single", _single(lambda d: sum(d.lobe.angles) / DEGREE)),
+}
+"""Name, which carries the unit -> response; what each means: docs/design.md."""

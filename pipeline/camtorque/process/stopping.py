@@ -45,7 +45,7 @@ def before_leaving(step: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def removed_when_stopped(folder: Path, parents: Sequence[Path] = ()) -> Iterator[None]:
+def removed_when_stopped(folder: Path, parents: Sequence[Path]) -> Iterator[None]:
     """Have an unfinished folder, and parents made for it, removed when the process is stopped inside the block."""
 
     def remove() -> None:
