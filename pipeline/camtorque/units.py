@@ -25,14 +25,18 @@ POUND_FORCE = 4.448_221_615_260_5
 """Newton per pound-force (exact)."""
 INCH = 0.0254
 """Metre per inch (exact)."""
+KILOPOND = 9.80665
+"""Newton per kilogram-force (exact)."""
 
 UNITS: dict[str, dict[str, float]] = {
     "voltage": {"V": 1.0, "mV": 1.0e-3, "uV": 1.0e-6, "kV": 1.0e3},
     "bridge output": {"mV/V": 1.0, "uV/V": 1.0e-3, "V/V": 1.0e3},
     "pressure": {"Pa": 1.0, "kPa": 1.0e3, "MPa": 1.0e6, "GPa": 1.0e9, "hPa": 1.0e2, "bar": BAR, "mbar": 1.0e-3 * BAR,
-                 "psi": POUND_FORCE / INCH**2, "N/mm2": 1.0e6, "atm": ATMOSPHERE},
+                 "kbar": 1.0e3 * BAR, "psi": POUND_FORCE / INCH**2, "N/mm2": 1.0e6, "atm": ATMOSPHERE,
+                 "kgf/cm2": 1.0e4 * KILOPOND},
     "torque": {"N m": 1.0, "kN m": 1.0e3, "mN m": 1.0e-3, "N cm": 1.0e-2, "N mm": 1.0e-3, "lbf in": POUND_FORCE * INCH,
-               "lbf ft": POUND_FORCE * 12.0 * INCH},
+               "lbf ft": POUND_FORCE * 12.0 * INCH, "ozf in": POUND_FORCE / 16.0 * INCH, "kgf m": KILOPOND,
+               "kgf cm": 1.0e-2 * KILOPOND},
     "time": {"s": 1.0, "ms": 1.0e-3, "us": 1.0e-6, "ns": 1.0e-9, "min": 60.0, "h": 3600.0},
     "length": {"m": 1.0, "mm": 1.0e-3, "um": 1.0e-6, "nm": 1.0e-9, "in": INCH},
     "angle": {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * np.pi},
@@ -54,6 +58,9 @@ SPELLINGS: dict[str, str] = {spelling: unit for unit, spellings in {
     "mm3": ("mm^3", "mm³"), "cm3": ("cm^3", "cm³", "cc"), "m3": ("m³",),
     "lbf ft": ("ft lb", "lb ft", "ft-lb", "lb-ft", "ft-lbs", "ft lbs", "ft-lbf", "lbf.ft", "lbf*ft", "ft lbf"),
     "lbf in": ("in lb", "in-lb", "lb-in", "in-lbs", "in lbs", "in-lbf", "lbf.in", "lbf*in", "in lbf"),
+    "ozf in": ("in oz", "in-oz", "oz in", "oz-in", "ozf.in", "ozf*in"),
+    "kgf/cm2": ("kgf/cm^2", "kgf/cm²", "kg/cm2", "kg/cm^2", "kg/cm²", "kp/cm2", "kp/cm²"),
+    "kgf m": ("kgfm", "kgf.m", "kgf*m", "kp m", "kpm"), "kgf cm": ("kgfcm", "kgf.cm", "kgf*cm", "kp cm"),
     "N m": ("Nm", "NM", "N-m", "Newton-meter", "Newton-meters", "N*m", "N.m"), "kN m": ("kNm",), "mN m": ("mNm",),
     "N cm": ("Ncm",), "N mm": ("Nmm",), "N/mm2": ("N/mm^2", "N/mm²"), "V": ("Volt", "volt", "Volts", "volts", "VDC"),
     "s": ("sec", "second", "seconds", "Sekunden"), "ms": ("msec",), "us": ("usec",), "psi": ("PSI", "psig", "psi g"),

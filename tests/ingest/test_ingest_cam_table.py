@@ -42,6 +42,14 @@ def test_a_repeated_end_is_dropped_and_resolution_comes_from_the_decimals(tmp_pa
     assert table.resolution == pytest.approx(1e-6)
 
 
+def test_a_repeated_end_in_radians_closes_to_the_digits_that_are_written(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    closed = zip(np.radians([*ANGLES, 360.0]), [*LIFT, LIFT[0]], strict=True)
+    file.write_text("\n".join(["Angle [rad];Lift [mm]", *(f"{a:.8f};{y:.3f}".replace(".", ",") for a, y in closed)]))
+    table, _ = read_cam_table(replace(pump(file, "Lift"), cam_table_angle_column="Angle"))
+    assert table.theta.size == ANGLES.size
+
+
 def test_resolution_is_the_step_that_all_values_share(tmp_path: Path):
     file = tmp_path / "cam.csv"
     text = rows(ANGLES, np.round(LIFT / 0.005) * 0.005)
@@ -114,6 +122,9 @@ STRANGERS = {
     "brackets": ("Angle [deg],Lift [mm]", [f"{a:g},{y:.3f}" for a, y in PAIRS]),
     "title and micrometres": (
         "Cam A;measured\nAngle;Lift\n[°];[µm]", [f"{a:g};{1e3 * y:.1f}".replace(".", ",") for a, y in PAIRS]
+    ),
+    "decimal commas in both columns": (
+        "Angle [rad];Lift [m]", [f"{np.radians(a):.8f};{1e-3 * y:.7f}".replace(".", ",") for a, y in PAIRS]
     ),
     "inches": ("Angle (deg),Lift (in)", [f"{a:g},{y / 25.4:.6f}" for a, y in PAIRS]),
     "radians and blanks": ("Angle Lift\nrad m", [f"{np.radians(a):.8f}  {1e-3 * y:.7f}" for a, y in PAIRS]),

@@ -19,6 +19,10 @@ from hypothesis import strategies as st
         ("N·m", "torque", 1.0),
         ("kN m", "torque", 1e3),
         ("lbf in", "torque", 0.11298482902761670),  # 4.4482216152605 N times 25.4 mm
+        ("oz-in", "torque", 0.11298482902761670 / 16.0),  # a sixteenth of a pound-force
+        ("kgf cm", "torque", 0.0980665),
+        ("kp/cm²", "pressure", 98066.5),
+        ("kbar", "pressure", 1e8),  # no near word may stand for it: bar is a thousandth
         ("[mV]", "voltage", 1e-3),
         ("µs", "time", 1e-6),
     ],

@@ -14,6 +14,8 @@ from camtorque.units import BORDER_UNITS, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
+SAME_ANGLE = 0.01
+"""Share of a step within which two angles are one: 2 pi is written 6.28318531."""
 ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
 """Share of the stroke above which the lowest lift is reported, and refused."""
 DISTINCT = 16
@@ -40,7 +42,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     resolution = _resolution(table, lift_name, scale, lift)
     where = table.path.name
     theta, lift, findings = _in_order(theta, lift, where)
-    if theta.size > 1 and abs(theta[-1] - theta[0] - 2.0 * np.pi) < 1e-9:
+    if theta.size > 1 and abs(theta[-1] - theta[0] - 2.0 * np.pi) < SAME_ANGLE * abs(theta[1] - theta[0]):
         if abs(lift[-1] - lift[0]) > 2.0 * resolution:
             raise Refusal(f"{table.path}: lift at the end of the revolution differs from its beginning by "
                           f"{1e6 * (lift[-1] - lift[0]):.3g} um; the table does not close")  # fmt: skip

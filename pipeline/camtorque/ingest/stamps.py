@@ -136,7 +136,9 @@ def _usual_step(times: SampleSource, where: str, to_seconds: float) -> tuple[flo
     steps = np.diff(stamps)
     step = float(np.median(steps))
     if not step > 0.0:
-        raise Refusal(f"{where}: time does not run forward (usual step {step:.6g} s); is this the time column?")
+        backward = bool(np.all(steps < 0.0))
+        ask = "the rows run from the newest to the oldest: sort them" if backward else "is this the time column?"
+        raise Refusal(f"{where}: time does not run forward (usual step {step:.6g} s); {ask}")
     usual = steps[np.abs(steps - step) < ODD_STEP * step]
     return (float(np.mean(usual)) if usual.size else step), float(np.ptp(usual)) if usual.size else 0.0
 

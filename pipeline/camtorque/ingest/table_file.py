@@ -100,13 +100,21 @@ def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith(("#", "%"))]
     if not rows:
         return comment, []
-    usual = rows[len(rows) // 2][1]
-    found = max(";\t,", key=usual.count)
-    separator = found if usual.count(found) else " "
+    separator = _separator(rows[len(rows) // 2][1])
     split = [(number, split_row(line, separator)) for number, line in rows]
     # a comma that is left within a field is a decimal sign
     split[1:] = [(number, [field.replace(",", ".") for field in fields]) for number, fields in split[1:]]
     return comment, [(number, fields) for number, fields in split if any(fields)]
+
+
+def _separator(line: str) -> str:
+    """Return what separates the fields of a line; commas beside semicolons or tabs are decimal signs."""
+    for separator in ";\t":
+        fields = split_row(line, separator)
+        if len(fields) > 1 and all(is_number(field) or _is_text(field) for field in fields):
+            return separator
+    found = max(";\t,", key=line.count)
+    return found if line.count(found) else " "
 
 
 def _workbook_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
