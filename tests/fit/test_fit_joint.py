@@ -439,7 +439,7 @@ def test_what_a_wrong_lift_table_does_in_all_recordings_is_found_as_one_correcti
     moved = []
     for index, item in enumerate(problem.data):
         values = problem.values(solution.z, index)[0]
-        output, (shaft, measured, _) = evaluate(item.chain, values), transfer(item.chain, values, BINS)
+        output, (shaft, measured, *_) = evaluate(item.chain, values), transfer(item.chain, values, BINS)
         cam = binned(output.load * basis.correction(output.motion.theta, bump, 1))
         moved.append(replace(item, torque=item.torque + filtered(cam, shaft * measured)))
     plain, found = (shared_lift(replace(problem, data=tuple(data)), solution.z, 1.0) for data in (problem.data, moved))

@@ -163,7 +163,7 @@ def test_lift_correction_is_integrated_out(data):
     residual = np.random.default_rng(3).standard_normal(BINS)
     basis = data.lift_basis
     columns = binned(output.load)[:, None] * basis.basis(binned(output.motion.theta), 1)
-    shaft, measured, _ = transfer(data.chain, values, BINS)
+    shaft, measured, *_ = transfer(data.chain, values, BINS)
     columns = filtered(columns, shaft * measured) * data.weight[:, None] * basis.prior_std
     stacked = np.vstack([columns, np.eye(basis.n_basis)])
     best = np.linalg.lstsq(stacked, np.r_[residual, np.zeros(basis.n_basis)], rcond=None)[0]

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.derived import delivered_volume
-from camtorque.fit.minima import followed
+from camtorque.fit.minima import at_minimum, followed
 from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
-from camtorque.fit.problem import build_problem, with_starts
+from camtorque.fit.problem import build_problem, with_rows, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.search import Found, load_anew
@@ -26,7 +26,7 @@ from camtorque.fit.starts import (
     tempered,
 )
 from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std, ripple
-from camtorque.laws import valve
+from camtorque.laws import ROWS, bridge, valve
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts
 from rigs.cycles import as_cycles
@@ -110,6 +110,24 @@ def test_causes_sum_to_the_model_of_the_measured_torque(record):
     np.testing.assert_allclose(np.sum(list(record.by_cause.values()), axis=0), record.torque, atol=1e-9)
     # and the model is not the sum by definition alone: it meets what was measured
     assert record.metrics["fitted"].rms_nm < 0.1
+
+
+def test_a_bridge_that_feels_bending():
+    # the rig's bridge feels the load along the follower alone: its arms are no more than near those of the law
+    case = ("turning_bridge", 0, 1000.0)
+    sensor = rig(*case).truth.torque_sensor
+    prepared = quick_prepared(*case)
+    fit = fit_prepared(prepared, FitOptions(evidence=False))
+    found = dict(zip(fit.problem.names, zip(fit.solution.z, fit.std, strict=True), strict=True))
+    steady = sensor.turning_torque * np.array([np.cos(sensor.turning_phase), np.sin(sensor.turning_phase)])
+    for name, true in zip(("turning_cosine", "turning_sine"), steady, strict=True):
+        value, std = found[name]
+        assert abs(value - true) < 2.0 * std, name
+    value, std = found["trigger_offset"]
+    assert abs(value - rig(*case).truth.trigger.angle_offset) < 2.0 * std
+    without = at_minimum(with_rows(prepared.candidates[0].data, {
+        name: {"start": 0.0, "prior": (0.0, 1e-9 * ROWS[name].step)} for name in bridge.NAMES}))  # fmt: skip
+    assert without.solution.data_chi_square > fit.solution.data_chi_square + 50.0
 
 
 @pytest.mark.parametrize("n_theta", [7200])

@@ -64,10 +64,13 @@ def numbers(run, **changes):
 def model(run, coefficients, mu=0.0, **changes):
     """Return the torque on the cam at the rig's own angle, speed and chamber pressure, and its columns."""
     pressure, speed, acceleration, _ = histories(run)
-    lift = np.asarray(exact_law().derivatives(angle_grid(N), 3))
+    theta = angle_grid(N)
+    lift = np.asarray(exact_law().derivatives(theta, 3))
     coefficients = {"roller_inertia": run.truth.pump.roller_inertia, **coefficients}
     vector = np.array([coefficients.get(name, 0.0) for name in LINEAR_NAMES])
-    plain, columns, _, load, _ = cam_torque(numbers(run, **changes), mu, lift, speed, acceleration, pressure, vector)
+    plain, columns, _, load, _ = cam_torque(
+        numbers(run, **changes), mu, theta, lift, speed, acceleration, pressure, vector
+    )
     return plain + columns @ vector, columns, load
 
 
@@ -209,3 +212,18 @@ def test_chamber_is_the_rigs_where_nothing_is_delivered(case, limit):
 def test_flow_of_an_area_is_the_rigs():
     # the rig: 0.7 A sqrt(2/rho) sqrt(dp); the kernel: mm^2, bar -> mm^3/ms
     assert 2.0 * FLOW * np.sqrt(100.0) == pytest.approx(0.7 * 2e-6 * np.sqrt(2.0 / 830.0 * 100e5) * 1e6)
+
+
+def test_the_bridge_feels_the_load_that_turns_against_the_shaft():
+    # the load presses along the normal of the roller centre's path, drawn here on the cam
+    run = rig()
+    pump, theta = run.truth.pump, angle_grid(N)
+    normal = np.ascontiguousarray(run.true_cycles("contact_normal", N)[0])
+    height = np.sqrt((pump.base_circle_radius + pump.roller_radius) ** 2 - OFFSET**2) + lift_of(run.truth, theta)
+    path = (OFFSET + 1j * height) * np.exp(-1j * theta)
+    along = np.roll(path, -1) - np.roll(path, 1)
+    outward = 1j * along / np.abs(along) * np.sign(np.real(1j * along * np.conj(path)))
+    columns = model(run, {})[1]
+    for name, felt in (("bending_cosine", outward.imag), ("bending_sine", outward.real)):
+        found = columns[:, LINEAR_NAMES.index(name)]
+        assert np.max(np.abs(found - normal * felt)) < 1e-2 * np.max(normal), name

@@ -264,6 +264,17 @@ def foreign_leak(rng: np.random.Generator) -> RigTruth:
     )
 
 
+def turning_bridge(rng: np.random.Generator) -> RigTruth:
+    """The transducer's bridge feels the bending that turns through it."""
+    return change(
+        closed_volume(rng),
+        name="turning_bridge",
+        torque_sensor__turning_torque=rng.uniform(0.05, 0.15),
+        torque_sensor__turning_arm=rng.uniform(1.0e-5, 4.0e-5),
+        torque_sensor__turning_phase=rng.uniform(0.0, 2.0 * np.pi),
+    )
+
+
 FAMILIES: dict[str, Family] = {
     "closed_volume": closed_volume,
     "spill": spill,
@@ -283,6 +294,7 @@ FAMILIES: dict[str, Family] = {
     "foreign_crosstalk": foreign_crosstalk,
     "foreign_hysteresis": foreign_hysteresis,
     "foreign_leak": foreign_leak,
+    "turning_bridge": turning_bridge,
 }
 
 FOREIGN = tuple(name for name in FAMILIES if name.startswith("foreign_"))

@@ -61,6 +61,8 @@ def torque_reading(run: RigRun) -> np.ndarray:
         torque = _hysteresis(torque, sensor.hysteresis)
     torque = torque + sensor.pressure_crosstalk * run.history["line_pressure"]
     torque = torque + sensor.bending_crosstalk * run.history["bearing_along"]
+    turning = sensor.turning_torque + sensor.turning_arm * run.history["bearing_along"]
+    torque = torque + turning * np.cos(run.history["cam_angle"] - sensor.turning_phase)
     return _low_pass(torque, run.time[1] - run.time[0], sensor.cutoff_hz, sensor.damping)
 
 

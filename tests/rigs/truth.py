@@ -228,6 +228,10 @@ class TorqueSensor:
     """[N m/Pa] (foreign)."""
     bending_crosstalk: float = 0.0
     """[N m/N] of bearing load along the line of action (foreign)."""
+    turning_torque: float = 0.0
+    turning_arm: float = 0.0
+    turning_phase: float = 0.0
+    """What the bridge shows as it turns: [N m], [N m/N] of the bearing load, and the cam angle of its maximum [rad]."""
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,9 @@ CORRELATION = 6.0
 """Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
 FIRST_ORDER = 5.0
 """Damping ratio at which two poles are one of first order: the other lies at a hundred times its frequency."""
+TURNING_SHARE = 1.5e-3
+"""Torque that turns with the transducer, over its nominal torque: bending and shear within their limits show as up to
+0.3 %, say mounting instructions of torque transducers."""
 USUAL_PLUNGER, USUAL_CAM = (0.007, 0.011), (0.015, 0.03)
 """Diameters and base circle radii of the pumps that the literature of the rows speaks of [m]."""
 USUAL_TWIST, COUPLING_TWIST = 5.0e-3, 15.0e-3
@@ -102,6 +105,7 @@ def rig_rows(
     _set(rows, "torque_zero", prior=(0.0, max(torque.zero_std, 1e-4)))
     _set(rows, "pressure_zero", prior=(0.0, max(pressure.zero_std, 1e3)))
     _set(rows, "delay_error", prior=(0.0, max(torque.delay_std, 1e-7)))
+    _set_bridge(rows, torque)
     _set_filter(rows, torque)
     _set_size(rows, pump)
     lift, slope = law.derivatives(np.linspace(0.0, 2.0 * np.pi, 721), 1)
@@ -133,6 +137,15 @@ def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
         _set_prior(rows, "roller_inertia", roller.inertia, 0.05 * roller.inertia, "roller of the sheet")
 
 
+def _set_bridge(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
+    """Take what turns with the transducer as a share of its nominal torque."""
+    nominal = torque.range_max
+    if np.isfinite(nominal):
+        for name in ("turning_cosine", "turning_sine"):
+            _set(rows, name, prior=(0.0, TURNING_SHARE * nominal), step=0.3 * TURNING_SHARE * nominal,
+                 lower=-0.05 * nominal, upper=0.05 * nominal)  # fmt: skip
+
+
 def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
     """Take the low-pass of the torque as the sheet states it; what it does not state is wide."""
     cutoff = torque.cutoff_hz
@@ -160,7 +173,7 @@ def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:
         (("port_width", "port_span", "spill_width", "spill_span", "packing_force"), plunger),
         (("plunger_viscous",), plunger**2),
         (("retraction_volume", "gallery_volume"), plunger**3),
-        (("bearing_arm",), cam),
+        (("bearing_arm", "bending_cosine", "bending_sine"), cam),
         (("shaft_drag",), cam**2),
         (("shaft_viscous",), cam**3),
     ):

@@ -30,7 +30,7 @@ from camtorque.fit.uncertainty import (
     uncertainty_budget,
 )
 from camtorque.laws import ROWS
-from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
+from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism.friction import Friction
@@ -274,7 +274,8 @@ def _losses(fit: Fit, index: int, fitted: Modelled, means: MeanCycles) -> dict[s
     """Return work per revolution by cause [J], the input and how well they close."""
     work = work_per_revolution(fitted.chain, fitted.output, fitted.cam)
     _, coefficients = fit.problem.values(fit.solution.z, index)
-    total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]))
+    felt = sum(float(np.mean(fitted.cam[name])) for name in ON_BRIDGE_ALONE)
+    total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]) - felt)
     return {**work, "input": total, "closure_percent": 100.0 * (total - sum(work.values())) / total}
 
 
@@ -337,8 +338,7 @@ def _angle_budget(
         text = f"fitted {known['trigger_offset'].value:+.3f} deg off nominal; other laws and structures included"
         rows.append(AngleError("trigger angle", float(trigger.stderr / DEGREE), text))
     if "delay_error" in known:
-        error = known["delay_error"].stderr * 1e-6 * speed_deg
-        rows.append(AngleError("torque delay", error, "fitted under its prior"))
+        rows.append(AngleError("torque delay", known["delay_error"].stderr * 1e-6 * speed_deg, "under its prior"))
     for name in COMPLIANCE_NAMES:
         if name in known:
             shift = np.ptp(fitted.output.motion.shifts[0][:, SHIFT_NAMES.index(name)]) / DEGREE / 2.0

@@ -99,7 +99,7 @@ def lift_modes(
     """
     basis = item.lift_basis
     columns = basis.binned_torque(output.motion.theta, output.load, BINS)
-    shaft, measured, _ = transfer(item.chain, values, BINS)
+    shaft, measured, *_ = transfer(item.chain, values, BINS)
     behind = shaft * measured * bin_restoring(item.chain.theta.size // BINS, BINS)
     columns = filtered(columns, behind) * (item.weight * basis.prior_std * inflate)[:, None]
     felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2

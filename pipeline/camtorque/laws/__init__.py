@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from camtorque.laws import chamber, damping, driveline, friction, packing, roller, sensor, spring
+from camtorque.laws import bridge, chamber, damping, driveline, friction, packing, roller, sensor, spring
 from camtorque.laws.rows import Law, ParameterRow
 
 LAWS: dict[str, Law] = {
@@ -12,6 +12,7 @@ LAWS: dict[str, Law] = {
     "spring": spring.LAW,
     "packing": packing.LAW,
     "roller": roller.LAW,
+    "bridge": bridge.LAW,
     "driveline": Law(driveline.ROWS),
     "coupling": Law(driveline.COUPLING_ROWS),
     "sensor": Law(sensor.ROWS),
@@ -24,6 +25,8 @@ LAW_OF: dict[str, str] = {row.name: name for name, law in LAWS.items() for row i
 """Parameter -> law."""
 LINEAR_NAMES: tuple[str, ...] = tuple(name for law in LAWS.values() for name in law.linear)
 """Parameters that the torque before the sensor is linear in, in the order of their columns."""
+ON_BRIDGE: tuple[bool, ...] = tuple(law.on_bridge for law in LAWS.values() for _ in law.linear)
+"""Whether each of `LINEAR_NAMES` acts on the transducer's bridge alone."""
 GROUPS: dict[str, tuple[str, ...]] = {
     loss: tuple(row.name for law in LAWS.values() if law.loss == loss for row in law.rows)
     for loss in dict.fromkeys(law.loss for law in LAWS.values() if law.loss)

@@ -6,14 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.laws import GROUPS, LINEAR_NAMES, cause_of
+from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, cause_of
 from camtorque.laws.chain import ChainInput, ChainOutput, filtered, transfer
 from camtorque.laws.torque import cam_torque
 from camtorque.records import Array
 
 CAUSES = ("pressure", "spring", "inertia", "guide_friction", *dict.fromkeys(
     cause_of(name) for name in LINEAR_NAMES if cause_of(name) not in ("spring", "inertia")), "lift_table")  # fmt: skip
-"""Causes of torque on the cam; they sum to the model."""
+"""Causes of torque on the cam, and of what the bridge feels beside it; they sum to the model."""
+ON_BRIDGE_ALONE = {cause_of(name) for name, bridge in zip(LINEAR_NAMES, ON_BRIDGE, strict=True) if bridge}
+"""Causes that load no shaft and do no work."""
 LOSS_GROUPS: dict[str, tuple[str, ...]] = {
     "pressure": ("pressure",),
     **{loss: tuple(dict.fromkeys(cause_of(name) for name in names)) for loss, names in GROUPS.items()},
@@ -39,8 +41,8 @@ def cam_torques(
     rates = (motion.rate, motion.second)
     numbers = data.constants
     mu = values["guide_friction"]
-    whole, columns, _, load, _ = cam_torque(numbers, mu, motion.lift, *rates, output.pressure, zero)
-    smooth, *_ = cam_torque(numbers, 0.0, motion.lift, *rates, output.pressure, zero)
+    whole, columns, _, load, _ = cam_torque(numbers, mu, motion.theta, motion.lift, *rates, output.pressure, zero)
+    smooth, *_ = cam_torque(numbers, 0.0, motion.theta, motion.lift, *rates, output.pressure, zero)
     parts = dict.fromkeys(CAUSES, np.zeros_like(y))
     for k, name in enumerate(LINEAR_NAMES):
         parts[cause_of(name)] = parts[cause_of(name)] + coefficients[k] * columns[:, k]
@@ -57,9 +59,12 @@ def measured_torques(
     data: ChainInput, values: Mapping[str, float], torques: Mapping[str, Array], zero: float
 ) -> dict[str, Array]:
     """Return the same behind shaft and sensor, with the torque zero; they sum to the model of the measured torque."""
-    shaft, measured, _ = transfer(data, values, data.theta.size)
+    shaft, measured, *_ = transfer(data, values, data.theta.size)
     gain = 1.0 + values["gain_error"]
-    result = {name: filtered(torque, shaft * measured) * gain for name, torque in torques.items()}
+    result = {
+        name: filtered(torque, measured if name in ON_BRIDGE_ALONE else shaft * measured) * gain
+        for name, torque in torques.items()
+    }
     result["torque_zero"] = np.full(data.theta.size, zero)
     return result
 
@@ -70,8 +75,8 @@ def filtered_out_torque(data: ChainInput, values: Mapping[str, float], torques: 
     The twist is rebuilt from the measured torque; where the load changes faster than the low-pass follows, this much
     has to be added.
     """
-    total = np.sum(list(torques.values()), axis=0)
-    shaft, measured, _ = transfer(data, values, data.theta.size)
+    total = np.sum([part for name, part in torques.items() if name not in ON_BRIDGE_ALONE], axis=0)
+    shaft, measured, *_ = transfer(data, values, data.theta.size)
     return filtered(total, shaft * (1.0 - measured))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.laws import LINEAR_NAMES, chamber, driveline, sensor
+from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, sensor
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
@@ -42,7 +42,10 @@ COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero")
 """Parameters that it is linear in, in the order of the columns."""
 TANGENT_UNITS = np.r_[chamber.UNITS, np.ones(len(SHIFT_NAMES))] * 1e5
 """Pressure tangents in SI per those of the compiled chamber."""
-FILTER_PLACES = [NONLINEAR_NAMES.index(name) for name in (*SHAFT_NAMES, *SENSOR_NAMES)]
+SHAFT_PLACES = [NONLINEAR_NAMES.index(name) for name in SHAFT_NAMES]
+SENSOR_PLACES = [NONLINEAR_NAMES.index(name) for name in SENSOR_NAMES]
+BRIDGE = np.array([False, *ON_BRIDGE])
+"""Which of the torque without linear parameters and its columns the bridge alone feels."""
 GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
 assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
 NO_PATH = np.zeros((0, 3))
@@ -206,13 +209,13 @@ def binned(values: Array) -> Array:
 
 def transfer(
     data: ChainInput, values: Mapping[str, float], n_points: int, response: NDArray[np.complex128] | None = None
-) -> tuple[Any, Any, Any]:
-    """Return shaft and sensor transfer (k,) and the derivative of their product (k, 15) on the harmonics of a grid."""
+) -> tuple[Any, Any, Any, Any]:
+    """Return shaft and sensor transfer (k,) on the harmonics of a grid, then their derivatives (k, 12), (k, 3)."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     both = drive_response(data, values, False, n_points) if response is None else response
     shaft, shaft_d = driveline.shaft_transfer(omega, values, both)
     measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
-    return shaft, measured, np.concatenate([shaft_d * measured[:, None], measured_d * shaft[:, None]], axis=1)
+    return shaft, measured, shaft_d, measured_d
 
 
 def filtered(values: Array, transfer_function: Any) -> Array:
@@ -278,22 +281,28 @@ def evaluate(
     pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
     torques, slopes, load, least = torque_columns(
-        data.constants, values["guide_friction"], motion.lift, motion.rate, motion.second, pressure,
+        data.constants, values["guide_friction"], motion.theta, motion.lift, motion.rate, motion.second, pressure,
         c[:-1] if tangents else c[:0],
     )  # fmt: skip
-    shaft, measured, by_filter = transfer(data, values, BINS, response)
+    shaft, measured, shaft_by, measured_by = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
-    through = shaft * measured * gain
+    ways = (shaft * measured * gain, measured * gain)
     each = data.theta.size // BINS
     taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
     spectra = np.fft.rfft(binned_by(torques, taps, BINS), axis=0) * restoring
-    torque, linear = _behind(spectra, through)
+    torque, linear = _behind(spectra, *ways)
     derivative = None
     if tangents:
-        fine = torque_tangents(by, slopes, *motion.shifts, data.speed, len(NONLINEAR_NAMES))
-        spectrum = np.fft.rfft(binned_by(fine, taps, BINS), axis=0) * (through[:, None] * restoring)
-        unfiltered = (spectra[:, 0] + spectra[:, 1:] @ c[:-1]) * gain
-        spectrum[:, FILTER_PLACES] += unfiltered[:, None] * by_filter
+        width = len(NONLINEAR_NAMES)
+        spectrum = sum(
+            np.fft.rfft(binned_by(torque_tangents(by, slope, *motion.shifts, data.speed, width), taps, BINS), axis=0)
+            * (way[:, None] * restoring)
+            for slope, way in zip(slopes, ways, strict=True)
+        )
+        parts = spectra * np.r_[1.0, c[:-1]]
+        loaded, felt = (np.sum(parts[:, side], axis=1)[:, None] * gain for side in (~BRIDGE, BRIDGE))
+        spectrum[:, SHAFT_PLACES] += loaded * measured[:, None] * shaft_by
+        spectrum[:, SENSOR_PLACES] += (loaded * shaft[:, None] + felt) * measured_by
         derivative = np.fft.irfft(spectrum, BINS, axis=0)
         derivative[:, GAIN_PLACE] = (torque + linear[:, :-1] @ c[:-1]) / gain
     return ChainOutput(
@@ -313,16 +322,19 @@ def derivative_by(output: ChainOutput, names: Sequence[str]) -> Array:
     return np.column_stack([output.derivative, output.linear])[:, places]
 
 
-def _behind(spectra: NDArray[np.complex128], through: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return torque and columns (BINS,), (BINS, 11) behind a transfer from their harmonics on the cam."""
-    behind = np.fft.irfft(spectra * through[:, None], BINS, axis=0)
+def _behind(
+    spectra: NDArray[np.complex128], through: NDArray[np.complex128], measured: NDArray[np.complex128]
+) -> tuple[Array, Array]:
+    """Return torque and columns (BINS,), (BINS, 15) from their harmonics: through the shaft, or on the bridge alone."""
+    behind = np.fft.irfft(spectra * np.where(BRIDGE, measured[:, None], through[:, None]), BINS, axis=0)
     return behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
 
 
 def with_transfer(data: ChainInput, output: ChainOutput, values: Mapping[str, float]) -> ChainOutput:
     """Return an output behind the shaft and the sensor of other values; on the cam everything stays as it is."""
-    shaft, measured, _ = transfer(data, values, BINS)
-    torque, linear = _behind(output.spectra, shaft * measured * (1.0 + values["gain_error"]))
+    shaft, measured, *_ = transfer(data, values, BINS)
+    gain = 1.0 + values["gain_error"]
+    torque, linear = _behind(output.spectra, shaft * measured * gain, measured * gain)
     return replace(output, torque=torque, linear=linear, derivative=None)
 
 

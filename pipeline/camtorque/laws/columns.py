@@ -24,6 +24,8 @@ class At(NamedTuple):
     lift, slope, curve : y [m], y' [m/rad], y'' [m/rad^2]
     rate, pressure : cam speed [rad/s], pressure on the plunger [Pa]
     sign, sign_by : smooth sign of the sliding velocity
+    cosine, sine : of the cam angle
+    tangent, tangent_by : tan(phi), share of the contact load that acts across the follower
     lever, lever_by : 1 / cos(phi), contact load normal to the cam over that along the follower
     spin, spin_by : rate of the roller over that of the cam
     turn, turn_by : acceleration of the roller [rad/s^2]
@@ -37,6 +39,10 @@ class At(NamedTuple):
     pressure: float
     sign: float
     sign_by: float
+    cosine: float
+    sine: float
+    tangent: float
+    tangent_by: float
     lever: float
     lever_by: float
     spin: float

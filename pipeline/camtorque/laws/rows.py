@@ -77,6 +77,7 @@ class Law:
     columns : compiled function from `camtorque.laws.columns.At` to a tuple of `Column`, one for each of ``linear``
     causes : parameter -> cause of torque, where that is not called as the parameter
     loss : group of the energy balance that its causes belong to
+    on_bridge : its columns are what the transducer's bridge feels beside the torque; they load no shaft and do no work
     """
 
     rows: tuple[ParameterRow, ...]
@@ -84,3 +85,4 @@ class Law:
     columns: Callable[..., Any] | None = None
     causes: Mapping[str, str] = field(default_factory=dict)
     loss: str = ""
+    on_bridge: bool = False

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.compiled import njit
-from camtorque.laws import LAWS, LINEAR_NAMES
+from camtorque.laws import LAWS, LINEAR_NAMES, ON_BRIDGE
 from camtorque.laws.columns import At
 from camtorque.mechanism.friction import guide_share, guide_share_by, sliding_sign, sliding_sign_by
 from camtorque.mechanism.kinematics import path_at
@@ -30,6 +30,7 @@ LEAST_GUIDE = 0.05
 LOW_PASS, LOW_PASS_WINDOW = 0.55, 3.0
 """Low-pass of the bins: where it cuts, in cycles per bin, and the shape of its Kaiser window."""
 _N = len(LINEAR_NAMES)
+_SIDE = np.array(ON_BRIDGE, dtype=np.int64)
 
 
 def _all_of(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
@@ -45,13 +46,14 @@ _columns_at = _all_of([law.columns for law in LAWS.values() if law.columns is no
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # type: ignore[no-untyped-def]
+def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):  # type: ignore[no-untyped-def]
     """Return torque, columns, derivatives and contact force over the angle.
 
     Parameters
     ----------
     pump : `camtorque.mechanism.torque.Constants`; its own friction, roller and cam inertia and weights are left out
     mu : friction coefficient of the guide
+    theta : (n,) cam angle [rad]
     lift : (4, n) y, y', y'', y''' [m/rad^k]
     rate, second : (n,) cam speed and acceleration [rad/s, rad/s^2]
     pressure : (n,) on the plunger [Pa]
@@ -60,14 +62,16 @@ def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # typ
     Returns
     -------
     torques : (n, 1 + k) without the linear coefficients [N m], then per coefficient
-    by : (5, n) derivatives of the torque with its coefficients, by angle, rate, second, pressure and mu; else (5, 0)
+    by : (2, 5, n) derivatives, by angle, rate, second, pressure and mu, of the torque with its coefficients and of what
+        the bridge feels beside it; else (2, 5, 0)
     load : (n,) contact force along the follower [N]
     least : least value of 1 - mu |tan phi| sign(y'); the follower jams at 0
     """
     n = rate.size
     torques = np.empty((n, 1 + _N))
     wanted = coefficients.size > 0
-    by = np.empty((5, n if wanted else 0))
+    by = np.empty((2, 5, n if wanted else 0))
+    sums = np.empty((2, 9))
     load = np.empty(n)
     least = 1.0
     for i in range(n):
@@ -92,36 +96,39 @@ def torque_columns(pump, mu, lift, rate, second, pressure, coefficients):  # typ
         load[i] = normal
         torques[i, 0] = normal * y1
         at = At(
-            y, y1, y2, w, p, sliding_sign(y1), sliding_sign_by(y1, y2), lever, lever_a, spin, spin_a,
+            y, y1, y2, w, p, sliding_sign(y1), sliding_sign_by(y1, y2), np.cos(theta[i]),
+            np.sin(theta[i]), tangent, tangent_a, lever, lever_a, spin, spin_a,
             turn, turn_a, pump.stiffness, pump.preload, pump.area,
         )  # fmt: skip
-        arm, arm_a, extra, extra_a, extra_w, extra_p = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        drag_a, drag_w, drag_dw = 0.0, 0.0, 0.0
+        sums[:] = 0.0
         parts = _columns_at(at)
         for k in range(_N):
             part = parts[k]
             torques[i, 1 + k] = normal * part.arm + y1 / guide * part.force + part.torque
             if not wanted:
                 continue
-            c = coefficients[k]
-            arm += c * part.arm
-            arm_a += c * part.arm_by_angle
-            extra += c * part.force
-            extra_a += c * part.force_by_angle
-            extra_w += c * part.force_by_rate
-            extra_p += c * part.force_by_pressure
-            drag_a += c * part.torque_by_angle
-            drag_w += c * part.torque_by_rate
-            drag_dw += c * part.torque_by_second
+            row, c = sums[_SIDE[k]], coefficients[k]
+            row[0] += c * part.arm
+            row[1] += c * part.arm_by_angle
+            row[2] += c * part.force
+            row[3] += c * part.force_by_angle
+            row[4] += c * part.force_by_rate
+            row[5] += c * part.force_by_pressure
+            row[6] += c * part.torque_by_angle
+            row[7] += c * part.torque_by_rate
+            row[8] += c * part.torque_by_second
         if not wanted:
             continue
-        top = y1 * (axial + extra) + axial * arm
-        top_a = y2 * (axial + extra) + y1 * (axial_a + extra_a) + axial_a * arm + axial * arm_a
-        by[0, i] = (top_a - top * guide_a / guide) / guide + drag_a
-        by[1, i] = (y1 * (axial_w + extra_w) + axial_w * arm) / guide + drag_w
-        by[2, i] = pump.mass * y1 * (y1 + arm) / guide + drag_dw
-        by[3, i] = (y1 * (pump.area + extra_p) + pump.area * arm) / guide
-        by[4, i] = top * share / (guide * guide)
+        for side in range(2):
+            arm, arm_a, extra, extra_a, extra_w, extra_p, drag_a, drag_w, drag_dw = sums[side]
+            own = 1.0 - side  # the cam's own torque is in the first alone
+            top = y1 * (own * axial + extra) + axial * arm
+            top_a = y2 * (own * axial + extra) + y1 * (own * axial_a + extra_a) + axial_a * arm + axial * arm_a
+            by[side, 0, i] = (top_a - top * guide_a / guide) / guide + drag_a
+            by[side, 1, i] = (y1 * (own * axial_w + extra_w) + axial_w * arm) / guide + drag_w
+            by[side, 2, i] = pump.mass * y1 * (own * y1 + arm) / guide + drag_dw
+            by[side, 3, i] = (y1 * (own * pump.area + extra_p) + pump.area * arm) / guide
+            by[side, 4, i] = top * share / (guide * guide)
     return torques, by, load, least
 
 
