@@ -31,7 +31,7 @@ def on_a_scheduler(call: Callable[[str], Any], items: list[str], workers: int) -
     with distributed.LocalCluster(workers, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as running:
         yield from cluster.on_scheduler(call, items, running.scheduler_address, print)
         with distributed.Client(running, set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=60)  # one that is just started anew cannot be stopped
+            client.wait_for_workers(workers, timeout=200)  # one that is just started anew cannot be stopped
 
 
 ENGINES = {"processes": on_processes, "dask": on_a_scheduler}
