@@ -9,8 +9,10 @@ from camtorque.fit.prepare import USUAL_CAM, USUAL_PLUNGER, fit_data, mean_cycle
 from camtorque.laws import ROWS
 from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
 from camtorque.laws.sensor import sensor_transfer
+from camtorque.laws.valve import stop_force
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged
+from scipy.optimize import brentq
 
 KEY = ("closed_volume",)
 ZERO = 273.15
@@ -100,6 +102,16 @@ def test_a_larger_pump_is_expected_larger_and_a_smaller_one_no_better_known():
         (0.5 * usual["spill_width"].prior[0], usual["spill_width"].prior[1])
     )
     assert small["spill_width"].lower < usual["spill_width"].lower
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.2])
+def test_the_gallery_of_a_small_pump_has_the_room_by_which_the_seat_yields(share):
+    row = rows_of(pump={"plunger_diameter": share * USUAL_PLUNGER[0]})["gallery_volume"]
+    assert row.lower == ROWS["gallery_volume"].lower
+    assert row.start >= 2.0 * row.lower
+    line = 700.0  # bar: the residual pressure that presses the valve on its seat
+    depth = brentq(lambda u: stop_force(-u, 0.0, 1.0, 30.0)[0] + line, 0.0, 50.0)
+    assert 1e9 * row.lower > 2.0 * depth
 
 
 def test_the_kind_of_low_pass_on_the_sheet_is_the_one_that_is_fitted():

@@ -183,6 +183,9 @@ def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:
             wider = max(factor, 1.0)
             _set(rows, name, start=row.start * factor, prior=(mean * factor, std * wider), lower=row.lower * factor,
                  upper=row.upper * wider, step=row.step * factor)  # fmt: skip
+    # the seat yields by a mm^3 or two under the line's pressure: a gallery of less room than that has none left
+    least = ROWS["gallery_volume"].lower
+    _set(rows, "gallery_volume", start=max(rows["gallery_volume"].start, 2.0 * least), lower=least)
 
 
 def _set_torsion(rows: dict[str, ParameterRow], torque: Array, speed: float) -> None:
