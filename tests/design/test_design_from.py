@@ -92,8 +92,7 @@ def test_the_fitted_chamber_is_the_load_and_the_same_cam_gives_the_same_answer(
     stroke = fitted.stroke("A_1000rpm", 900.0 * RPM)
     assert top == pytest.approx(float(np.max(stroke.pressure.pressure)), rel=0.01)
     pump = task.config.pump
-    chosen = SimpleNamespace(problem=SimpleNamespace(evaluated=lambda variables: SimpleNamespace(pump=pump)),
-                             variables=None)  # fmt: skip
+    chosen = SimpleNamespace(evaluated=SimpleNamespace(pump=pump))
     rows = as_fitted(known, SimpleNamespace(task=task, chosen=chosen), pump.cam_table_path)  # type: ignore[arg-type]
     (row,) = rows
     for key in ("torque_max_nm", "chamber_peak_bar", "delivered_mm3", "hertz_max_gpa"):
