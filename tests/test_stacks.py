@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque import stacks
-from camtorque.stacks import distance_of, empty_stack, give_back, mean_of, std_of
+from camtorque.stacks import distance_of, empty_stack, give_back, mean_of, products_of, std_of
 
 
 @pytest.fixture(params=["memory", "nameless file"])
@@ -33,6 +33,11 @@ def test_distance_from_a_cycle_is_that_of_numpy(stack: np.ndarray) -> None:
     for stride in (1, 7):
         expected = np.sqrt(np.mean((stack - centre)[:, ::stride] ** 2, axis=1))
         np.testing.assert_allclose(distance_of(stack, centre[::stride], stride), expected, rtol=1e-12)
+
+
+def test_products_with_weights_are_those_of_numpy(stack: np.ndarray) -> None:
+    weights = np.linspace(-1.0, 2.0, 90)
+    np.testing.assert_allclose(products_of(stack, weights), stack @ weights, rtol=1e-12)
 
 
 def test_values_are_kept_when_their_memory_is_given_back(stack: np.ndarray) -> None:

@@ -72,6 +72,11 @@ def mean_of(stack: Stack, chosen: NDArray[np.bool_] | None = None) -> Stack:
     return np.asarray(total / np.sum(weights))
 
 
+def products_of(stack: Stack, weights: Stack) -> Stack:
+    """Return the sum of each cycle's values times weights (n_theta,), (n_cycles,)."""
+    return np.concatenate([stack[piece] @ weights for piece in pieces(stack)])
+
+
 def std_of(stack: Stack, mean: Stack, ddof: int = 0) -> Stack:
     """Return the standard deviation over all cycles about their mean (n_theta,)."""
     total = np.zeros(stack.shape[1])

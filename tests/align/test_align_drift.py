@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque import stacks
 from camtorque.align import align
 from camtorque.align.drift import FEWEST, drift_findings
 from camtorque.ingest import read_recording
@@ -30,6 +31,26 @@ def told(quantity: str, drift: float, cycles: int = 40, scatter: float = 0.05, s
 def test_a_drifting_zero_is_told_with_its_size() -> None:
     assert re.match(r"the torque on the base circle drifts by \+2 N m \(3\.9 % of the peak\)", told("torque", 2.0))
     assert "drifts by -2" in told("torque", -2.0)
+
+
+def resident_share(stack: np.memmap) -> float:
+    """Share of a stack on disk that the process holds in memory."""
+    start = f"{stack.ctypes.data:x}-"
+    mapping = Path("/proc/self/smaps").read_text().split(f"\n{start}")[1]
+    found = re.search(r"Rss: +(\d+) kB", mapping)
+    assert found
+    return 1024.0 * int(found[1]) / stack.nbytes
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="the system does not say what a process holds")
+def test_a_long_stack_is_given_back_after_its_drift_is_sought(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stacks, "LARGEST_IN_MEMORY", 1000)
+    rows = stacks.empty_stack(400, N)
+    rows[:] = CYCLE
+    assert isinstance(rows, np.memmap)
+    assert resident_share(rows) > 0.9
+    drift_findings(IDLE, {"torque": (rows, CYCLE)}, np.arange(400))
+    assert resident_share(rows) < 0.1
 
 
 def test_a_rest_pressure_that_moves_is_told_in_bar() -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from camtorque.fit.descent import Descent, minimise
+from camtorque.fit.descent import LOOKED_BACK, Descent, gone_behind, minimise
 
 
 @dataclass(frozen=True)
@@ -67,3 +67,29 @@ def test_a_descent_ends_where_what_promises_more_has_failed():
     )
     assert np.all(ended.trial.z == 0.0)
     assert ended.cost[1] < 40
+
+
+def test_a_descent_that_will_not_come_below_what_is_asked_for_is_given_up():
+    descent = valley()
+
+    def creeping(point, at, damping):
+        found, promise = descent.step(point, at, damping)
+        return 0.02 * found, 0.04 * promise
+
+    slow, start = replace(descent, step=creeping), descent.try_at(np.zeros(2))
+    assert minimise(slow, start, 40).cost[0] == 40
+    given_up = minimise(slow, start, 40, limit=1.0)
+    assert given_up.cost == (LOOKED_BACK, LOOKED_BACK + 1, False)
+    assert 15.0 < given_up.trial.chi_square < 25.0
+    # one that comes there all the same is not
+    still = given_up.trial.chi_square - 12.0 * (25.0 - given_up.trial.chi_square) / LOOKED_BACK
+    assert minimise(slow, start, 40, limit=still + 1.0).cost[0] == 40
+    assert minimise(descent, start, 40, limit=1.0).trial.chi_square < 0.1
+
+
+def test_a_descent_is_not_given_up_before_its_gain_is_known():
+    falling = [100.0, 90.0, 80.0, 70.0, 60.0]
+    assert not gone_behind(falling[:LOOKED_BACK], 0.0)
+    assert not gone_behind(falling, 0.0)  # 12 more steps of 10
+    assert gone_behind(falling, -61.0)
+    assert not gone_behind([10.0] * 9, 10.0)

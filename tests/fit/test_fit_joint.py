@@ -12,7 +12,7 @@ import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, arrow_inverse
-from camtorque.fit.drift import shared_drifts
+from camtorque.fit.drift import contradiction, contradiction_findings, drift_spread, shared_drifts
 from camtorque.fit.joint import (
     common_error,
     fit_joint,
@@ -158,6 +158,36 @@ def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
     # equal errors: sigma over the root of the summed squares of speed about its mean, 1.1667 (1000 rpm)^2
     assert row.slope_stderr == pytest.approx(2.0 / np.sqrt(7.0 / 6.0), rel=1e-9)
     assert row.significant
+
+
+def test_recordings_contradict_one_another_where_sharing_costs_more_than_each_leaves():
+    assert contradiction(4.0, [1.0, 1.0, 30.0]) == pytest.approx(np.sqrt(0.75))
+    assert contradiction(1.2, [1.5, 1.2, 1.0]) == 0.0
+    assert contradiction_findings(0.4) == ()
+    (told,) = contradiction_findings(0.8)
+    assert told.severity == "warning"
+    assert "64% of the residual's variance" in told.text
+
+
+def test_intervals_of_recordings_that_contradict_one_another_reach_to_what_each_says(prepared, solved):
+    problem, solution = solved
+    drifts = [replace(row, slope_per_1000_rpm=0.0) for row in shared_drifts(prepared)]
+    assert not any(row.significant for row in drifts)
+    np.testing.assert_array_equal(drift_spread(problem, solution.z, drifts, 0.0), 0.0)
+    half, all_of_it = (drift_spread(problem, solution.z, drifts, share) for share in (0.5, 1.0))
+    np.testing.assert_allclose(half, 0.5 * all_of_it)
+    place = problem.index("dead_volume")
+    values = [item.alone["dead_volume"].value for item in prepared]
+    weights = [item.alone["dead_volume"].std ** -2.0 for item in prepared]
+    mean = np.average(values, weights=weights)
+    assert all_of_it[place] == pytest.approx(abs(mean - solution.z[place]), rel=1e-9)
+    # one that drifts counts wholly, whether or not the others do
+    drifting = [replace(row, slope_per_1000_rpm=9.0, slope_stderr=1.0) for row in drifts if row.name == "dead_volume"]
+    assert drift_spread(problem, solution.z, drifting, 0.0)[place] == all_of_it[place]
+    worse = replace(solution, data_chi_square=10.0 * INDEPENDENT * len(prepared))
+    widened = joint_fit_of(prepared, problem, worse, drifts)
+    spread = widened.shifts["drift of what should be the same"]
+    assert 0.5 * all_of_it[place] < spread[place] < all_of_it[place]
 
 
 def test_every_recording_is_predicted_by_the_others_in_both_ways(prepared, campaign):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from camtorque.fit.minima import at_minimum, judged
+from camtorque.fit.descent import LOOKED_BACK
+from camtorque.fit.minima import asked_below, at_minimum, judged
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_starts
@@ -51,6 +52,16 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
     assert wrong.value > best.value + 100.0  # no small step leads back
     found = ways(wrong, *halves)[0]
     assert found.value < best.value + 3.0  # with outlet and shaft turned; the outlet alone ends at 300
+
+
+def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
+    turned_data = with_starts(best.data, {"outlet_return": 1.0})
+    followed = at_minimum(turned_data)
+    given_up = at_minimum(turned_data, limit=asked_below(best.value))
+    assert followed.solution.chi_square > asked_below(best.value)
+    assert LOOKED_BACK <= given_up.solution.iterations < followed.solution.iterations
+    asked_for = at_minimum(turned_data, limit=1.01 * followed.solution.chi_square)
+    assert asked_for.solution.chi_square == followed.solution.chi_square
 
 
 def test_what_gains_nothing_leaves_the_minimum_as_it_is(best, halves):

@@ -15,6 +15,7 @@ import numpy as np
 
 from camtorque.records import Array, Finding
 from camtorque.signal.threshold import Count, Threshold
+from camtorque.stacks import products_of
 from camtorque.units import BAR, short
 
 FEWEST = Count(6, "cycles", "convention", "Cycles below which a drift cannot be told from their scatter.")
@@ -76,8 +77,7 @@ def drift_findings(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: An
 def _told(kind: Drifting, quantity: str, values: Array, mean: Array, idle: Any, index: Any) -> list[str]:
     share = np.zeros(values.shape[1])
     share[idle] = 1.0 / idle.size
-    # a product: an hour's cycles are not copied
-    level, peak = values @ share, float(np.max(mean))
+    level, peak = products_of(values, share), float(np.max(mean))
     drift, stderr = _line(level, index - np.mean(index))
     if abs(drift) < max(SIGNIFICANT * stderr, kind.share * peak):
         return []

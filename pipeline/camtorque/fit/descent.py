@@ -5,7 +5,7 @@ Levenberg-Marquardt with the damping of Nielsen (Damping Parameter in Marquardt'
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -16,6 +16,8 @@ from camtorque.records import Array
 RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 """An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
 LEAST_DAMPING, LARGEST_DAMPING = 1.0e-8, 1.0e9
+LOOKED_BACK, AHEAD = 4, 12
+"""Iterations whose mean gain a descent is expected to keep, and for how many more."""
 
 
 class Tried(Protocol):
@@ -65,7 +67,7 @@ class Ended(Generic[T, P]):
 
 
 def minimise(
-    descent: Descent[T, P], start: T, max_iterations: int, relative_gain: float = RELATIVE_GAIN
+    descent: Descent[T, P], start: T, max_iterations: int, relative_gain: float = RELATIVE_GAIN, limit: float = np.inf
 ) -> Ended[T, P]:
     """Return where a descent ends.
 
@@ -74,12 +76,17 @@ def minimise(
     start : the problem where the descent starts, within the bounds
     max_iterations : of normal equations
     relative_gain : share of chi-square that a step has to promise
+    limit : chi-square above which nobody asks for the minimum: the descent is given up where it will not come below
     """
     lower, upper = descent.bounds
     trial = start
     evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
     known: P | None = None
+    reached: list[float] = []
     while iterations < max_iterations:
+        reached.append(trial.chi_square)
+        if gone_behind(reached, limit):
+            break
         point = known = descent.linearise(trial)
         iterations += 1
         accepted, failed, gained, undamped = False, False, 0.0, np.nan
@@ -107,3 +114,14 @@ def minimise(
             converged = converged or gained < 5.0 * goal
             break
     return Ended(trial, known, (iterations, evaluations, converged))
+
+
+def gone_behind(reached: Sequence[float], limit: float) -> bool:
+    """Return whether a descent that goes on gaining as it does stays above a chi-square.
+
+    It would gain less and less: what it has gained lately, times the iterations ahead, is more than it can.
+    """
+    if len(reached) <= LOOKED_BACK:
+        return False
+    gain = (reached[-1 - LOOKED_BACK] - reached[-1]) / LOOKED_BACK
+    return reached[-1] - AHEAD * gain > limit

@@ -13,6 +13,8 @@ from camtorque.records import Array, Finding
 
 DRIFT_SIGMA = 2.5
 """Standard errors beyond which a slope is a finding."""
+CONTRADICTED = 0.5
+"""Contradiction beyond which it is a finding: a quarter of the residual's variance comes from sharing parameters."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +60,31 @@ def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
     return tuple(result)
 
 
-def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift]) -> Array:
-    """Return how far the joint value of each parameter that drifts lies off the mean of the single ones, (k,) [SI]."""
+def contradiction(inflation: float, alone: Sequence[float]) -> float:
+    """Return how far recordings that each are met alone contradict one another under the laws: 0 not at all, to 1.
+
+    It is the root of the share of the residual's variance that comes from sharing parameters.
+
+    Parameters
+    ----------
+    inflation, alone : of the residual of the joint fit, and of each recording fitted alone
+    """
+    return float(np.sqrt(max(1.0 - float(np.median(alone)) / inflation, 0.0)))
+
+
+def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift], contradicted: float) -> Array:
+    """Return how far the joint value of each parameter lies off the mean of the single ones, (k,) [SI].
+
+    All of that counts where the parameter drifts. Where the recordings contradict one another it counts for all of
+    them, as far as they do: what a missing law shifts is then one thing in each and another in all together.
+    """
     spread = np.zeros(problem.size)
     for drift in drifts:
         k = problem.index(drift.name)
-        if drift.significant and k >= 0:
+        if k >= 0:
             weight = 1.0 / np.array(drift.stderrs) ** 2
             mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.parameters[k].row.per_unit
-            spread[k] = abs(mean - z[k])
+            spread[k] = abs(mean - z[k]) * (1.0 if drift.significant else contradicted)
     return spread
 
 
@@ -80,4 +98,18 @@ def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
             "a law may be missing", drift.name,
         )
         for drift in drifts if drift.significant
+    )  # fmt: skip
+
+
+def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
+    """Return a warning where the recordings contradict one another under the laws."""
+    if contradicted <= CONTRADICTED:
+        return ()
+    return (
+        Finding(
+            "recordings_contradict", "warning",
+            f"{contradicted**2:.0%} of the residual's variance comes from fitting the recordings together: each alone "
+            "is met, all together are not; a law is missing or the pump changed between them, and the intervals of the "
+            "shared parameters reach to what each recording says alone",
+        ),
     )  # fmt: skip

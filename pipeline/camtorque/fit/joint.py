@@ -14,8 +14,16 @@ from functools import partial
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.drift import Drift, drift_findings, drift_spread, shared_drifts
+from camtorque.fit.drift import (
+    Drift,
+    contradiction,
+    contradiction_findings,
+    drift_findings,
+    drift_spread,
+    shared_drifts,
+)
 from camtorque.fit.joint_fit import (
+    JointCovariance,
     JointFit,
     JointRecording,
     joint_covariance,
@@ -262,6 +270,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
     findings = (
         *prior_findings((*shared, *fitted[0].parameters)),
+        *contradiction_findings(contradicted_by(fit.covariance, used)),
         *drift_findings(drifts),
         *_exclusion_findings(excluded),
         *poor_findings([row for one in without for row in one.held]),
@@ -288,12 +297,19 @@ def joint_fit_of(
     inputs: Sequence[Known], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = ()
 ) -> JointFit:
     """Return a joint minimum with its covariance and the uncertainties that do not average out."""
+    covariance = joint_covariance(problem, solution)
+    spread = drift_spread(problem, solution.z, drifts, contradicted_by(covariance, inputs))
     shifts = {
-        "drift of what should be the same": drift_spread(problem, solution.z, drifts),
+        "drift of what should be the same": spread,
         # one sensor, one delay: the angle at the mean speed
         SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs]))),
     }
-    return JointFit(problem, solution, joint_covariance(problem, solution), shifts)
+    return JointFit(problem, solution, covariance, shifts)
+
+
+def contradicted_by(covariance: JointCovariance, inputs: Sequence[Known]) -> float:
+    """Return how far the recordings of a joint fit contradict one another, see `drift.contradiction`."""
+    return contradiction(covariance.inflation, [item.inflation for item in inputs])
 
 
 def refuse_two_states(inputs: Sequence[Known]) -> None:

@@ -16,6 +16,9 @@ from camtorque.records import Array
 
 FILTER_ROUNDS = 2
 POLISH_ITERATIONS = 40
+ASKED_TIMES, ASKED_PLUS = 1.15, 5.0
+"""A minimum is asked for while its chi-square may come below the best one's times and plus these: beyond, it has no
+weight beside that."""
 LIGHT = 0.2
 """Standard error of the logarithm of the cam's inertia: of the sheet, and of what a ringing shaft tells of it."""
 FALLEN = 1e12
@@ -63,20 +66,25 @@ def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | 
         return None
 
 
-def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS) -> Candidate:
-    """Return the minimum that a start leads to on the fine grid."""
+def asked_below(value: float) -> float:
+    """Return the chi-square below which minima beside the best one, of that value, are asked for."""
+    return ASKED_TIMES * value + ASKED_PLUS
+
+
+def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS, limit: float = np.inf) -> Candidate:
+    """Return the minimum that a start leads to on the fine grid; ``limit`` as in `solve`."""
     item = replace(start.data, lift_basis=data.lift_basis, chain=replace(
         data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
     ))  # fmt: skip
     problem = build_problem([item])
     item = refined(item, problem.values(problem.start, 0)[0])
-    return at_minimum(item, iterations)
+    return at_minimum(item, iterations, limit)
 
 
-def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS) -> Candidate:
-    """Return a recording at the minimum that its own start leads to."""
+def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS, limit: float = np.inf) -> Candidate:
+    """Return a recording at the minimum that its own start leads to; ``limit`` as in `solve`."""
     problem = build_problem([item])
-    solution = solve(problem, None, iterations)
+    solution = solve(problem, None, iterations, limit=limit)
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
     item = with_starts(item, starts)
     return Candidate(item, build_problem([item]), solution)

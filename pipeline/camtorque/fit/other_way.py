@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
+from camtorque.fit.minima import Candidate, asked_below, at_minimum, attempted, judged
 from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.search import UNSURE
 from camtorque.fit.swings import ringing_alike
@@ -30,8 +30,8 @@ OCTAVES = (0.5, 2.0)
 """Factors at which the coupling's frequency is tried."""
 TOO_LIGHT = 1.0
 """Chi-square of a light cam's side (`Candidate.light`) from which shafts that ring alike are tried."""
-GAINED, ROUNDS = 0.5, 3
-"""What a minimum has to gain, and how often all is turned once more from the one that did."""
+GAINED, SHARE, ROUNDS = 0.5, 0.03, 3
+"""What a minimum has to gain, and as a share of chi-square; how often all is turned once more from the one that did."""
 
 
 def turned(best: Candidate) -> list[FitData]:
@@ -75,8 +75,9 @@ def ways(best: Candidate, data: FitData, held: FitData) -> list[Candidate]:
     found = [best]
     for _ in range(ROUNDS):
         least = found[0].value
-        ends = in_two(partial(attempted, at_minimum), turned(found[0]))
+        follow = partial(attempted, partial(at_minimum, limit=asked_below(least)))
+        ends = in_two(follow, turned(found[0]))
         found = sorted([*found, *(judged(end, data, held) for end in ends if end)], key=lambda item: item.value)
-        if found[0].value > least - GAINED:
+        if found[0].value > least - max(GAINED, SHARE * least):
             break
     return found

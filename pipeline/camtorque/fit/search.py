@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, attempted, followed, judged, lost_torque, with_lost_torque
+from camtorque.fit.minima import Candidate, asked_below, attempted, followed, judged, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.residual import explains
@@ -291,14 +291,14 @@ def extended(found: Found, more: Starts, halves: Halves) -> Found:
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
     new = [start for start in new[:POLISHED] if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS]
     twisted = with_lost_torque(halves.fitted, halves.lost)
-    ends = in_two(partial(_end_of, halves, twisted), new)
+    ends = in_two(partial(_end_of, halves, twisted, asked_below(found.value)), new)
     minima = [*found.minima, *((start, end) for start, end in zip(new, ends, strict=True) if end)]
     return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
 
 
-def _end_of(halves: Halves, twisted: FitData, start: Start) -> Candidate | None:
-    """Return the judged minimum of ``twisted`` that a start leads to."""
-    end = attempted(followed, twisted, start)
+def _end_of(halves: Halves, twisted: FitData, limit: float, start: Start) -> Candidate | None:
+    """Return the judged minimum of ``twisted`` that a start leads to; ``limit`` as in `solve`."""
+    end = attempted(partial(followed, limit=limit), twisted, start)
     return end and judged(end, halves.fitted, halves.other)
 
 

@@ -259,6 +259,7 @@ def solve(
     max_iterations: int = 60,
     lifts: tuple[LiftModes, ...] | None = None,
     smoothing: float = 0.0,
+    limit: float = np.inf,
 ) -> Solution:
     """Return a minimum of chi-square.
 
@@ -267,6 +268,7 @@ def solve(
     start : (k,) where to start, None for the starts of the rows
     lifts : lift correction of each recording, None to take it from the start
     smoothing : standard deviation of the residual's smoothing [rad]
+    limit : chi-square above which the minimum is not asked for (`descent.minimise`)
 
     Raises
     ------
@@ -276,7 +278,8 @@ def solve(
     outputs = outputs_at(problem, z)
     modes = lifts_at(problem, z, known=outputs) if lifts is None else lifts
     descent = _descent(problem, modes, smoothing)
-    ended = minimise(descent, try_at(problem, z, modes, smoother(smoothing), outputs), max_iterations)
+    first = try_at(problem, z, modes, smoother(smoothing), outputs)
+    ended = minimise(descent, first, max_iterations, limit=limit)
     trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
     outer = np.outer(problem.steps, problem.steps)
     return Solution(
