@@ -277,8 +277,7 @@ def solve(
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     outputs = outputs_at(problem, z)
     modes = lifts_at(problem, z, known=outputs) if lifts is None else lifts
-    descent = _descent(problem, modes, smoothing)
-    first = try_at(problem, z, modes, smoother(smoothing), outputs)
+    descent, first = _descent(problem, modes, smoothing), try_at(problem, z, modes, smoother(smoothing), outputs)
     ended = minimise(descent, first, max_iterations, limit=limit)
     trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
     outer = np.outer(problem.steps, problem.steps)
@@ -345,8 +344,7 @@ def _promise(matrix: Array, vector: Array, free: NDArray[np.bool_]) -> float:
 def _step(problem: Problem, point: Point, z: Array, damping: float) -> tuple[Array, float]:
     """Return a damped step within bounds [SI] and how much chi-square it promises."""
     steps, (lower, upper) = problem.steps, problem.bounds
-    more = np.full(z.size, 1e-9)
-    first = problem.n_nonlinear
+    more, first = np.full(z.size, 1e-9), problem.n_nonlinear
     more[:first] += damping * np.maximum(np.diag(point.matrix)[:first], 1e-3)
     step, promise = bounded_step(point.matrix, more, point.vector, z / steps, lower / steps, upper / steps)
     return step * steps, promise
