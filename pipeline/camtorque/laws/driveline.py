@@ -198,7 +198,8 @@ def compliances(omega, values, tangents):  # type: ignore[no-untyped-def]
         row[8] = resonance * resonance * swing
         row[9] = soft * (2.0 * resonance * swing + resonance * resonance * by_resonance)
         row[10] = -soft * resonance * resonance * 2.0 * resonance * s * squared
-        row[4:11] *= by_behind
+        for j in range(4, 11):
+            row[j] *= by_behind
         row[11] = s * s * beyond * behind
         row[12] = shaft * (by_beyond * slowed_after - by_behind * slowed) - damping * (longer - 1.0) / mean * row[2]
         row[13] = time / mean * (place * longer * bent - (1.0 - place) * bent_after)
