@@ -46,7 +46,7 @@ def transferred(values):
 def exact():
     found = {}
     for end in ("land", "spill"):
-        values = start_values(end)
+        values = {**start_values(end), "line_inertance": 12e6}
         data = refined(chain_input(), values)
         found[end] = data, values, evaluate(data, values, COEFFICIENTS, tangents=True)
     return found

@@ -54,6 +54,24 @@ def test_a_suction_valve_fills_what_no_port_does():
     assert not output.flows[output.pressure > values["feed_pressure"], 0].any()
 
 
+@pytest.mark.parametrize("inertance", [0.0, 20.0e6])
+def test_oil_between_valve_and_sensor_takes_pressure_to_be_accelerated(inertance):
+    values = {**start_values("spill"), "line_inertance": inertance, "pressure_zero": 0.0, "retraction_volume": 2e-9}
+    data = chain_input(n=7200)
+    output = evaluate(data, values)
+    step = 2.0 * np.pi / 7200 / data.speed
+    gallery, swept, seat = output.states[:, 0], output.states[:, 1] * 1e-9, output.flows[:, 2]
+    into_line = np.diff(swept, prepend=0.0) / step + seat
+    entry = data.line_pressure + inertance * np.diff(into_line, prepend=0.0) / step
+    flowing = seat > 0.2 * np.max(seat)
+    assert flowing.sum() > 300
+    roots = np.array([flow_root(drop)[0] for drop in (gallery - entry * 1e-5)[flowing]])
+    lifts = np.array([lifted(u, values["retraction_volume"] * 1e9)[0] for u in output.states[flowing, 1]])
+    stated = 1e-6 * FLOW * values["seat_gain"] * 1e-3 * lifts * roots  # mm^3/ms per mm^3 and root of a bar
+    np.testing.assert_allclose(stated, seat[flowing], rtol=1e-3)
+    assert np.max(np.abs(entry - data.line_pressure)[flowing]) >= 0.15 * inertance
+
+
 def test_the_root_of_a_suction_valve_has_no_corner():
     differences = SUCTION_OPENS + np.linspace(-3.0, 3.0, 601) * SUCTION_SOFT
     values, slopes = np.array([suction_root(x) for x in differences]).T

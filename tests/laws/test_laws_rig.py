@@ -164,7 +164,7 @@ def kernel_values(truth, lift_at_closing):
         "retraction_volume": 0.0, "gallery_volume": 1e-7, "valve_mass": 6e6, "valve_damping": 2e3, "seat_gain": 500.0,
         "valve_exposure": 1.0, "leakage": chamber.leak * (1.0 + chamber.leak_growth * 500e5) ** 3,
         "leak_growth": chamber.leak_growth, "pressure_zero": 0.0, "suction_area": 0.0, "valve_stroke": 3e-8,
-        "outlet_return": 0.0,
+        "line_inertance": 0.0, "outlet_return": 0.0,
     }  # fmt: skip
     if chamber.end == "spill":
         known["spill_width"] = chamber.spill_area / chamber.spill_height
@@ -202,7 +202,7 @@ def test_chamber_is_the_rigs_where_nothing_is_delivered(case, limit):
     substeps.flags.writeable = False  # as the chain hands them on: compiled once
     pressure, *_ = integrate(
         vector, geometry, theta, lift_of(truth, theta) * 1e3, np.zeros(N), np.zeros(N), substeps,
-        np.zeros((N, 1)), np.zeros((0, 3)), False,
+        np.zeros((N, 1)), np.zeros((0, 4)), False,
     )  # fmt: skip
     peak = rig_pressure.max()
     assert peak > 400e5

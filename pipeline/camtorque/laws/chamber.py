@@ -45,7 +45,7 @@ KERNEL_UNITS: dict[str, float] = {
     "end_width": 1.0, "spill_lift": 1e3, "spill_width": 1e3, "spill_span": 1e3, "valve_opening": 1e-5,
     "valve_area": 1e6, "valve_range": 1e-5, "retraction_volume": 1e9, "gallery_volume": 1e9, "valve_mass": 1e-8,
     "valve_damping": 1e-3, "seat_gain": 1e-3, "valve_exposure": 1.0, "leakage": 1e11, "leak_growth": 1e5,
-    "pressure_zero": 1e-5, "suction_area": 1e6, "valve_stroke": 1e9, "outlet_return": 1.0,
+    "pressure_zero": 1e-5, "suction_area": 1e6, "valve_stroke": 1e9, "outlet_return": 1.0, "line_inertance": 1e-8,
 }  # fmt: skip
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
@@ -92,7 +92,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
-    known : (m, 3) the ``path`` of a pass with the same parameters, from which one iteration is left to do; (0, 3): none
+    known : (m, 4) the ``path`` of a pass with the same parameters, from which one iteration is left to do; (0, 4): none
     want_tangents : False leaves ``tangents`` empty
 
     Returns
@@ -101,12 +101,12 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     tangents : (n, N + n_shift) its derivatives
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations
     flows : (n, 4) inlet port, spill, seat, leak [mm^3/ms]
-    path : (m, 3) pressure, gallery pressure and volume swept by the valve after each of the m time steps;
-        (0, 3) where one of them did not settle
+    path : (m, 4) pressure, gallery pressure, volume swept by the valve and flow into the line after each of the m time
+        steps; (0, 4) where one of them did not settle
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
-    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke, again = parameters[19:]
+    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke, again, column = parameters[19:]
     plunger, top_lift, grid_step, end_lift, end_slope, top_angle = geometry
     n = theta.size
     n_shift = shifts.shape[1]
@@ -115,16 +115,17 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     tangents = np.zeros((n, n_all))
     states = np.zeros((n, 3))
     flows = np.zeros((n, 4))
-    partial = np.zeros((3, n_all))
+    partial = np.zeros((4, n_all))
     mass_t = np.zeros(n_all)
     gallery_t = np.zeros(n_all)
     u_t = np.zeros(n_all)
     speed_t = np.zeros(n_all)
+    w_t = np.zeros(n_all)
     p_t = np.zeros(n_all)
     g_t = np.zeros(n_all)
-    path = np.empty((np.sum(substeps), 3))
+    path = np.empty((np.sum(substeps), 4))
     place, settled = 0, True
-    p, g, u, speed = feed, feed, 0.0, 0.0
+    p, g, u, speed, w = feed, feed, 0.0, 0.0, 0.0
     p_step, g_step, dt_old = 0.0, 0.0, 1.0
     share, share_p, share_k, share_b, share_a = specific_volume(feed, modulus, bend, air)
     volume = v0 + plunger * (top_lift - lift[0])
@@ -162,13 +163,14 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             k_suction = FLOW * suction
             k_out = FLOW * area_out * outlet
             closed = outlet <= 0.0
-            p_old, g_old, u_old, speed_old = p, g, u, speed
+            p_old, g_old, u_old, speed_old, w_old = p, g, u, speed, w
+            pull = column / dt
             count = 0
             last = known.shape[0] == path.shape[0]
             if last:
                 p = known[place, 0]
                 if not closed:
-                    g, u = known[place, 1], known[place, 2]
+                    g, u, w = known[place, 1], known[place, 2], known[place, 3]
             else:
                 p = moved_pressure(p, p_step * dt / dt_old)
                 if not closed:
@@ -176,7 +178,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                     u = max(u + dt * speed, -0.5)
             while True:
                 if count == AHEAD_ITERATIONS and not last:
-                    p, g, u = p_old, g_old, u_old
+                    p, g, u, w = p_old, g_old, u_old, w_old
                     if not closed:
                         u = max(u + 0.5 * dt * speed, -0.5)
                 share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
@@ -200,7 +202,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
                 out, out_d = flow_root(p - g)
                 lift_u, lift_ud = lifted(u, retraction)
-                through, through_d = flow_root(g - behind)
+                entry = behind + pull * (w - w_old)
+                through, through_d = flow_root(g - entry)
                 k_seat = FLOW * seat
                 velocity = (u - u_old) / dt
                 stop, stop_u, stop_old, stop_top = stop_force(u, velocity, dt, retraction + stroke)
@@ -208,7 +211,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 f1 += dt * k_out * out
                 f2 = room / shared - gallery - dt * (k_out * out - k_seat * lift_u * through)
                 inertia = mass_valve * ((velocity - speed_old) / dt + damping * velocity)
-                pushing = g + (1.0 - exposure) * (p - g) - behind - p_open - SPRING * (u - retraction)
+                pushing = g + (1.0 - exposure) * (p - g) - entry - p_open - SPRING * (u - retraction)
                 flow_force = force * seat / area_out
                 f3 = inertia - pushing + flow_force * lift_u + stop
                 j11 += dt * k_out * out_d
@@ -220,6 +223,15 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 j33 = mass_valve * (1.0 / dt + damping) / dt + SPRING + flow_force * lift_ud + stop_u
                 j11 += f1 * share_p / share
                 j22 += f2 * shared_p / shared
+                # the flow into the line, f4 = w - u' - Q_seat = 0, is eliminated
+                k_through = k_seat * lift_u * through_d
+                f4 = w - velocity - k_seat * lift_u * through
+                j42, j43 = -k_through, -1.0 / dt - k_seat * lift_ud * through
+                over44 = 1.0 / (1.0 + k_through * pull)
+                share2, share3 = -dt * k_through * pull * over44, pull * over44
+                f2, f3 = f2 - share2 * f4, f3 - share3 * f4
+                j22, j23 = j22 - share2 * j42, j23 - share2 * j43
+                j32, j33 = j32 - share3 * j42, j33 - share3 * j43
                 # j21 = j12 and j13 = 0
                 c11 = j22 * j33 - j23 * j32
                 c12 = j12 * j33 - j23 * j31
@@ -235,14 +247,18 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 p_tried, p = p, moved_pressure(p, dp)
                 g_tried, g = g, moved_pressure(g, dg)
                 u += du
+                dw = -(f4 + j42 * (g - g_tried) + j43 * du) * over44
+                w += dw
                 if last or count > MOST_ITERATIONS:
                     break
                 if abs(dp) < settled_change(p) and abs(dg) < settled_change(g) and abs(du) < VOLUME_SETTLED:
+                    if abs(pull * dw) > settled_change(g):
+                        continue
                     if not want_tangents:
                         break
                     last = True
             settled = settled and count <= MOST_ITERATIONS
-            path[place, 0], path[place, 1], path[place, 2] = p, g, u
+            path[place, 0], path[place, 1], path[place, 2], path[place, 3] = p, g, u, w
             place += 1
             p_step, g_step, dt_old = p - p_old, g - g_old, dt
             states[i, 2] += count
@@ -252,8 +268,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 share += share_p * (p - p_tried)
             mass = volume / share
             if closed:
-                speed = 0.0
-                u = 0.0
+                speed, u, w = 0.0, 0.0, 0.0
             else:
                 speed = (u - u_old) / dt
                 if want_tangents or count > MOST_ITERATIONS:
@@ -305,6 +320,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                     p_t[j] = -partial[0, j] / j11
                     u_t[j] = 0.0
                     speed_t[j] = 0.0
+                    w_t[j] = 0.0
             else:
                 shared_over = 1.0 / shared
                 shared_squared = shared_over * shared_over
@@ -312,7 +328,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 old_u = -mass_valve * (inverse_time + damping) * inverse_time + stop_old
                 for j in range(n_all):
                     partial[1, j] = -gallery_t[j]
-                    partial[2, j] = old_u * u_t[j] - mass_valve * inverse_time * speed_t[j]
+                    partial[1, j] += dt * k_through * pull * w_t[j]
+                    partial[2, j] = old_u * u_t[j] - mass_valve * inverse_time * speed_t[j] - pull * w_t[j]
+                    partial[3, j] = inverse_time * u_t[j] - k_through * pull * w_t[j]
                 flow_out = dt * out
                 by_outlet = flow_out * FLOW * area_out
                 by_x = by_outlet * outlet_x_d
@@ -344,6 +362,13 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 partial[2, 21] += force / area_out * lift_u
                 partial[2, 22] += p - g
                 partial[2, 25] -= 1.0
+                partial[3, 17] += k_seat * lift_ud * through
+                partial[3, 21] -= FLOW * lift_u * through
+                partial[3, 25] -= k_through
+                faster = (w - w_old) * inverse_time
+                partial[1, 29] -= dt * k_through * faster
+                partial[2, 29] += faster
+                partial[3, 29] += k_through * faster
                 for j in range(n_shift):
                     moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
                     partial[0, N + j] += (by_lift * slope_here + by_angle) * moved
@@ -354,10 +379,12 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 i32 = -(j11 * j32 - j12 * j31) / determinant
                 i33 = (j11 * j22 - j12 * j12) / determinant
                 for j in range(n_all):
-                    a, b, c = partial[0, j], partial[1, j], partial[2, j]
+                    d = partial[3, j]
+                    a, b, c = partial[0, j], partial[1, j] - share2 * d, partial[2, j] - share3 * d
                     p_t[j] = -(i11 * a + i12 * b + i13 * c)
                     g_t[j] = -(i21 * a + i22 * b + i23 * c)
                     new_u = -(i31 * a + i32 * b + i33 * c)
+                    w_t[j] = -(d + j42 * g_t[j] + j43 * new_u) * over44
                     speed_t[j] = (new_u - u_t[j]) * inverse_time
                     u_t[j] = new_u
                 factor = -room * shared_squared

@@ -5,12 +5,14 @@
     Q_out  = a A_out C sqrt(p - g)       a: outlet open until its land closes (end of delivery), and again below a
                                             share of that lift on the return
     d[(V_g + u) rho(g)]/dt = Q_out - Q_seat
-    Q_seat = alpha max(0, u - V_r) C sqrt(g - p_line)
-    M (u'' + r u') = g + (1 - sigma)(p - g) - p_line - p_open - S (u - V_r) - w (alpha / A_out) max(0, u - V_r) + stops
+    Q_seat = alpha max(0, u - V_r) C sqrt(g - p_in)
+    p_in   = p_line + I d(u' + Q_seat)/dt
+    M (u'' + r u') = g + (1 - sigma)(p - g) - p_in - p_open - S (u - V_r) - w (alpha / A_out) max(0, u - V_r) + stops
 
 u is the volume that the valve has swept from its seat, V_r the one at which its collar clears the seat (retraction
 volume), M its mass over the square of its area, S its spring rate over the same. sigma is the share of the pressure
-difference over the outlet that the valve does not feel, w the flow force where seat and outlet area are equal.
+difference over the outlet that the valve does not feel, w the flow force where seat and outlet area are equal. I is
+the inertance rho L / A of the oil up to the sensor, short against the waves.
 Without mass and with a small V_r this is the usual massless valve.
 """
 
@@ -56,6 +58,8 @@ ROWS = (
             "share of the outlet's pressure drop that the valve does not feel", "shape of the valve's face"),
     parameter("valve_stroke", "u_max", "mm^3", 1.0e-9, (30.0, 3.0, 300.0, 3.0), (30.0, 20.0),
             "volume that the delivery valve sweeps from V_r to its stop", "0.4-1.6 mm on 20-50 mm^2"),
+    parameter("line_inertance", "I", "10^6 kg/m^4", 1.0e6, (0.0, 0.0, 100.0, 2.0), (0.0, 10.0),
+            "inertance of the oil between the delivery valve and the pressure sensor", "0-40 mm of 2 mm bore"),
 )  # fmt: skip
 END_ROWS = (
     parameter("end_of_delivery", "theta_end", "deg", DEGREE, (45.0, 3.0, 178.0, 0.3), None,
