@@ -9,7 +9,7 @@ from camtorque.laws.chamber import FLOW, KERNEL_UNITS, LOWEST
 from camtorque.laws.fluid import ATMOSPHERE, specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import LAMINAR, SUCTION_OPENS, SUCTION_SOFT, flow_root, opening, suction_root
-from camtorque.laws.valve import CUSHION, STOP, STOP_CUSHION, STOP_LOSS, lifted, stop_force
+from camtorque.laws.valve import CUSHION, STOP, STOP_CUSHION, STOP_LOSS, lifted, seat_drop, stop_force
 from laws_cases import N, chain_input, refined, start_values
 
 CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0, "outlet_return": 0.0}
@@ -70,6 +70,14 @@ def test_oil_between_valve_and_sensor_takes_pressure_to_be_accelerated(inertance
     stated = 1e-6 * FLOW * values["seat_gain"] * 1e-3 * lifts * roots  # mm^3/ms per mm^3 and root of a bar
     np.testing.assert_allclose(stated, seat[flowing], rtol=1e-3)
     assert np.max(np.abs(entry - data.line_pressure)[flowing]) >= 0.15 * inertance
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-3, 1.0, 300.0, 1e5])
+@pytest.mark.parametrize("total", [-2000.0, -0.3, -1e-5, 0.0, 1e-5, 0.02, 5.0, 2000.0])
+def test_the_drop_over_the_seat_and_what_the_oil_takes_add_up(total, share):
+    drop = seat_drop(total, share)
+    assert drop + share * flow_root(drop)[0] == pytest.approx(total, rel=1e-9, abs=1e-9)
+    assert drop * total >= 0.0
 
 
 def test_the_root_of_a_suction_valve_has_no_corner():

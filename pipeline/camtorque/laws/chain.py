@@ -48,7 +48,7 @@ BRIDGE = np.array([False, *ON_BRIDGE])
 """Which of the torque without linear parameters and its columns the bridge alone feels."""
 GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
 assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
-NO_PATH = np.zeros((0, 4))
+NO_PATH = np.zeros((0, 3))
 
 
 SEEN_ORDER = 1.0e-9

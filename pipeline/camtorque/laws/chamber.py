@@ -24,7 +24,7 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
-from camtorque.laws.valve import RETURN_SPAN, SPRING, lifted, stop_force
+from camtorque.laws.valve import RETURN_SPAN, SPRING, lifted, seat_drop, stop_force
 
 ROWS = (
     parameter("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
@@ -92,7 +92,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
-    known : (m, 4) the ``path`` of a pass with the same parameters, from which one iteration is left to do; (0, 4): none
+    known : (m, 3) the ``path`` of a pass with the same parameters, from which one iteration is left to do; (0, 3): none
     want_tangents : False leaves ``tangents`` empty
 
     Returns
@@ -101,8 +101,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     tangents : (n, N + n_shift) its derivatives
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations
     flows : (n, 4) inlet port, spill, seat, leak [mm^3/ms]
-    path : (m, 4) pressure, gallery pressure, volume swept by the valve and flow into the line after each of the m time
-        steps; (0, 4) where one of them did not settle
+    path : (m, 3) pressure, gallery pressure and volume swept by the valve after each of the m time steps;
+        (0, 3) where one of them did not settle
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
@@ -123,7 +123,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     w_t = np.zeros(n_all)
     p_t = np.zeros(n_all)
     g_t = np.zeros(n_all)
-    path = np.empty((np.sum(substeps), 4))
+    path = np.empty((np.sum(substeps), 3))
     place, settled = 0, True
     p, g, u, speed, w = feed, feed, 0.0, 0.0, 0.0
     p_step, g_step, dt_old = 0.0, 0.0, 1.0
@@ -170,7 +170,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             if last:
                 p = known[place, 0]
                 if not closed:
-                    g, u, w = known[place, 1], known[place, 2], known[place, 3]
+                    g, u = known[place, 1], known[place, 2]
             else:
                 p = moved_pressure(p, p_step * dt / dt_old)
                 if not closed:
@@ -178,7 +178,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                     u = max(u + dt * speed, -0.5)
             while True:
                 if count == AHEAD_ITERATIONS and not last:
-                    p, g, u, w = p_old, g_old, u_old, w_old
+                    p, g, u = p_old, g_old, u_old
                     if not closed:
                         u = max(u + 0.5 * dt * speed, -0.5)
                 share, share_p, share_k, share_b, share_a = specific_volume(p, modulus, bend, air)
@@ -202,10 +202,14 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
                 out, out_d = flow_root(p - g)
                 lift_u, lift_ud = lifted(u, retraction)
-                entry = behind + pull * (w - w_old)
-                through, through_d = flow_root(g - entry)
                 k_seat = FLOW * seat
                 velocity = (u - u_old) / dt
+                drop, entry = g - behind, behind
+                if pull > 0.0:
+                    drop = seat_drop(drop - pull * (velocity - w_old), pull * k_seat * lift_u)
+                    entry = g - drop
+                through, through_d = flow_root(drop)
+                w = velocity + k_seat * lift_u * through
                 stop, stop_u, stop_old, stop_top = stop_force(u, velocity, dt, retraction + stroke)
                 room = v_gallery + u
                 f1 += dt * k_out * out
@@ -225,11 +229,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 j22 += f2 * shared_p / shared
                 # the flow into the line, f4 = w - u' - Q_seat = 0, is eliminated
                 k_through = k_seat * lift_u * through_d
-                f4 = w - velocity - k_seat * lift_u * through
                 j42, j43 = -k_through, -1.0 / dt - k_seat * lift_ud * through
                 over44 = 1.0 / (1.0 + k_through * pull)
                 share2, share3 = -dt * k_through * pull * over44, pull * over44
-                f2, f3 = f2 - share2 * f4, f3 - share3 * f4
                 j22, j23 = j22 - share2 * j42, j23 - share2 * j43
                 j32, j33 = j32 - share3 * j42, j33 - share3 * j43
                 # j21 = j12 and j13 = 0
@@ -247,18 +249,15 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 p_tried, p = p, moved_pressure(p, dp)
                 g_tried, g = g, moved_pressure(g, dg)
                 u += du
-                dw = -(f4 + j42 * (g - g_tried) + j43 * du) * over44
-                w += dw
+                w -= (j42 * (g - g_tried) + j43 * du) * over44
                 if last or count > MOST_ITERATIONS:
                     break
                 if abs(dp) < settled_change(p) and abs(dg) < settled_change(g) and abs(du) < VOLUME_SETTLED:
-                    if abs(pull * dw) > settled_change(g):
-                        continue
                     if not want_tangents:
                         break
                     last = True
             settled = settled and count <= MOST_ITERATIONS
-            path[place, 0], path[place, 1], path[place, 2], path[place, 3] = p, g, u, w
+            path[place, 0], path[place, 1], path[place, 2] = p, g, u
             place += 1
             p_step, g_step, dt_old = p - p_old, g - g_old, dt
             states[i, 2] += count

@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from camtorque.compiled import njit
+from camtorque.laws.ports import flow_root
 from camtorque.laws.rows import parameter
 from camtorque.units import DEGREE
 
@@ -36,6 +37,8 @@ RETURN_SPAN = 0.3
 """Lift over which the outlet opens again on the return [mm]."""
 LIFTED = 0.3
 """Volume over which the seat's opening is rounded [mm^3]."""
+SEAT_ITERATIONS, SEAT_SETTLED = 30, 1.0e-12
+"""Steps to the drop over the seat at most, and their last change over one bar and the total."""
 
 ROWS = (
     parameter("valve_opening", "p_open", "bar", 1.0e5, (20.0, 1.0, 150.0, 3.0), (25.0, 20.0),
@@ -78,6 +81,29 @@ def lifted(u, retraction):  # type: ignore[no-untyped-def]
     x = u - retraction
     root = np.sqrt(x * x + LIFTED * LIFTED)
     return 0.5 * (x + root), 0.5 * (1.0 + x / root)
+
+
+@njit(cache=True, error_model="numpy")
+def seat_drop(total, share):  # type: ignore[no-untyped-def]
+    """Return the pressure drop over the seat [bar] where its flow takes a share of the total to be accelerated.
+
+    It is ``x + share root(x) = total``: from the root without its rounded corner, a few steps.
+
+    Parameters
+    ----------
+    total : drop over seat and oil where nothing flowed through the seat [bar]
+    share : pressure that the oil takes, over the root of the drop over the seat [bar^(1/2)]
+    """
+    size = abs(total)
+    root = 2.0 * size / (share + np.sqrt(share * share + 4.0 * size)) if size > 0.0 else 0.0
+    drop = root * root if total > 0.0 else -root * root
+    for _ in range(SEAT_ITERATIONS):
+        value, slope = flow_root(drop)
+        change = (total - drop - share * value) / (1.0 + share * slope)
+        drop += change
+        if abs(change) < SEAT_SETTLED * (1.0 + size):
+            break
+    return drop
 
 
 @njit(cache=True, error_model="numpy", inline="always")
