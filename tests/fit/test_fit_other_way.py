@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK
 from camtorque.fit.minima import asked_below, at_minimum, judged
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows, with_starts
+from camtorque.fit.single import AT_REST, sought_again
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.laws import ROWS
 from camtorque.laws.driveline import cam_side_inertia
 from fit_cases import bridged, quick, quick_data
@@ -89,3 +92,23 @@ def test_shafts_are_stiff_or_yield_on_likely_cams(best):
             assert shaft["shaft_compliance"] == becomes
             sides.append(cam_side_inertia(shaft) / data.chain.pump.cam_inertia)
         assert sides == pytest.approx(CAM_SIDES)
+
+
+def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest(best, halves, monkeypatch):
+    wrong = judged(at_minimum(released(best.data)), *halves)
+    asked = []
+
+    def other_search(data, held):
+        asked.append(data.rows["line_inertance"].upper)
+        return [best], NO_VALLEY
+
+    monkeypatch.setattr(single, "swept", lambda item, data, held: (item, NO_VALLEY))
+    monkeypatch.setattr(single, "sought", other_search)
+    found, _ = sought_again([wrong], NO_VALLEY, *halves)
+    assert asked == [AT_REST]
+    assert found[0].value <= best.value + 0.1
+    assert found[0].data.rows["line_inertance"].upper == ROWS["line_inertance"].upper
+    assert found[1:] == [wrong]
+    # what is no better changes nothing
+    monkeypatch.setattr(single, "sought", lambda data, held: ([wrong], NO_VALLEY))
+    assert sought_again([best], NO_VALLEY, *halves) == ([best], NO_VALLEY)

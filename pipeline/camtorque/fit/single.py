@@ -12,9 +12,9 @@ from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unex
 from camtorque.fit.minima import Candidate, at_minimum, attempted, followed, judged, with_its_lost_torque
 from camtorque.fit.other_way import ways
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
-from camtorque.fit.problem import STRUCTURES, FitData, Problem
+from camtorque.fit.problem import STRUCTURES, FitData, Problem, with_rows
 from camtorque.fit.residual import explains
-from camtorque.fit.search import Found, search
+from camtorque.fit.search import DISSATISFYING, Found, search
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, along_valley, covariance, pressure_jacobian
 from camtorque.fit.valley import ANGLE, Valley, swept
@@ -33,6 +33,8 @@ SWITCHING = "switching delay of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
 MINIMA = 5
 """Minima that are compared at most."""
+AT_REST = 1.0e3
+"""Inertance that moves nothing [kg/m^4]."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,19 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
     held = other_half(data, means)
+    minima, valley = sought(data, held)
+    if minima[0].doubt > DISSATISFYING:
+        minima, valley = sought_again(minima, valley, data, held)
+    return Prepared(recording, cycles, rigid, means, distinct(minima), valley, data.chain.shaft_torque)
+
+
+def sought(data: FitData, held: FitData) -> tuple[list[Candidate], Valley]:
+    """Return all minima that a search ends at, the best one first, and the valley of that.
+
+    Parameters
+    ----------
+    data, held : the half of the cycles that is fitted and the other one
+    """
     ends = compared(search(data, held, tuple(STRUCTURES)), data, held)
     corrected = attempted(with_its_lost_torque, ends[0], data.chain.shaft_torque)
     kept = [ends[0], judged(corrected, data, held)] if corrected else ends[:1]
@@ -101,8 +116,23 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     turned = ways(best, data, held)
     if turned[0] is not best:
         best, valley = swept(turned[0], data, held)
-    others = sorted([*turned, *ends[1:]], key=lambda item: item.value)
-    return Prepared(recording, cycles, rigid, means, distinct([best, *others]), valley, data.chain.shaft_torque)
+    return [best, *sorted([*turned, *ends[1:]], key=lambda item: item.value)], valley
+
+
+def sought_again(
+    minima: list[Candidate], valley: Valley, data: FitData, held: FitData
+) -> tuple[list[Candidate], Valley]:
+    """Return `sought` with what a search finds whose oil up to the sensor stays at rest, where that is better.
+
+    Search and parameters are the same but for one that is not there, so that other basins are found.
+    """
+    upper = data.rows["line_inertance"].upper
+    still = sought(with_rows(data, {"line_inertance": {"upper": AT_REST}}), held)[0][0]
+    freed = attempted(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
+    if freed is None or judged(freed, data, held).value > minima[0].value:
+        return minima, valley
+    best, valley = swept(judged(freed, data, held), data, held)
+    return [best, *minima], valley
 
 
 def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
