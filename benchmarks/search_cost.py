@@ -65,8 +65,8 @@ def default_end(path: Sequence[Stage]) -> int:
     """Return the place of the stage at which a run ends the search."""
     hops = 0
     for place, stage in enumerate(path[:-1]):
-        hops += stage.name == "hop"
-        if path[place + 1].name == "hop" and not any(stage.chi_square > above and hops < most for above, most in HOPS):
+        hops += 2 * (stage.name == "hops")
+        if path[place + 1].name == "hops" and not any(stage.chi_square > above and hops < most for above, most in HOPS):
             return place
     return len(path) - 1
 
@@ -91,7 +91,7 @@ def summary(paths: Sequence[Sequence[Stage]]) -> str:
     ends = {
         "first starts": [0 for _ in paths],
         "the end of delivery scanned": [max(_last(path, ("first starts", "end of delivery")), 0) for path in paths],
-        "all moves": [max(k for k, stage in enumerate(path) if stage.name != "hop") for path in paths],
+        "all moves": [max(k for k, stage in enumerate(path) if stage.name != "hops") for path in paths],
         "hops, as a run ends them": [default_end(path) for path in paths],
         f"{LONG} hops": [len(path) - 1 for path in paths],
     }

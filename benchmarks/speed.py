@@ -33,7 +33,7 @@ from camtorque.fit import single  # noqa: E402
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem  # noqa: E402
 from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
-from camtorque.fit.solver import lifts_at, normal_equations, solve, try_at  # noqa: E402
+from camtorque.fit.solver import WHOLE, lifts_at, normal_equations, solve, try_at  # noqa: E402
 from camtorque.fit.starts import coarse, refined  # noqa: E402
 from camtorque.fit.valley import swept  # noqa: E402
 from camtorque.ingest import read_recording  # noqa: E402
@@ -86,7 +86,7 @@ def all_residuals(problem: Problem) -> Callable[[np.ndarray], np.ndarray]:
 def peer_lines(problem: Problem) -> Iterator[str]:
     """Yield the fit of one recording by this package and by general solvers, from one start."""
     lifts = lifts_at(problem, problem.start)
-    own, found = once(lambda: solve(problem, None, 60, lifts))
+    own, found = once(lambda: solve(problem, None, WHOLE, lifts))
     yield "| solver, same start, same residuals | processor time | ratio | chi-square reached |"
     yield "|---|---|---|---|"
     yield f"| camtorque (variable projection, exact derivatives) | {own:.2f} s | 1 | {found.chi_square:.1f} |"

@@ -26,12 +26,19 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def squared(number: int) -> tuple[int, int]:
+    time.sleep(0.02)  # so that one process does not do them all
     return number**2, os.getpid()
+
+
+def weighing(weight: int) -> tuple[int, int]:
+    time.sleep(0.02 * weight)
+    return weight, os.getpid()
 
 
 def dying(number: int) -> int:
     if os.getpid() != HOME:
         os._exit(1)
+    time.sleep(0.02)
     return number
 
 
@@ -56,6 +63,13 @@ def test_results_come_in_order_from_two_processes_again_and_again() -> None:
             assert [value for value, _ in found] == [k**2 for k in range(count)]
             assert len({number for _, number in found}) == 2
     assert {number for _, number in in_two(squared, range(3))} == {os.getpid()}
+
+
+def test_a_process_begins_the_next_item_as_soon_as_it_has_done_one() -> None:
+    with second_process():
+        found = in_two(weighing, [1, 20, 1, 1, 1, 1])
+    (long,) = [number for weight, number in found if weight == 20]
+    assert [number for weight, number in found[2:] if number == long] == []
 
 
 def test_one_core_or_one_item_needs_no_second_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,6 +100,7 @@ def test_an_error_is_that_of_one_process() -> None:
         assert in_two(squared, range(2))[1][0] == 1
         with pytest.raises(FloatingPointError, match="number 1"):
             in_two(partial(_failing_later), range(2))
+        assert [value for value, _ in in_two(squared, range(3))] == [0, 1, 4]
 
 
 def _failing_later(number: int) -> int:

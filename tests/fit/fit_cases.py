@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from camtorque.fit.descent import Effort
 from camtorque.fit.minima import Candidate, followed
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import FitData, build_problem, with_starts
@@ -82,7 +83,7 @@ def quick(run_key: tuple, n_theta: int = 1800, iterations: int = 40) -> Candidat
     data = quick_data(run_key, n_theta)
     problem = build_problem([data])
     lifts = lifts_at(problem, problem.start)
-    return followed(data, Start(data, lifts, solve(problem, None, 1, lifts).chi_square), iterations)
+    return followed(data, Start(data, lifts, solve(problem, None, Effort(1), lifts).chi_square), Effort(iterations))
 
 
 def quick_prepared(*run_key) -> Prepared:

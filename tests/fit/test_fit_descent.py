@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from camtorque.fit.descent import LOOKED_BACK, Descent, gone_behind, minimise
+from camtorque.fit.descent import LOOKED_BACK, Descent, Effort, gone_behind, minimise
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def test_a_descent_goes_on_where_damping_alone_promises_nothing():
     start = descent.try_at(np.zeros(2))
     # with the damping that a descent begins with, the way along the valley is hidden
     assert descent.step(descent.linearise(start), start.z, 1e-2)[1] < 1e-3
-    ended = minimise(descent, start, 40)
+    ended = minimise(descent, start, Effort(40))
     assert ended.cost[2]
     assert start.chi_square == pytest.approx(25.0)
     assert ended.trial.chi_square < 0.1
@@ -63,7 +63,7 @@ def test_a_descent_ends_where_what_promises_more_has_failed():
         return trial if np.all(z == 0.0) else Tilted(z, trial.residual + 10.0)
 
     ended = minimise(
-        Descent(wall, descent.linearise, descent.step, descent.promise, descent.bounds), wall(np.zeros(2)), 40
+        Descent(wall, descent.linearise, descent.step, descent.promise, descent.bounds), wall(np.zeros(2)), Effort(40)
     )
     assert np.all(ended.trial.z == 0.0)
     assert ended.cost[1] < 40
@@ -77,14 +77,14 @@ def test_a_descent_that_will_not_come_below_what_is_asked_for_is_given_up():
         return 0.02 * found, 0.04 * promise
 
     slow, start = replace(descent, step=creeping), descent.try_at(np.zeros(2))
-    assert minimise(slow, start, 40).cost[0] == 40
-    given_up = minimise(slow, start, 40, limit=1.0)
+    assert minimise(slow, start, Effort(40)).cost[0] == 40
+    given_up = minimise(slow, start, Effort(40, limit=1.0))
     assert given_up.cost == (LOOKED_BACK, LOOKED_BACK + 1, False)
     assert 15.0 < given_up.trial.chi_square < 25.0
     # one that comes there all the same is not
     still = given_up.trial.chi_square - 12.0 * (25.0 - given_up.trial.chi_square) / LOOKED_BACK
-    assert minimise(slow, start, 40, limit=still + 1.0).cost[0] == 40
-    assert minimise(descent, start, 40, limit=1.0).trial.chi_square < 0.1
+    assert minimise(slow, start, Effort(40, limit=still + 1.0)).cost[0] == 40
+    assert minimise(descent, start, Effort(40, limit=1.0)).trial.chi_square < 0.1
 
 
 def test_a_descent_is_not_given_up_before_its_gain_is_known():

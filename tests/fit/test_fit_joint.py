@@ -12,6 +12,7 @@ import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, arrow_inverse
+from camtorque.fit.descent import Effort
 from camtorque.fit.drift import contradiction, contradiction_findings, drift_spread, shared_drifts
 from camtorque.fit.joint import (
     common_error,
@@ -238,7 +239,7 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     found = left_out_values(joint, shares(solution), index)
     rest = build_problem(started_at(problem, solution.z)[:2])
     task = joint_task(problem, solution.z, 0.0)
-    alone = solve(rest, rest.start, 12, (task.lift(0), task.lift(1)))
+    alone = solve(rest, rest.start, Effort(12), (task.lift(0), task.lift(1)))
     names = problem.names
     std = covariance(rest, alone).std
     for name in ("trigger_offset", "dead_volume", "shaft_compliance", "port_closing_lift"):
@@ -376,7 +377,7 @@ def test_many_recordings_are_solved_as_few_are(prepared):
     data = with_common_rows([common_error(item.data, 3) for item in prepared])
     problem = build_problem(data)
     task = joint_task(problem, problem.start, 0.02)
-    whole = solve(problem, problem.start, 4, tuple(map(task.lift, range(3))), 0.02)
+    whole = solve(problem, problem.start, Effort(4), tuple(map(task.lift, range(3))), 0.02)
     blocks = solve_many(problem, problem.start, 4, 0.02)
     assert (blocks.iterations, blocks.evaluations) == (whole.iterations, whole.evaluations)
     np.testing.assert_allclose(blocks.z, whole.z, rtol=1e-6, atol=1e-9 * problem.steps.max())

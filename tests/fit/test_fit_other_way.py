@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 from camtorque.fit import single
-from camtorque.fit.descent import LOOKED_BACK
-from camtorque.fit.minima import asked_below, at_minimum, judged
+from camtorque.fit.descent import LOOKED_BACK, Effort
+from camtorque.fit.minima import at_minimum, beside, judged
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows, with_starts
@@ -65,10 +65,10 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
 def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
     turned_data = released(best.data)
     followed = at_minimum(turned_data)
-    given_up = at_minimum(turned_data, limit=asked_below(best.value))
-    assert followed.solution.chi_square > asked_below(best.value)
+    given_up = at_minimum(turned_data, beside(best.value))
+    assert followed.solution.chi_square > beside(best.value).limit
     assert LOOKED_BACK <= given_up.solution.iterations < followed.solution.iterations
-    asked_for = at_minimum(turned_data, limit=1.01 * followed.solution.chi_square)
+    asked_for = at_minimum(turned_data, Effort(40, limit=1.01 * followed.solution.chi_square))
     assert asked_for.solution.chi_square == followed.solution.chi_square
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.descent import Effort
 from camtorque.fit.problem import FitData, build_problem, with_rows, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.solver import (
@@ -70,7 +71,7 @@ def plain(problem):
 
 def test_minimum_is_that_of_scipy(data):
     problem = only_free(data)
-    found = solve(problem, None, 60, (no_lift(),))
+    found = solve(problem, None, Effort(60), (no_lift(),))
     expected, chi_square = plain(problem)
     assert found.converged
     assert found.chi_square == pytest.approx(chi_square, abs=0.02)
@@ -82,7 +83,7 @@ def test_minimum_is_that_of_scipy(data):
 
 def test_truth_lies_where_noise_and_priors_allow(data):
     problem = only_free(data)
-    found = solve(problem, None, 60, (no_lift(),))
+    found = solve(problem, None, Effort(60), (no_lift(),))
     std = np.sqrt(np.diag(np.linalg.inv(found.hessian)))
     error = found.z - np.array([TRUE[parameter.row.name] for parameter in problem.parameters])
     assert np.max(np.abs(error) / std) < 3.5
@@ -93,7 +94,7 @@ def test_truth_lies_where_noise_and_priors_allow(data):
 def test_a_bound_in_the_way_holds(data, name):
     below = 0.5 * TRUE[name]
     problem = only_free(with_rows(data, {name: {"upper": below, "start": 0.5 * below, "prior": None}}))
-    found = solve(problem, None, 60, (no_lift(),))
+    found = solve(problem, None, Effort(60), (no_lift(),))
     expected, chi_square = plain(problem)
     place = problem.index(name)
     assert found.z[place] == pytest.approx(below, rel=1e-12)
@@ -104,21 +105,21 @@ def test_a_bound_in_the_way_holds(data, name):
 
 def test_a_narrow_prior_wins_over_the_data(data):
     narrow = {"prior": (0.02, 1e-6), "start": 0.05}
-    found = solve(only_free(with_rows(data, {"guide_friction": narrow})), None, 60, (no_lift(),))
+    found = solve(only_free(with_rows(data, {"guide_friction": narrow})), None, Effort(60), (no_lift(),))
     assert found.z[only_free(data).index("guide_friction")] == pytest.approx(0.02, abs=1e-4)
-    wide = solve(only_free(data), None, 60, (no_lift(),))
+    wide = solve(only_free(data), None, Effort(60), (no_lift(),))
     assert found.data_chi_square > wide.data_chi_square + 10.0
 
 
 def test_an_unfinished_search_says_so(data):
     far = with_starts(data, {"trigger_offset": -2.0 * DEGREE, "guide_friction": 0.3, "cutoff": 500.0})
     problem = only_free(far)
-    short = solve(problem, None, 1, (no_lift(),))
+    short = solve(problem, None, Effort(1), (no_lift(),))
     assert not short.converged
-    whole = solve(problem, None, 60, (no_lift(),))
+    whole = solve(problem, None, Effort(60), (no_lift(),))
     assert whole.converged
     assert whole.chi_square < short.chi_square
-    again = solve(problem, whole.z, 60, (no_lift(),))
+    again = solve(problem, whole.z, Effort(60), (no_lift(),))
     assert again.converged
     assert again.chi_square == pytest.approx(whole.chi_square, abs=0.05)
 
@@ -200,7 +201,7 @@ def test_own_parameters_of_two_recordings_are_their_own(data):
     assert names.count("guide_friction") == 1
     assert {"torque_zero__one", "torque_zero__two"} <= set(names)
     wide = [with_rows(item, {"torque_zero": {"prior": (0.0, 5.0)}}) for item in (data, other)]
-    found = solve(build_problem(wide, held), None, 40, (no_lift(), no_lift()))
+    found = solve(build_problem(wide, held), None, Effort(40), (no_lift(), no_lift()))
     zeros = [found.z[names.index(f"torque_zero__{name}")] for name in ("one", "two")]
     assert zeros[1] - zeros[0] == pytest.approx(0.5, abs=1e-6)
 

@@ -55,6 +55,20 @@ class Descent(Generic[T, P]):
 
 
 @dataclass(frozen=True)
+class Effort:
+    """How far a descent is followed.
+
+    iterations : of normal equations, at most
+    gain : share of chi-square that a step has to promise
+    limit : chi-square above which nobody asks for the minimum: the descent is given up where it will not come below
+    """
+
+    iterations: int
+    gain: float = RELATIVE_GAIN
+    limit: float = np.inf
+
+
+@dataclass(frozen=True)
 class Ended(Generic[T, P]):
     """Where a descent ended: the last trial, the normal equations there if they are known, and what it cost.
 
@@ -66,31 +80,21 @@ class Ended(Generic[T, P]):
     cost: tuple[int, int, bool]
 
 
-def minimise(
-    descent: Descent[T, P], start: T, max_iterations: int, relative_gain: float = RELATIVE_GAIN, limit: float = np.inf
-) -> Ended[T, P]:
-    """Return where a descent ends.
-
-    Parameters
-    ----------
-    start : the problem where the descent starts, within the bounds
-    max_iterations : of normal equations
-    relative_gain : share of chi-square that a step has to promise
-    limit : chi-square above which nobody asks for the minimum: the descent is given up where it will not come below
-    """
+def minimise(descent: Descent[T, P], start: T, effort: Effort) -> Ended[T, P]:
+    """Return where a descent ends that begins at a start within the bounds."""
     lower, upper = descent.bounds
     trial = start
     evaluations, damping, iterations, converged = 1, 1.0e-2, 0, False
     known: P | None = None
     reached: list[float] = []
-    while iterations < max_iterations:
+    while iterations < effort.iterations:
         reached.append(trial.chi_square)
-        if gone_behind(reached, limit):
+        if gone_behind(reached, effort.limit):
             break
         point = known = descent.linearise(trial)
         iterations += 1
         accepted, failed, gained, undamped = False, False, 0.0, np.nan
-        goal = relative_gain * trial.chi_square + LEAST_GAIN
+        goal = effort.gain * trial.chi_square + LEAST_GAIN
         while not converged and damping < LARGEST_DAMPING:
             step, promise = descent.step(point, trial.z, damping)
             if promise < goal:

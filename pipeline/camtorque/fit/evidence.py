@@ -18,15 +18,18 @@ Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from camtorque import laws
+from camtorque.fit.descent import Effort
 from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import Covariance, inverse, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
+from camtorque.process.second_process import in_two
 from camtorque.records import Array, LossEvidence
 
 NEEDED, NOT_NEEDED = 6.0, -10.0
@@ -99,14 +102,14 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
     posterior = Gaussian(unbounded_mean(solution, cov), cov.matrix, *problem.bounds)
     prior = prior_of(problem, cov.prior_std)
     full = laplace(problem, solution, cov.inflation)
+    places = {name: np.array([k for k in map(problem.index, members) if k >= 0]) for name, members in LOSSES.items()}
+    quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
+    close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
+    refits = dict(zip(close, in_two(partial(_refitted, problem, solution, cov), close), strict=True))
     result = []
-    for name, members in LOSSES.items():
-        chosen = np.array([k for k in (problem.index(member) for member in members) if k >= 0])
-        quick = savage_dickey(posterior, prior, chosen)
+    for name, chosen in places.items():
+        quick, refit = quickly[name], refits.get(name, np.nan) - full
         size, interval, unit = _size(problem, solution, posterior, chosen, name)
-        refit = np.nan
-        if quick < REFIT_BELOW or name == "driveline":
-            refit = _refitted(problem, solution, cov, members) - full
         factor = refit if name == "driveline" and not np.isnan(refit) else quick
         small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
         limit = np.degrees(SMALL_ANGLE) if unit == "deg" else small
@@ -129,13 +132,13 @@ def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence,
     )  # fmt: skip
 
 
-def _refitted(problem: Problem, solution: Solution, cov: Covariance, members: tuple[str, ...]) -> float:
+def _refitted(problem: Problem, solution: Solution, cov: Covariance, name: str) -> float:
     """Return -2 ln Z of the fit without a loss."""
-    fewer = build_problem(problem.data, dict.fromkeys(members, 0.0))
+    fewer = build_problem(problem.data, dict.fromkeys(LOSSES[name], 0.0))
     kept = dict(zip(problem.names, solution.z, strict=True))
     start = np.array([kept[name] for name in fewer.names])
     try:
-        found = solve(fewer, start, 25, solution.lifts)
+        found = solve(fewer, start, Effort(25), solution.lifts)
     except (FloatingPointError, np.linalg.LinAlgError):
         return np.nan  # so far from the data without it that the tangents overflow
     return laplace(fewer, found, cov.inflation)

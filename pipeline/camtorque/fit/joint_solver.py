@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, Mask, Places
-from camtorque.fit.descent import Descent, minimise
+from camtorque.fit.descent import Descent, Effort, minimise
 from camtorque.fit.problem import Problem
 from camtorque.fit.quadratic import scaled_columns, weighted_columns
 from camtorque.fit.solver import (
@@ -247,7 +247,7 @@ def solve_many(
         promise=lambda point, z: _promise(task, point, z),
         bounds=problem.bounds,
     )
-    ended = minimise(descent, descent.try_at(np.clip(start, *descent.bounds)), max_iterations)
+    ended = minimise(descent, descent.try_at(np.clip(start, *descent.bounds)), Effort(max_iterations))
     return _solution(task, ended.trial, ended.point or linearised(task, ended.trial), ended.cost)
 
 

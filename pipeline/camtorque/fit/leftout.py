@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.descent import Effort
 from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import endings_of
@@ -246,7 +247,7 @@ def typical(known: KnownFit, data: FitData, shared: Mapping[str, float], ends: M
 
 def _prediction(item: JointInput, data: FitData, held: Mapping[str, float], mode: str, lift: Array) -> HeldOut:
     problem = build_problem([data], held)
-    z = solve(problem, None, 20).z if problem.size else np.zeros(0)
+    z = solve(problem, None, Effort(20)).z if problem.size else np.zeros(0)
     means = item.means
     torque = modelled(problem, z, 0, lift, item.measured, (means.held_torque, means.held_pressure)).torque
     if mode == "blind" and _zero_unknown(item):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camtorque.fit.descent import Effort
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import Solution, solve, try_at
 from camtorque.fit.starts import Start, refined
@@ -15,7 +16,7 @@ from camtorque.laws.driveline import RIGID, cam_side_inertia
 from camtorque.records import Array
 
 FILTER_ROUNDS = 2
-POLISH_ITERATIONS = 40
+POLISH = Effort(40)
 ASKED_TIMES, ASKED_PLUS = 1.15, 5.0
 """A minimum is asked for while its chi-square may come below the best one's times and plus these: beyond, it has no
 weight beside that."""
@@ -66,25 +67,25 @@ def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | 
         return None
 
 
-def asked_below(value: float) -> float:
-    """Return the chi-square below which minima beside the best one, of that value, are asked for."""
-    return ASKED_TIMES * value + ASKED_PLUS
+def beside(value: float) -> Effort:
+    """Return the effort that minima beside the best one, of that chi-square, are worth."""
+    return replace(POLISH, limit=ASKED_TIMES * value + ASKED_PLUS)
 
 
-def followed(data: FitData, start: Start, iterations: int = POLISH_ITERATIONS, limit: float = np.inf) -> Candidate:
-    """Return the minimum that a start leads to on the fine grid; ``limit`` as in `solve`."""
+def followed(data: FitData, start: Start, effort: Effort = POLISH) -> Candidate:
+    """Return the minimum that a start leads to on the fine grid."""
     item = replace(start.data, lift_basis=data.lift_basis, chain=replace(
         data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
     ))  # fmt: skip
     problem = build_problem([item])
     item = refined(item, problem.values(problem.start, 0)[0])
-    return at_minimum(item, iterations, limit)
+    return at_minimum(item, effort)
 
 
-def at_minimum(item: FitData, iterations: int = POLISH_ITERATIONS, limit: float = np.inf) -> Candidate:
-    """Return a recording at the minimum that its own start leads to; ``limit`` as in `solve`."""
+def at_minimum(item: FitData, effort: Effort = POLISH) -> Candidate:
+    """Return a recording at the minimum that its own start leads to."""
     problem = build_problem([item])
-    solution = solve(problem, None, iterations, limit=limit)
+    solution = solve(problem, None, effort)
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
     item = with_starts(item, starts)
     return Candidate(item, build_problem([item]), solution)

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, asked_below, at_minimum, attempted, judged
+from camtorque.fit.minima import Candidate, at_minimum, attempted, beside, judged
 from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.search import UNSURE
 from camtorque.fit.swings import ringing_alike
@@ -76,7 +76,7 @@ def ways(best: Candidate, data: FitData, held: FitData) -> list[Candidate]:
     found = [best]
     for _ in range(ROUNDS):
         least = found[0].value
-        follow = partial(attempted, partial(at_minimum, limit=asked_below(least)))
+        follow = partial(attempted, partial(at_minimum, effort=beside(least)))
         ends = in_two(follow, turned(found[0]))
         found = sorted([*found, *(judged(end, data, held) for end in ends if end)], key=lambda item: item.value)
         if found[0].value > least - max(GAINED, SHARE * least):

@@ -12,7 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, asked_below, attempted, followed, judged, lost_torque, with_lost_torque
+from camtorque.fit.descent import Effort
+from camtorque.fit.minima import Candidate, attempted, beside, followed, judged, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.residual import explains
@@ -164,15 +165,18 @@ def hop_from(found: Found, hop: int, elsewhere: bool) -> FitData:
 def hops(found: Found, halves: Halves, most: Hops) -> Iterator[tuple[str, Found]]:
     """Yield what was found with what follows from drawing liquid, valve or driveline of the best minimum anew.
 
-    They stand in for one another in many ways, each a minimum of its own that no small step leaves.
+    They stand in for one another in many ways, each a minimum of its own that no small step leaves. Two at a time hop
+    from the same minimum, one for each process: one of fourteen finds anything.
     """
-    for hop in range(max(count for _, count in most)):
+    for hop in range(0, max(count for _, count in most), 2):
         doubt = halves.doubt(found.minimum)
         if found.best is None or not any(doubt > above and hop < count for above, count in most):
             break
-        drawn = hop_from(found, hop, doubt > DISSATISFYING)
-        found = extended(found, descend({drawn.structure: [drawn]}, HOP_SMOOTHINGS_DEG, False), halves)
-        yield "hop", found
+        items: Items = {}
+        for drawn in (hop_from(found, number, doubt > DISSATISFYING) for number in (hop, hop + 1)):
+            items.setdefault(drawn.structure, []).append(drawn)
+        found = extended(found, descend(items, HOP_SMOOTHINGS_DEG, False), halves)
+        yield "hops", found
 
 
 def outlet_opening_again(start: Start) -> list[FitData]:
@@ -291,14 +295,14 @@ def extended(found: Found, more: Starts, halves: Halves) -> Found:
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
     new = [start for start in new[:POLISHED] if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS]
     twisted = with_lost_torque(halves.fitted, halves.lost)
-    ends = in_two(partial(_end_of, halves, twisted, asked_below(found.value)), new)
+    ends = in_two(partial(_end_of, halves, twisted, beside(found.value)), new)
     minima = [*found.minima, *((start, end) for start, end in zip(new, ends, strict=True) if end)]
     return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
 
 
-def _end_of(halves: Halves, twisted: FitData, limit: float, start: Start) -> Candidate | None:
-    """Return the judged minimum of ``twisted`` that a start leads to; ``limit`` as in `solve`."""
-    end = attempted(partial(followed, limit=limit), twisted, start)
+def _end_of(halves: Halves, twisted: FitData, effort: Effort, start: Start) -> Candidate | None:
+    """Return the judged minimum of ``twisted`` that a start leads to."""
+    end = attempted(followed, twisted, start, effort)
     return end and judged(end, halves.fitted, halves.other)
 
 

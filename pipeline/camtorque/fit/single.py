@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY
+from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unexplained
 from camtorque.fit.minima import Candidate, at_minimum, attempted, followed, judged, with_its_lost_torque
 from camtorque.fit.other_way import ways
@@ -27,7 +28,7 @@ RELAXED_TIME = 2.5e-3
 """Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
-QUICK_ITERATIONS = 5
+QUICK = Effort(5)
 """Of structures that are far behind: they are compared, not used."""
 SWITCHING = "switching delay of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
@@ -112,10 +113,8 @@ def sought(data: FitData, held: FitData) -> tuple[list[Candidate], Valley]:
     ends = compared(search(data, held, tuple(STRUCTURES)), data, held)
     corrected = attempted(with_its_lost_torque, ends[0], data.chain.shaft_torque)
     kept = [ends[0], judged(corrected, data, held)] if corrected else ends[:1]
-    best, valley = swept(min(kept, key=lambda item: item.value), data, held)
-    turned = ways(best, data, held)
-    if turned[0] is not best:
-        best, valley = swept(turned[0], data, held)
+    turned = ways(min(kept, key=lambda item: item.value), data, held)
+    best, valley = swept(turned[0], data, held)
     return [best, *sorted([*turned, *ends[1:]], key=lambda item: item.value)], valley
 
 
@@ -140,7 +139,7 @@ def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
     ends = list(distinct([item for _, item in found.minima])[:MINIMA])
     for name, group in found.starts.items():
         if group and all(item.data.structure != name for item in ends):
-            quick = attempted(followed, data, group[0], QUICK_ITERATIONS)
+            quick = attempted(followed, data, group[0], QUICK)
             if quick is not None:
                 ends.append(judged(quick, data, held))
     if not ends:
@@ -233,7 +232,7 @@ def pressure_gain_shift(best: Candidate, relative_std: float) -> Array:
     if not relative_std:
         return np.zeros(best.problem.size)
     chain = replace(best.data.chain, line_pressure=best.data.chain.line_pressure * (1.0 + relative_std))
-    moved = attempted(at_minimum, replace(best.data, chain=chain), 4) or best
+    moved = attempted(at_minimum, replace(best.data, chain=chain), Effort(4)) or best
     return moved.solution.z - best.solution.z
 
 
@@ -273,7 +272,7 @@ def relaxed_variant(best: Candidate) -> Candidate:
     area = chain.pump.plunger_area
     error = RELAXED_SHARE * values["valve_opening"] * area * np.abs(output.motion.lift[1]) * fading
     variance = 1.0 / item.weight**2 + binned(error) ** 2 * (BINS / INDEPENDENT)
-    return attempted(at_minimum, replace(item, weight=1.0 / np.sqrt(variance)), 15) or best
+    return attempted(at_minimum, replace(item, weight=1.0 / np.sqrt(variance)), Effort(15)) or best
 
 
 def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> LossEvidence:

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.descent import Descent, minimise
+from camtorque.fit.descent import Descent, Effort, minimise
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NO_PATH, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
@@ -26,6 +26,7 @@ from camtorque.records import Array, ReadOnly
 N_NONLINEAR = len(NONLINEAR_NAMES)
 LARGEST_INFORMATION = 1.0e30
 """Beyond this a tangent has run away: the point is far from anything physical."""
+WHOLE = Effort(60)
 SEARCH_GAIN = 1.0e-3
 """Share of chi-square that a step of a search has to promise."""
 LIFT_CUT = 0.05
@@ -256,19 +257,18 @@ class Point:
 def solve(
     problem: Problem,
     start: Array | None = None,
-    max_iterations: int = 60,
+    effort: Effort = WHOLE,
     lifts: tuple[LiftModes, ...] | None = None,
     smoothing: float = 0.0,
-    limit: float = np.inf,
 ) -> Solution:
     """Return a minimum of chi-square.
 
     Parameters
     ----------
     start : (k,) where to start, None for the starts of the rows
+    effort : how far the descent is followed
     lifts : lift correction of each recording, None to take it from the start
     smoothing : standard deviation of the residual's smoothing [rad]
-    limit : chi-square above which the minimum is not asked for (`descent.minimise`)
 
     Raises
     ------
@@ -278,7 +278,7 @@ def solve(
     outputs = outputs_at(problem, z)
     modes = lifts_at(problem, z, known=outputs) if lifts is None else lifts
     descent, first = _descent(problem, modes, smoothing), try_at(problem, z, modes, smoother(smoothing), outputs)
-    ended = minimise(descent, first, max_iterations, limit=limit)
+    ended = minimise(descent, first, effort)
     trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
     outer = np.outer(problem.steps, problem.steps)
     return Solution(
@@ -287,15 +287,13 @@ def solve(
     )  # fmt: skip
 
 
-def approach(
-    problem: Problem, start: Trial, max_iterations: int, lifts: tuple[LiftModes, ...], smoothing: float
-) -> Trial:
+def approach(problem: Problem, start: Trial, iterations: int, lifts: tuple[LiftModes, ...], smoothing: float) -> Trial:
     """Return where some iterations towards a minimum lead: what a search needs of it.
 
     ``start`` is of the same recordings, which may have had other weights; the other parameters are those of `solve`.
     """
     first = try_at(problem, start.z, lifts, smoother(smoothing), start.outputs)
-    return minimise(_descent(problem, lifts, smoothing), first, max_iterations, SEARCH_GAIN).trial
+    return minimise(_descent(problem, lifts, smoothing), first, Effort(iterations, SEARCH_GAIN)).trial
 
 
 def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -> Descent[Trial, Point]:

@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from camtorque.fit.descent import Effort
 from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.uncertainty import covariance
@@ -28,7 +29,8 @@ HELD = 1.0e-9
 """Standard deviation of an angle that is held [rad]."""
 STEP_SHARE, STEPS_DEG = 0.6, (0.02, 0.3)
 """Step in standard deviations of the angle at the minimum, and its limits [deg]."""
-MOST_STEPS, ITERATIONS, ROUNDS = 14, 12, 3
+MOST_STEPS, ROUNDS = 14, 3
+A_STEP = Effort(12, gain=2.0e-3)
 WALKED = 9.0
 """Rise of chi-square at which a walk ends: three standard deviations."""
 DEEPER, GAINED = 1.0, 0.5
@@ -122,7 +124,7 @@ def _stepped(best: Candidate, data: FitData, held: FitData, step: float) -> Iter
         angle += step
         if not row.lower <= angle <= row.upper:
             return
-        end = attempted(at_minimum, with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}}), ITERATIONS)
+        end = attempted(at_minimum, with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}}), A_STEP)
         if end is None:
             return
         item = end.data

@@ -24,6 +24,8 @@ from camtorque.process.threads import processors
 
 T = TypeVar("T")
 R = TypeVar("R")
+TICKET, NO_MORE = 2, b"\xff\xff"
+"""Bytes of a place among the items, and what stands for the end: one for each process."""
 PROTOCOL = 5
 """Of pickle: it keeps arrays read-only, which compiled functions tell apart."""
 
@@ -36,16 +38,19 @@ class Second:
     """The second process of this one: 0 before it is needed, -1 where there is none any more.
 
     jobs, results : pipes to it and from it
+    tickets : both ends of a pipe with the places of items that nobody has begun, from which both processes draw
     """
 
     number: int = 0
     jobs: BinaryIO | None = None
     results: BinaryIO | None = None
+    tickets: tuple[int, int] = (-1, -1)
 
     def begin(self) -> None:
         """Fork."""
         to_child, jobs = os.pipe()
         results, to_parent = os.pipe()
+        self.tickets = os.pipe()
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: none of them holds a lock
@@ -55,14 +60,17 @@ class Second:
         if self.number == 0:
             os.close(jobs)
             os.close(results)
-            _work(to_child, to_parent)
+            os.close(self.tickets[1])
+            _work(to_child, to_parent, self.tickets[0])
         os.close(to_child)
         os.close(to_parent)
         self.jobs, self.results = open(jobs, "wb"), open(results, "rb")  # noqa: SIM115 - closed by `end`
 
-    def send(self, job: tuple[Callable[[T], R], Sequence[T]]) -> None:
-        """Have a function called with each of some items."""
+    def send(self, job: tuple[Callable[[T], R], Sequence[T]], begun: int) -> None:
+        """Have a function called with the items whose places the second process draws, from the first not begun."""
         data = pickle.dumps(job, PROTOCOL)
+        places = b"".join(place.to_bytes(TICKET, "little") for place in range(begun, len(job[1])))
+        os.write(self.tickets[1], places + 2 * NO_MORE)
         try:
             if self.jobs:
                 self.jobs.write(data)
@@ -70,14 +78,13 @@ class Second:
         except OSError:
             self.end()
 
-    def received(self) -> list[Any] | None:
-        """Wait for the results, None where none will come."""
+    def received(self) -> dict[int, Any]:
+        """Wait for the results by place, none where the second process is no more."""
         try:
-            found: list[Any] | None = pickle.load(self.results) if self.results else None
+            return dict(pickle.load(self.results)) if self.results else {}
         except (EOFError, OSError, pickle.UnpicklingError):
             self.end()
-            return None
-        return found
+            return {}
 
     def kill(self) -> None:
         """End the process at once."""
@@ -94,7 +101,10 @@ class Second:
             if pipe:
                 with suppress(OSError):
                     pipe.close()
-        self.number, self.jobs, self.results = -1, None, None
+        for end in self.tickets:
+            with suppress(OSError):
+                os.close(end)
+        self.number, self.jobs, self.results, self.tickets = -1, None, None, (-1, -1)
 
 
 _SECOND: ContextVar[Second | None] = ContextVar("the second process of this one", default=None)
@@ -126,9 +136,10 @@ def _possible() -> bool:
 
 
 def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Return the results of a function in the order of the items, every second one from a second process.
+    """Return the results of a function in the order of the items, some of them from a second process.
 
-    Outside of `second_process`, and inside the function itself, one process does them in turn.
+    Each process begins the next item as soon as it has done one: some take ten times as long as others. Outside of
+    `second_process`, and inside the function itself, one process does them in turn.
 
     Parameters
     ----------
@@ -140,20 +151,29 @@ def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     token = _SECOND.set(None)
     try:
         # what is compiled or loaded at the first call is then there in both
-        own = [function(items[0])] if second.number == 0 else []
+        done = {0: function(items[0])} if second.number == 0 else {}
         if second.number == 0:
             second.begin()
-        second.send((function, items[1::2]))
-        own += [function(item) for item in items[2 * len(own) :: 2]]
-        other = second.received()
-        if other is None:
-            other = [function(item) for item in items[1::2]]
+        if second.number > 0:
+            second.send((function, items), len(done))
+        if second.number > 0:
+            done |= {place: function(items[place]) for place in _drawn(second.tickets[0])}
+            done |= second.received()
+        return [done[place] if place in done else function(item) for place, item in enumerate(items)]
+    except BaseException:
+        second.end()  # it may be at work on what nobody asks for any more
+        raise
     finally:
         _SECOND.reset(token)
-    return [(other if k % 2 else own)[k // 2] for k in range(len(items))]
 
 
-def _work(jobs: int, results: int) -> NoReturn:
+def _drawn(tickets: int) -> Iterator[int]:
+    """Yield places of items that nobody has begun, until there are no more."""
+    while (ticket := os.read(tickets, TICKET)) not in (NO_MORE, b""):
+        yield int.from_bytes(ticket, "little")
+
+
+def _work(jobs: int, results: int, tickets: int) -> NoReturn:
     """Run the jobs that come in until the pipe closes, then exit silently."""
     try:
         ctypes.CDLL(None).prctl(KILL_WITH_PARENT, signal.SIGKILL)
@@ -164,7 +184,7 @@ def _work(jobs: int, results: int) -> NoReturn:
         with open(jobs, "rb") as source, open(results, "wb") as target:
             while True:
                 function, items = pickle.load(source)
-                target.write(pickle.dumps([function(item) for item in items], PROTOCOL))
+                target.write(pickle.dumps({place: function(items[place]) for place in _drawn(tickets)}, PROTOCOL))
                 target.flush()
     finally:
         os._exit(0)
