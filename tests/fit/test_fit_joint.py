@@ -44,7 +44,7 @@ from camtorque.fit.leftout import (
     typical,
 )
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
-from camtorque.fit.problem import SEPARATOR, build_problem
+from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
 from camtorque.fit.solver import solve
 from camtorque.fit.uncertainty import covariance, covariance_of
@@ -212,6 +212,18 @@ def test_every_recording_is_predicted_by_the_others_in_both_ways(prepared, campa
 def end_predicted(joint, index):
     found = left_out(joint)
     return predicted_end(found.known, found.curves, joint.problem.data[index])
+
+
+def test_where_no_end_was_seen_in_the_others_none_is_predicted(joint):
+    found, item = left_out(joint), joint.problem.data[1]
+
+    def predicted(structure):
+        others = (one if one.id == item.name else replace(one, structure=structure) for one in found.known.recordings)
+        return predicted_end(replace(found.known, recordings=tuple(others)), found.curves, item)
+
+    assert predicted("open") == {name: NEUTRAL[name] for name in END_NAMES}
+    # a line pressure that is the plunger's tells nothing of ends: what is usual
+    assert predicted("line")["end_of_delivery"] == item.rows["end_of_delivery"].start
 
 
 def test_blind_end_of_delivery_does_not_know_the_recordings_own(joint):

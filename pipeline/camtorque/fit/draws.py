@@ -18,7 +18,7 @@ from camtorque.records import Array, Estimate, ReadOnly
 FRACTIONS = (0.2, 1.0)
 """Draws are such shares of the covariance's standard deviations away; their scatter is scaled up again, and the smaller
 one counts: small draws make too much of a step of the model, large ones of the bounds."""
-STEP_RATIO, RARE_RATIO = 2.5, 1.2
+STEP_RATIO, RARE_RATIO = 2.5, 0.7
 """Scatter of small draws, scaled up, over that of whole ones: 0.1 to 1.4 in 33 left-out runs, 4 to 5 where steps are
 all; less is enough where the best values lie on the rare side of a step."""
 

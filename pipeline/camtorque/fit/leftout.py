@@ -27,7 +27,7 @@ from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.metrics import metrics
-from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.result import modelled
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
@@ -263,12 +263,17 @@ def _zero_unknown(item: JointInput) -> bool:
 
 
 def predicted_end(known: KnownFit, curves: Mapping[str, Curve], item: FitData) -> dict[str, float]:
-    """Return where and how sharply delivery ends by the line pressure, from the other recordings of a joint fit."""
+    """Return where and how sharply delivery ends by the line pressure, from the other recordings of a joint fit.
+
+    Where no end was seen in any of them none is predicted: one fitted near the full lift is no end either.
+    """
     if item.structure not in END_OF:
         return {}
     others = tuple(one for one in known.recordings if one.id != item.name)
     if not any(one.structure in END_OF for one in others):
-        return {name: _expected(item, name) for name in (END_OF[item.structure], *WIDTHS_OF[item.structure])}
+        names = (END_OF[item.structure], *WIDTHS_OF[item.structure])
+        open_throughout = any(one.structure == "open" for one in others)
+        return {name: NEUTRAL[name] if open_throughout else _expected(item, name) for name in names}
     known = replace(known, recordings=others)
     source = endings_of(known, item.chain.speed, item.structure)[0]
     own = known.own(source.id)
