@@ -14,6 +14,7 @@ from camtorque.design.page import fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design_from import Known, as_fitted, fitted_pump, read_known
 from camtorque.jsonable import jsonable
+from camtorque.process.second_process import second_process
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import check_output, output_folder
 
@@ -23,7 +24,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     check_output(arguments.out)
     known = None if arguments.fit is None else read_known(arguments.fit)
     task = read_task(arguments.task, None if known is None else fitted_pump(known))
-    answer = solve_task(task, tell)
+    with second_process():
+        answer = solve_task(task, tell)
     with output_folder(arguments.out) as folder:
         document = jsonable(_written(answer, known, folder))
     fitted = fitted_lines(document["as_fitted"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations, pairwise
 from math import ceil, comb
 
@@ -18,6 +18,7 @@ from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
 from camtorque.design.responses import RESPONSES
 from camtorque.design.solver import Solution, solve
 from camtorque.design.task import KNEE, Task
+from camtorque.process.second_process import in_two
 from camtorque.progress import Progress
 from camtorque.records import Array, ReadOnly, Refusal
 
@@ -127,11 +128,15 @@ def _best_of(problem: Problem, scale: Scale, starts: list[Array], aim: int) -> S
     """Return the best design of one aim from several starts; the first one keeps all limits."""
     here = starts[0]
     found = [Solution(here, scaled_aims(problem, scale, here), violation(problem, here))]
-    for start in starts:
-        solution = solve(problem, scale, start, single=aim)
-        # a second run forgets the curvature that led the first one astray
-        found += [solution, solve(problem, scale, solution.variables, single=aim)]
+    for pair in in_two(partial(_solved_twice, problem, scale, aim), starts):
+        found += pair
     return min((s for s in found if s.feasible), key=lambda s: float(s.aims[aim]))
+
+
+def _solved_twice(problem: Problem, scale: Scale, aim: int, start: Array) -> list[Solution]:
+    """Return two runs, one from where the other ended: the second forgets the curvature that led the first astray."""
+    first = solve(problem, scale, start, single=aim)
+    return [first, solve(problem, scale, first.variables, single=aim)]
 
 
 def _common_scale(task: Task, ends: list[tuple[Problem, Solution]]) -> Scale:
@@ -158,7 +163,7 @@ def references(aims: int, count: int) -> Array:
 
 
 def _between(problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Progress) -> Iterator[FrontPoint]:
-    """Yield the points of a family, each started from the solved one that is nearest."""
+    """Yield the points of a family, two at a time, each started from the solved one that is nearest."""
     goals = references(len(ends), count)
     solved = [FrontPoint(problem, s.variables, None, scaled_aims(problem, scale, s.variables)) for s in ends]
     yield from solved
@@ -167,13 +172,13 @@ def _between(problem: Problem, scale: Scale, ends: list[Solution], count: int, t
     # from the corners of the lattice inwards, so that every point has a solved neighbour
     order = np.argsort(-np.max(goals, axis=1), kind="stable")
     done, begun = 0, time.monotonic()
-    for number, at in enumerate(order, start=1):
-        goal = goals[at]
-        nearest = sorted(solved, key=lambda point: float(np.sum((_direction(point.aims) - _direction(goal)) ** 2)))
-        found = _approach(problem, scale, goal, nearest[:2])
-        if found is not None:
-            solved.append(found)
-            yield found
+    for first in range(0, order.size, 2):
+        wanted = [(goals[at], _nearest(goals[at], solved)) for at in order[first : first + 2]]
+        for found in in_two(partial(_approach, problem, scale), wanted):
+            if found is not None:
+                solved.append(found)
+                yield found
+        number = first + len(wanted)
         if 10 * number // order.size > done:
             done = 10 * number // order.size
             left = (time.monotonic() - begun) / number * (order.size - number)
@@ -185,8 +190,14 @@ def _direction(aims: Array) -> Array:
     return aims - np.mean(aims)
 
 
-def _approach(problem: Problem, scale: Scale, goal: Array, near: list[FrontPoint]) -> FrontPoint | None:
-    """Return the design closest to a reference point, from the first start that leads to one."""
+def _nearest(goal: Array, solved: list[FrontPoint]) -> list[FrontPoint]:
+    """Return the two points whose place on the lattice is nearest to a reference point's."""
+    return sorted(solved, key=lambda point: float(np.sum((_direction(point.aims) - _direction(goal)) ** 2)))[:2]
+
+
+def _approach(problem: Problem, scale: Scale, wanted: tuple[Array, list[FrontPoint]]) -> FrontPoint | None:
+    """Return the design closest to a reference point, from the first of some points that leads to one."""
+    goal, near = wanted
     for start in near:
         found = solve(problem, scale, start.variables, reference=goal)
         if found.feasible:
@@ -222,7 +233,7 @@ def _filled(points: tuple[FrontPoint, ...], scale: Scale, count: int) -> tuple[F
         at = max(open_gaps, key=lambda k: gaps[k])
         here, there = found[at : at + 2]
         near = [point for point in (here, there) if point.problem is here.problem]
-        new = _approach(here.problem, scale, 0.5 * (here.aims + there.aims), near)
+        new = _approach(here.problem, scale, (0.5 * (here.aims + there.aims), near))
         better = _best([*found, new]) if new is not None else tuple(found)
         if len(better) <= len(found):
             hopeless.add(id(found[at]))
