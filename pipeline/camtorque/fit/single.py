@@ -128,9 +128,10 @@ def sought_again(
     upper = data.rows["line_inertance"].upper
     still = sought(with_rows(data, {"line_inertance": {"upper": AT_REST}}), held)[0][0]
     freed = attempted(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
-    if freed is None or judged(freed, data, held).value > minima[0].value:
+    freed = freed and judged(freed, data, held)
+    if freed is None or freed.value > minima[0].value:
         return minima, valley
-    best, valley = swept(judged(freed, data, held), data, held)
+    best, valley = swept(freed, data, held)
     return [best, *minima], valley
 
 

@@ -150,9 +150,9 @@ def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
         return [function(item) for item in items]
     token = _SECOND.set(None)
     try:
-        # what is compiled or loaded at the first call is then there in both
-        done = {0: function(items[0])} if second.number == 0 else {}
+        done: dict[int, R] = {}
         if second.number == 0:
+            done[0] = function(items[0])  # what is compiled or loaded at the first call is then there in both
             second.begin()
         if second.number > 0:
             second.send((function, items), len(done))
