@@ -21,6 +21,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from benches import plain_parser, tell
 from camtorque.align import AlignOptions, align
+from camtorque.fit.minima import Halves
 from camtorque.fit.prepare import fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES
 from camtorque.fit.search import DOUBTFUL, HOPS, stages
@@ -50,11 +51,11 @@ def searched(folder: Path) -> list[Stage]:
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
-    held = other_half(data, means)
-    next(stages(data, held, tuple(STRUCTURES)))  # loads what is compiled
+    halves = Halves(data, other_half(data, means))
+    next(stages(halves, tuple(STRUCTURES)))  # loads what is compiled
     began = time.process_time()
     result = []
-    for name, found in stages(data, held, tuple(STRUCTURES), ((DOUBTFUL, LONG),)):
+    for name, found in stages(halves, tuple(STRUCTURES), ((DOUBTFUL, LONG),)):
         if found.best is not None:
             angle = float(np.degrees(found.best[1].data.rows[TRIGGER].start))
             result.append(Stage(name, time.process_time() - began, found.value, angle))

@@ -30,6 +30,7 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "fit")]
 
 from camtorque.align import AlignOptions, align  # noqa: E402
 from camtorque.fit import single  # noqa: E402
+from camtorque.fit.minima import Halves  # noqa: E402
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem  # noqa: E402
 from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
@@ -159,9 +160,9 @@ def stage_lines() -> Iterator[str]:
     quick_prepared(*CASE)  # compiled
     recording, cycles, rigid = bridged(CASE)
     prepared = prepare(recording, cycles, rigid)
-    data = quick_data(CASE)
-    searching, _ = once(lambda: search(data, data, tuple(STRUCTURES)))
-    walking, _ = once(lambda: swept(prepared.candidates[0], data, data))
+    halves = Halves(quick_data(CASE), quick_data(CASE))
+    searching, _ = once(lambda: search(halves, tuple(STRUCTURES)))
+    walking, _ = once(lambda: swept(prepared.candidates[0], halves))
     plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))
     told, _ = once(lambda: fit_prepared(prepared, FitOptions()))
     total = searching + walking + told

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK, Effort
-from camtorque.fit.minima import at_minimum, beside, judged
+from camtorque.fit.minima import Halves, at_minimum, beside
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows, with_starts
@@ -23,12 +23,12 @@ LAND = ("closed_volume", 0, 1000.0)
 @pytest.fixture(scope="module")
 def halves():
     data = quick_data(LAND)
-    return data, other_half(data, mean_cycles(bridged(LAND)[1]))
+    return Halves(data, other_half(data, mean_cycles(bridged(LAND)[1])))
 
 
 @pytest.fixture(scope="module")
 def best(halves):
-    return judged(quick(LAND), *halves)
+    return halves.judged(quick(LAND))
 
 
 def released(data):
@@ -56,9 +56,9 @@ def test_one_thing_is_turned_at_a_time_where_a_minimum_leaves_doubt(best):
 
 
 def test_what_is_the_wrong_way_round_is_turned(best, halves):
-    wrong = judged(at_minimum(released(best.data)), *halves)
+    wrong = halves.judged(at_minimum(released(best.data)))
     assert wrong.value > best.value + 100.0  # no small step leads back
-    found = ways(wrong, *halves)[0]
+    found = ways(wrong, halves)[0]
     assert found.value < best.value + 3.0  # with outlet and shaft turned; the outlet alone ends at 300
 
 
@@ -73,9 +73,9 @@ def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
 
 
 def test_what_gains_nothing_leaves_the_minimum_as_it_is(best, halves):
-    settled = ways(best, *halves)[0]
+    settled = ways(best, halves)[0]
     assert settled.value <= best.value
-    again = ways(settled, *halves)
+    again = ways(settled, halves)
     assert again[0].value > settled.value - GAINED
     values = [item.value for item in again]
     assert values == sorted(values)
@@ -95,20 +95,20 @@ def test_shafts_are_stiff_or_yield_on_likely_cams(best):
 
 
 def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest(best, halves, monkeypatch):
-    wrong = judged(at_minimum(released(best.data)), *halves)
+    wrong = halves.judged(at_minimum(released(best.data)))
     asked = []
 
-    def other_search(data, held):
-        asked.append(data.rows["line_inertance"].upper)
+    def other_search(seen):
+        asked.append(seen.fitted.rows["line_inertance"].upper)
         return [best], NO_VALLEY
 
-    monkeypatch.setattr(single, "swept", lambda item, data, held: (item, NO_VALLEY))
+    monkeypatch.setattr(single, "swept", lambda item, _halves: (item, NO_VALLEY))
     monkeypatch.setattr(single, "sought", other_search)
-    found, _ = sought_again([wrong], NO_VALLEY, *halves)
+    found, _ = sought_again([wrong], NO_VALLEY, halves)
     assert asked == [AT_REST]
     assert found[0].value <= best.value + 0.1
     assert found[0].data.rows["line_inertance"].upper == ROWS["line_inertance"].upper
     assert found[1:] == [wrong]
     # what is no better changes nothing
-    monkeypatch.setattr(single, "sought", lambda data, held: ([wrong], NO_VALLEY))
-    assert sought_again([best], NO_VALLEY, *halves) == ([best], NO_VALLEY)
+    monkeypatch.setattr(single, "sought", lambda _halves: ([wrong], NO_VALLEY))
+    assert sought_again([best], NO_VALLEY, halves) == ([best], NO_VALLEY)

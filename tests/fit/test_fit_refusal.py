@@ -21,13 +21,14 @@ def test_starts_that_all_overflow_are_refused(monkeypatch):
     start = Start(data, quick(LAND).solution.lifts, 1.0)
     for room in (search, single):
         monkeypatch.setattr(room, "followed", overflowing)
-    halves = search.Halves(data, data, np.zeros(data.chain.theta.size))
-    found = search.extended(search.Found({"land": []}), {"land": [start]}, halves)
+    halves = minima.Halves(data, data)
+    seen = search.Seen(halves, np.zeros(data.chain.theta.size))
+    found = search.extended(search.Found({"land": []}), {"land": [start]}, seen)
     assert found.minima == ()
     assert found.best is None
-    assert not list(search.hops(found, halves, search.HOPS))
+    assert not list(search.hops(found, seen, search.HOPS))
     with pytest.raises(Refusal, match="no start from which the model of this pump can be fitted"):
-        single.compared(found, data, data)
+        single.compared(found, halves)
 
 
 def test_an_attempt_that_overflows_is_none():

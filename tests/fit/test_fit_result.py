@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit.findings import implausible_findings, largest_chi_square, light_cam_findings, prior_findings
-from camtorque.fit.minima import LIGHT, judged
+from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
@@ -202,12 +202,12 @@ def test_a_minimum_is_worth_what_it_is_on_the_other_half_of_the_cycles():
     data, found = quick_data(LAND), quick(LAND)
     means = mean_cycles(cycles)
     # the same cycles once more: nothing unseen; the other ones as noisy: little; another pressure: much
-    same = judged(found, data, data)
+    same = Halves(data, data).judged(found)
     assert same.unseen == pytest.approx(0.0, abs=1e-6 * found.value)
     other = replace(data, chain=replace(data.chain, line_pressure=1.02 * data.chain.line_pressure))
-    assert judged(found, data, other).value > found.value + 10.0
+    assert Halves(data, other).judged(found).value > found.value + 10.0
     held = replace(data, torque=binned(on_grid(means.held_torque, 1800)))
-    assert abs(judged(found, data, held).unseen) < 0.5 * INDEPENDENT
+    assert abs(Halves(data, held).judged(found).unseen) < 0.5 * INDEPENDENT
 
 
 def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
@@ -235,7 +235,7 @@ def test_a_minimum_that_falls_on_the_other_half_comes_last(monkeypatch):
         raise FloatingPointError
 
     monkeypatch.setattr(minima, "try_at", falls)
-    worth = judged(found, data, data)
+    worth = Halves(data, data).judged(found)
     assert worth.solution is found.solution
     assert worth.value > 0.4 * minima.FALLEN
 
@@ -250,7 +250,7 @@ def test_minima_are_compared_once_each_and_every_structure_has_one():
     apart = replace(found, solution=replace(found.solution, z=moved), unseen=5.0)
     same = replace(found, unseen=1.0)
     known = Found({"land": [start], "spill": [spill]}, ((start, found), (start, same), (start, apart)))
-    ends = compared(known, data, data)
+    ends = compared(known, Halves(data, data))
     assert ends[:2] == [found, apart]
     assert [item.data.structure for item in ends] == ["land", "land", "spill"]
     assert known.best == (start, found)

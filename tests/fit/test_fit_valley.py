@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.minima import at_minimum, judged
+from camtorque.fit.minima import Halves, at_minimum
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows
 from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple
@@ -17,9 +17,10 @@ LAND = ("closed_volume", 0, 1000.0)
 ANGLE = "trigger_offset"
 
 
+@pytest.fixture(scope="module")
 def halves():
     data = quick_data(LAND)
-    return data, other_half(data, mean_cycles(bridged(LAND)[1]))
+    return Halves(data, other_half(data, mean_cycles(bridged(LAND)[1])))
 
 
 def curvature(item):
@@ -27,9 +28,8 @@ def curvature(item):
 
 
 @pytest.fixture(scope="module")
-def walked():
-    data, held = halves()
-    return swept(judged(quick(LAND), data, held), data, held)
+def walked(halves):
+    return swept(halves.judged(quick(LAND)), halves)
 
 
 def test_a_parabola_has_its_own_width():
@@ -47,10 +47,9 @@ def test_a_valley_that_was_not_walked_has_no_width():
     assert np.isnan(NO_VALLEY.std(1.0))
 
 
-def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked):
+def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked, halves):
     best, valley = walked
-    data, held = halves()
-    assert best.value <= judged(quick(LAND), data, held).value
+    assert best.value <= halves.judged(quick(LAND)).value
     place = int(np.argmin(np.abs(valley.angles - valley.at)))
     assert 0 < place < valley.angles.size - 1
     assert valley.chi_square[0] > valley.chi_square[place] + 5.0
@@ -58,16 +57,15 @@ def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked):
     assert 0.5 < valley.std(1.0) / curvature(best) < 2.0
 
 
-def test_a_minimum_that_was_held_aside_finds_the_deeper_place(walked):
-    data, held = halves()
+def test_a_minimum_that_was_held_aside_finds_the_deeper_place(walked, halves):
     aside = walked[0].solution.z[walked[0].problem.index(ANGLE)] + 3.0 * curvature(walked[0])
     rows = {ANGLE: {"start": aside, "prior": (aside, HELD)}}
     stuck = at_minimum(with_rows(walked[0].data, rows))
-    prior = {ANGLE: {"prior": data.rows[ANGLE].prior}}
+    prior = {ANGLE: {"prior": halves.fitted.rows[ANGLE].prior}}
     # what a search that stops too early hands on: everything but the angle at its best
-    stuck = judged(replace(stuck, data=with_rows(stuck.data, prior)), data, held)
+    stuck = halves.judged(replace(stuck, data=with_rows(stuck.data, prior)))
     assert stuck.value > walked[0].value + 2.0
-    freed, _ = swept(stuck, data, held)
+    freed, _ = swept(stuck, halves)
     assert freed.value < walked[0].value + 1.0
 
 

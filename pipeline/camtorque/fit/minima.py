@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.fit.descent import Effort
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
-from camtorque.fit.solver import Solution, solve, try_at
+from camtorque.fit.solver import LiftModes, Solution, solve, try_at
 from camtorque.fit.starts import Start, refined
 from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.driveline import RIGID, cam_side_inertia
@@ -67,6 +67,35 @@ def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | 
         return None
 
 
+@dataclass(frozen=True)
+class Halves:
+    """A recording with the half of its cycles that is fitted and with the other one, which judges minima."""
+
+    fitted: FitData
+    other: FitData
+
+    def judged(self, item: Candidate) -> Candidate:
+        """Return a minimum with what it is worth on the half of the cycles that it was not fitted to.
+
+        A delivery valve near chattering can be tuned to follow one mean cycle and be far off on the next: such a
+        minimum is not the better one for its lower chi-square.
+        """
+        lost = item.data.chain.shaft_torque - self.fitted.chain.shaft_torque
+        twisting = self.other.chain.shaft_torque + lost
+        chain = replace(item.data.chain, line_pressure=self.other.chain.line_pressure, shaft_torque=twisting)
+        problem = build_problem([replace(item.data, torque=self.other.torque, chain=chain)])
+        try:
+            there = try_at(problem, item.solution.z, item.solution.lifts).data_chi_square
+        except (FloatingPointError, np.linalg.LinAlgError):
+            there = FALLEN
+        return replace(item, unseen=0.5 * (there - item.solution.data_chi_square))
+
+    def minimum(self, fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
+        """Return the minimum that a fit ends at, judged; None where it ends at none (`attempted`)."""
+        end = attempted(fit, *arguments)
+        return end and self.judged(end)
+
+
 def beside(value: float) -> Effort:
     """Return the effort that minima beside the best one, of that chi-square, are worth."""
     return replace(POLISH, limit=ASKED_TIMES * value + ASKED_PLUS)
@@ -82,30 +111,16 @@ def followed(data: FitData, start: Start, effort: Effort = POLISH) -> Candidate:
     return at_minimum(item, effort)
 
 
-def at_minimum(item: FitData, effort: Effort = POLISH) -> Candidate:
-    """Return a recording at the minimum that its own start leads to."""
+def at_minimum(item: FitData, effort: Effort = POLISH, lifts: tuple[LiftModes, ...] | None = None) -> Candidate:
+    """Return a recording at the minimum that its own start leads to.
+
+    ``lifts`` is its lift correction where that is known from a minimum nearby, else that of the start is taken.
+    """
     problem = build_problem([item])
-    solution = solve(problem, None, effort)
+    solution = solve(problem, None, effort, lifts)
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
     item = with_starts(item, starts)
     return Candidate(item, build_problem([item]), solution)
-
-
-def judged(item: Candidate, data: FitData, held: FitData) -> Candidate:
-    """Return a minimum with what it is worth on the half of the cycles that it was not fitted to.
-
-    A delivery valve near chattering can be tuned to follow one mean cycle and be far off on the next: such a minimum is
-    not the better one for its lower chi-square.
-    """
-    lost = item.data.chain.shaft_torque - data.chain.shaft_torque
-    twisting = held.chain.shaft_torque + lost
-    chain = replace(item.data.chain, line_pressure=held.chain.line_pressure, shaft_torque=twisting)
-    problem = build_problem([replace(item.data, torque=held.torque, chain=chain)])
-    try:
-        there = try_at(problem, item.solution.z, item.solution.lifts).data_chi_square
-    except (FloatingPointError, np.linalg.LinAlgError):
-        there = FALLEN
-    return replace(item, unseen=0.5 * (there - item.solution.data_chi_square))
 
 
 def lost_torque(found: Candidate) -> Array:

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, at_minimum, attempted, beside, judged
+from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside
 from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.search import UNSURE
 from camtorque.fit.swings import ringing_alike
@@ -65,20 +65,20 @@ def driveline_turned(data: FitData) -> list[dict[str, float]]:
     return [*shafts, *({"coupling_resonance": swings * factor} for factor in OCTAVES)]
 
 
-def ways(best: Candidate, data: FitData, held: FitData) -> list[Candidate]:
+def ways(best: Candidate, halves: Halves) -> list[Candidate]:
     """Return a minimum and those reached by turning things round one at a time, from the best one again, best first.
 
-    Parameters
-    ----------
-    best : minimum on the fine grid, judged
-    data, held : the half of the cycles that is fitted and the other one
+    ``best`` is a minimum on the fine grid, judged.
     """
     found = [best]
     for _ in range(ROUNDS):
-        least = found[0].value
-        follow = partial(attempted, partial(at_minimum, effort=beside(least)))
-        ends = in_two(follow, turned(found[0]))
-        found = sorted([*found, *(judged(end, data, held) for end in ends if end)], key=lambda item: item.value)
-        if found[0].value > least - max(GAINED, SHARE * least):
+        before = found[0]
+        follow = partial(at_minimum, effort=beside(before.value), lifts=before.solution.lifts)
+        ends = in_two(partial(attempted, follow), turned(before))
+        found = sorted([*found, *(halves.judged(end) for end in ends if end)], key=lambda item: item.value)
+        if found[0] is before:
             break
-    return found
+        found[0] = halves.minimum(at_minimum, found[0].data) or found[0]  # with the lift correction of its own force
+        if found[0].value > before.value - max(GAINED, SHARE * before.value):
+            break
+    return sorted(found, key=lambda item: item.value)

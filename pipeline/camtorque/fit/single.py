@@ -10,10 +10,10 @@ import numpy as np
 from camtorque.align.budget import SWITCHING_DELAY
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unexplained
-from camtorque.fit.minima import Candidate, at_minimum, attempted, followed, judged, with_its_lost_torque
+from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
-from camtorque.fit.problem import STRUCTURES, FitData, Problem, with_rows
+from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
 from camtorque.fit.solver import Solution
@@ -96,53 +96,48 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
-    held = other_half(data, means)
-    minima, valley = sought(data, held)
+    halves = Halves(data, other_half(data, means))
+    minima, valley = sought(halves)
     if minima[0].doubt > DISSATISFYING:
-        minima, valley = sought_again(minima, valley, data, held)
+        minima, valley = sought_again(minima, valley, halves)
     return Prepared(recording, cycles, rigid, means, distinct(minima), valley, data.chain.shaft_torque)
 
 
-def sought(data: FitData, held: FitData) -> tuple[list[Candidate], Valley]:
-    """Return all minima that a search ends at, the best one first, and the valley of that.
-
-    Parameters
-    ----------
-    data, held : the half of the cycles that is fitted and the other one
-    """
-    ends = compared(search(data, held, tuple(STRUCTURES)), data, held)
-    corrected = attempted(with_its_lost_torque, ends[0], data.chain.shaft_torque)
-    kept = [ends[0], judged(corrected, data, held)] if corrected else ends[:1]
-    turned = ways(min(kept, key=lambda item: item.value), data, held)
-    best, valley = swept(turned[0], data, held)
+def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
+    """Return all minima that a search ends at, the best one first, and the valley of that."""
+    ends = compared(search(halves, tuple(STRUCTURES)), halves)
+    corrected = halves.minimum(with_its_lost_torque, ends[0], halves.fitted.chain.shaft_torque)
+    kept = [ends[0], corrected] if corrected else ends[:1]
+    turned = ways(min(kept, key=lambda item: item.value), halves)
+    best, valley = swept(turned[0], halves)
     return [best, *sorted([*turned, *ends[1:]], key=lambda item: item.value)], valley
 
 
-def sought_again(
-    minima: list[Candidate], valley: Valley, data: FitData, held: FitData
-) -> tuple[list[Candidate], Valley]:
+def sought_again(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
     """Return `sought` with what a search finds whose oil up to the sensor stays at rest, where that is better.
 
     Search and parameters are the same but for one that is not there, so that other basins are found.
     """
+    data = halves.fitted
     upper = data.rows["line_inertance"].upper
-    still = sought(with_rows(data, {"line_inertance": {"upper": AT_REST}}), held)[0][0]
-    freed = attempted(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
-    freed = freed and judged(freed, data, held)
+    resting = replace(halves, fitted=with_rows(data, {"line_inertance": {"upper": AT_REST}}))
+    still = sought(resting)[0][0]
+    freed = halves.minimum(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
     if freed is None or freed.value > minima[0].value:
         return minima, valley
-    best, valley = swept(freed, data, held)
+    best, valley = swept(freed, halves)
     return [best, *minima], valley
 
 
-def compared(found: Found, data: FitData, held: FitData) -> list[Candidate]:
+def compared(found: Found, halves: Halves) -> list[Candidate]:
     """Return minima that differ and one of every structure that has starts, least chi-square first."""
+    data = halves.fitted
     ends = list(distinct([item for _, item in found.minima])[:MINIMA])
     for name, group in found.starts.items():
         if group and all(item.data.structure != name for item in ends):
-            quick = attempted(followed, data, group[0], QUICK)
+            quick = halves.minimum(followed, data, group[0], QUICK)
             if quick is not None:
-                ends.append(judged(quick, data, held))
+                ends.append(quick)
     if not ends:
         raise Refusal(
             f"{data.name}: found no start from which the model of this pump can be fitted, expected one; the recording "

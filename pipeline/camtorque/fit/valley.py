@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 
 from camtorque.fit.descent import Effort
-from camtorque.fit.minima import Candidate, at_minimum, attempted, judged
-from camtorque.fit.problem import FitData, with_rows
+from camtorque.fit.minima import Candidate, Halves, at_minimum
+from camtorque.fit.problem import with_rows
 from camtorque.fit.uncertainty import covariance
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, ReadOnly
@@ -64,22 +64,18 @@ NO_VALLEY = Valley(np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
 
-def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Valley]:
+def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
     """Return the deepest minimum of the valley that a minimum lies in, and the valley.
 
-    Parameters
-    ----------
-    best : minimum on the fine grid, judged
-    data, held : the half of the cycles that is fitted and the other one
+    ``best`` is a minimum on the fine grid, judged.
     """
     for _ in range(ROUNDS):
-        points = _walked(best, data, held)
+        points = _walked(best, halves)
         deepest = min(points, key=lambda point: point[1])
         if deepest[1] > best.value - DEEPER:
             break
         prior = best.data.rows[ANGLE].prior
-        freed = attempted(at_minimum, with_rows(deepest[2].data, {ANGLE: {"prior": prior}}))
-        freed = freed and judged(freed, data, held)
+        freed = halves.minimum(at_minimum, with_rows(deepest[2].data, {ANGLE: {"prior": prior}}))
         if freed is None or freed.value > best.value - GAINED:
             break
         best = freed
@@ -87,14 +83,14 @@ def swept(best: Candidate, data: FitData, held: FitData) -> tuple[Candidate, Val
     return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]))
 
 
-def _walked(best: Candidate, data: FitData, held: FitData) -> list[Point]:
+def _walked(best: Candidate, halves: Halves) -> list[Point]:
     """Return all points in order."""
     index = best.problem.index(ANGLE)
     cov = covariance(best.problem, best.solution)
     std = float(cov.std[index])
     step = min(max(STEP_SHARE * std, STEPS_DEG[0] * DEGREE), STEPS_DEG[1] * DEGREE)
     points, rise = [(float(best.solution.z[index]), best.value, best)], WALKED * cov.inflation
-    for walked in in_two(partial(_one_way, (best, data, held), rise), (step, -step)):
+    for walked in in_two(partial(_one_way, best, halves, rise), (step, -step)):
         points += _until_risen(walked, min(point[1] for point in points), rise)
     return sorted(points, key=lambda point: point[0])
 
@@ -110,12 +106,12 @@ def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Poi
     return kept
 
 
-def _one_way(from_where: tuple[Candidate, FitData, FitData], rise: float, step: float) -> list[Point]:
+def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[Point]:
     """Return steps away from a minimum until chi-square has risen."""
-    return _until_risen(_stepped(*from_where, step), from_where[0].value, rise)
+    return _until_risen(_stepped(best, halves, step), best.value, rise)
 
 
-def _stepped(best: Candidate, data: FitData, held: FitData, step: float) -> Iterator[Point]:
+def _stepped(best: Candidate, halves: Halves, step: float) -> Iterator[Point]:
     """Yield steps away from a minimum, each from the one before."""
     row = best.data.rows[ANGLE]
     mean, std = row.prior or (0.0, np.inf)
@@ -124,8 +120,9 @@ def _stepped(best: Candidate, data: FitData, held: FitData, step: float) -> Iter
         angle += step
         if not row.lower <= angle <= row.upper:
             return
-        end = attempted(at_minimum, with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}}), A_STEP)
+        there = with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}})
+        end = halves.minimum(at_minimum, there, A_STEP)
         if end is None:
             return
         item = end.data
-        yield angle, judged(end, data, held).value + ((angle - mean) / std) ** 2, end
+        yield angle, end.value + ((angle - mean) / std) ** 2, end
