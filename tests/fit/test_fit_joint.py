@@ -141,6 +141,21 @@ def test_which_recordings_fit_no_other(misfits, places):
     assert fitting_no_other(np.array(misfits)) == places
 
 
+def test_what_is_met_badly_is_searched_anew_and_taken_where_that_ends_lower(solved, monkeypatch):
+    problem, solution = solved
+    assert joint_room.with_bad_anew(*solved) == solved  # none is met badly
+    far = [replace(item, structure="open") for item in started_at(problem, solution.z)]
+    there = build_problem([far[0], *started_at(problem, solution.z)[1:]])
+    wrong = solve_many(there, there.start, 3)
+    assert wrong.misfits[0] > joint_room.BAD_FACTOR * np.median(wrong.misfits)
+    again, mended = joint_room.with_bad_anew(there, wrong)
+    assert again.data[0].structure == problem.data[0].structure
+    assert mended.chi_square < 1.5 * solution.chi_square < 0.1 * wrong.chi_square
+    monkeypatch.setattr(joint_room, "BAD_FACTOR", 0.0)
+    monkeypatch.setattr(joint_room, "searched_anew", lambda item: replace(item, structure="open"))
+    assert joint_room.with_bad_anew(*solved) == solved  # what was found is worse
+
+
 def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(campaign):
     assert {row.name for row in campaign.drifts} <= {row.name for row in campaign.shared_parameters}
     assert "dead_volume" in {row.name for row in campaign.drifts}

@@ -48,7 +48,7 @@ from camtorque.records import Array, Finding, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
-MOST_STARTS = 5
+MOST_STARTS = 3
 LADDER = ((5.0, 3), (1.5, 2), (0.0, 2))
 """Smoothings of the residual that starts walk down [deg], and how many of them go on from each."""
 ANCHOR_LIMIT, ANCHOR_FACTOR = 3.0, 3.0
@@ -146,14 +146,20 @@ def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem,
     found |= dict(zip(chosen, started_at(problem, solution.z), strict=True))
     problem = build_problem([found[k] for k in range(count)])
     solution = solve_many(problem, problem.start, 25, each=each)
-    again = started_at(problem, solution.z)
-    bad = misfits(solution)
-    if any(bad):
-        worse = each(searched_anew, [item for item, is_bad in zip(again, bad, strict=True) if is_bad])
-        again = [worse.pop(0) if is_bad else item for item, is_bad in zip(again, bad, strict=True)]
-        problem = build_problem(again)
-        solution = solve_many(problem, problem.start, 25, each=each)
-    return problem, solution
+    return with_bad_anew(problem, solution, each)
+
+
+def with_bad_anew(problem: Problem, solution: JointSolution, each: Each = in_turn) -> tuple[Problem, JointSolution]:
+    """Return a joint minimum with what it meets much worse than the median searched anew, where that ends lower."""
+    limit = max(BAD_FACTOR * float(np.median(solution.misfits)), 30.0)
+    bad = [bool(value > limit) for value in solution.misfits]
+    if not any(bad):
+        return problem, solution
+    found = started_at(problem, solution.z)
+    better = each(searched_anew, [item for item, is_bad in zip(found, bad, strict=True) if is_bad])
+    anew = build_problem([better.pop(0) if is_bad else item for item, is_bad in zip(found, bad, strict=True)])
+    ended = solve_many(anew, anew.start, 25, each=each)
+    return (anew, ended) if ended.chi_square < solution.chi_square else (problem, solution)
 
 
 def _of_anchors(
@@ -192,12 +198,6 @@ def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
 def started_at(problem: Problem, z: Array) -> list[FitData]:
     """Return the recordings, started at a solution."""
     return [with_starts(*pair) for pair in zip(problem.data, values_of_each(problem, z), strict=True)]
-
-
-def misfits(solution: JointSolution) -> list[bool]:
-    """Return which recordings the joint fit meets much worse than the median one."""
-    each = solution.misfits
-    return [bool(value > max(BAD_FACTOR * float(np.median(each)), 30.0)) for value in each]
 
 
 def own_fitted(item: FitData, held: Mapping[str, float]) -> tuple[float, FitData]:
