@@ -108,6 +108,15 @@ def test_standard_error_of_the_clock_is_honest() -> None:
     assert np.std(slopes) == pytest.approx(np.mean(claimed), rel=0.15)
 
 
+def test_a_pulse_far_off_counts_neither_in_the_line_nor_in_its_error() -> None:
+    x = np.linspace(0.0, 10.0, 60)
+    y = 3.0 + 0.5 * x + 0.1 * np.random.default_rng(5).standard_normal(60)
+    clean, one_off = robust_line(x, y), robust_line(x, np.where(np.arange(60) == 30, 1000.0, y))
+    assert one_off.slope == pytest.approx(clean.slope, abs=0.2 * clean.stderr_slope)
+    assert one_off.stderr_slope == pytest.approx(clean.stderr_slope, rel=0.05)
+    assert one_off.residual_std == pytest.approx(0.1, rel=0.3)
+
+
 def test_step_of_a_clock_is_found_and_a_wrong_edge_is_none() -> None:
     time = np.arange(50) * PERIOD
     difference = 2e-5 * time + 1e-7 * np.sin(np.arange(50))

@@ -9,6 +9,7 @@ import pytest
 from align_truth import (
     LogClock,
     Rig,
+    Samples,
     Shaft,
     angle_error_deg,
     make,
@@ -19,6 +20,8 @@ from align_truth import (
 from camtorque.align import AlignOptions, align, angle
 from camtorque.align.budget import RESAMPLING_DEG
 from camtorque.align.resample import hermite_slopes
+from camtorque.align.timebase import time_base
+from camtorque.records import Channel
 from camtorque.signal.edges import find_edges
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -167,6 +170,37 @@ def test_clock_over_a_minute_within_a_ppm_and_twenty_microseconds() -> None:
     assert abs(fit.offset_s + 0.42) < 20e-6
     assert abs(fit.skew_ppm - 65.0) < 1.0
     assert abs(fit.offset_s + 0.42) < 5.0 * fit.stderr_s
+
+
+def test_a_pulse_that_two_loggers_saw_has_the_noise_of_their_mean() -> None:
+    rig = replace(NOISY, clock_kind="independent", clocks={"B": LogClock(0.1, 20e-6)}, duration=6.0)
+    base = time_base(make(rig), "A", AlignOptions())
+    one, other = (base.triggers[logger].edges.noise for logger in ("A", "B"))
+    assert base.edge_noise == pytest.approx((one**-2.0 + other**-2.0) ** -0.5)
+    assert base.edge_noise < min(one, other)
+
+
+def test_a_pulse_that_one_logger_missed_is_where_the_other_saw_it() -> None:
+    rig = replace(NOISY, clock_kind="independent", clocks={"B": LogClock(0.1, 20e-6)}, duration=6.0, edge_jitter=2e-4)
+    recording = make(rig)
+    seen = time_base(recording, "A", AlignOptions())
+    missed = seen.triggers["B"].train.time[20] - recording.of("trigger")[1].start_time
+
+    def without(c: Channel) -> Channel:
+        volts = c.source.values.copy()
+        middle = round(missed * c.sample_rate)
+        volts[middle - 200 : middle + 600] = np.min(volts)
+        return replace(c, source=Samples(volts))
+
+    other = recording.of("trigger")[1]
+    assert other.logger == "B"
+    channels = tuple(without(c) if c is other else c for c in recording.channels)
+    base = time_base(replace(recording, channels=channels), "A", AlignOptions())
+    assert list(np.flatnonzero(base.triggers["B"].train.repaired)) == [20]
+    at = int(np.argmin(np.abs(seen.train.time - seen.clocks["B"].to_reference(seen.triggers["B"].train.time[20:21]))))
+    alone = base.triggers["A"].train.time
+    assert base.train.time[at] == alone[at]
+    assert np.all(np.delete(base.train.time, at) != np.delete(alone, at))
 
 
 def test_synchronised_loggers_keep_their_own_start() -> None:

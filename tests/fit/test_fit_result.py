@@ -15,7 +15,7 @@ from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
 from camtorque.fit.result import alternatives, fitted_torque, model_on_grid
 from camtorque.fit.search import Found
-from camtorque.fit.single import FitOptions, compared, fit_prepared
+from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
@@ -226,6 +226,19 @@ def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
         found.solution, z=np.where(np.array(found.problem.names) == "shaft_compliance", 0.0, found.solution.z)
     )
     assert replace(as_heavy, solution=rigid).light == 0.0
+
+
+def test_the_certificate_says_how_sure_the_gain_of_the_pressure_is():
+    recording = bridged(LAND)[0]
+    sheet = recording.of("pressure")[0].calibration
+    assert pressure_gain_std(recording) == sheet.gain_relative_std > 0.0
+
+    def with_sheet(other):
+        channels = [replace(c, calibration=other) if c.quantity == "pressure" else c for c in recording.channels]
+        return replace(recording, channels=tuple(channels))
+
+    assert pressure_gain_std(with_sheet(None)) == 0.0
+    assert pressure_gain_std(with_sheet(replace(sheet, gain_relative_std=np.nan))) == 0.0
 
 
 def test_a_minimum_that_falls_on_the_other_half_comes_last(monkeypatch):
