@@ -48,7 +48,7 @@ from camtorque.records import Array, Finding, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
-MOST_STARTS = 3
+MOST_STARTS = 5
 LADDER = ((5.0, 3), (1.5, 2), (0.0, 2))
 """Smoothings of the residual that starts walk down [deg], and how many of them go on from each."""
 ANCHOR_LIMIT, ANCHOR_FACTOR = 3.0, 3.0
