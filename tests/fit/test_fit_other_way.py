@@ -60,6 +60,7 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
     assert wrong.value > best.value + 100.0  # no small step leads back
     found = ways(wrong, halves)[0]
     assert found.value < best.value + 3.0  # with outlet and shaft turned; the outlet alone ends at 300
+    assert found.solution.lifts is not wrong.solution.lifts  # of its own contact force
 
 
 def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
