@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from camtorque.fit.minima import Halves, at_minimum
 from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows
-from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple
+from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple, untold
 from camtorque.fit.valley import HELD, NO_VALLEY, Valley, swept
+from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import bridged, quick, quick_data
 
 LAND = ("closed_volume", 0, 1000.0)
@@ -102,3 +104,16 @@ def test_a_ripple_counts_by_its_amplitude_and_a_stroke_does_not(n):
     assert np.max(ripple(ringing)[far]) < 0.001 * 300.0e5
     slow = 5.0e5 * np.sin(36.0 * angle)  # 10 degrees, which a torque does tell
     assert np.max(ripple(slow)) < 0.5e5
+
+
+def test_what_the_line_swings_the_chamber_may_while_it_delivers():
+    angle = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
+    flows = np.zeros((angle.size, 4))
+    flows[(angle > 1.0) & (angle < 1.6), SEAT_FLOW] = 1.0
+    ringing = 5.0e5 * np.sin(300.0 * angle)
+    smooth = SimpleNamespace(pressure=np.zeros(angle.size), flows=flows)
+    inside, outside = (angle > 1.0) & (angle < 1.6), (angle < 0.99) | (angle > 1.61)
+    np.testing.assert_allclose(untold(smooth, ringing)[inside], 5.0e5, rtol=0.2)
+    assert np.all(untold(smooth, ringing)[outside] == 0.0)
+    louder = SimpleNamespace(pressure=2.0 * ringing, flows=flows)
+    np.testing.assert_array_equal(untold(louder, ringing), ripple(2.0 * ringing))

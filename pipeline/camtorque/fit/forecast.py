@@ -31,6 +31,7 @@ from camtorque.laws.chain import (
     with_substeps,
 )
 from camtorque.laws.fluid import specific_volume
+from camtorque.laws.valve import SEAT_FLOW
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import BAR
 
@@ -38,8 +39,6 @@ DRAWS = 60
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
 Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
-SEAT = 2
-"""Column of the chain's flows that is the one past the delivery valve."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +254,7 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     return {
         **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,
         "contact": output.load, "angle": output.motion.theta,
-        "flow": output.flows[:, SEAT], "delivered": np.array(stroke_volume(chain, values, output)),
+        "flow": output.flows[:, SEAT_FLOW], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
 
 
@@ -267,4 +266,4 @@ def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainO
     fluid = (values["bulk_modulus"] / BAR, values["bulk_modulus_slope"], values["free_air"])
     first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
     kept = values["gallery_volume"] * (last - first)
-    return float(np.mean(output.flows[:, SEAT])) * 2.0 * np.pi / chain.speed + kept
+    return float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept

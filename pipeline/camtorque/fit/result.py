@@ -26,8 +26,8 @@ from camtorque.fit.uncertainty import (
     confounded_with,
     knowledge,
     pressure_jacobian,
-    ripple,
     uncertainty_budget,
+    untold,
 )
 from camtorque.laws import ROWS
 from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, measured_torques, work_per_revolution
@@ -289,7 +289,7 @@ def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
     for shift in fit.pressure_shifts[index]:
         variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std[index] * fitted.output.pressure
-    return np.sqrt(np.maximum(variance + gain**2 + ripple(fitted.output.pressure) ** 2, 0.0))
+    return np.sqrt(np.maximum(variance + gain**2 + untold(fitted.output, fitted.chain.line_pressure) ** 2, 0.0))
 
 
 def _chamber_peak(fitted: Modelled, std: Array | None) -> Estimate | None:

@@ -17,7 +17,7 @@ from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
 from camtorque.fit.solver import Solution
-from camtorque.fit.uncertainty import Covariance, along_valley, covariance, pressure_jacobian
+from camtorque.fit.uncertainty import Covariance, along_valley, covariance, delivering, pressure_jacobian
 from camtorque.fit.valley import ANGLE, Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
@@ -262,7 +262,7 @@ def relaxed_variant(best: Candidate) -> Candidate:
     values, _ = best.problem.values(best.solution.z, 0)
     if not chain.uses_chamber:
         return best
-    opened = int(np.argmax(output.flows[:, 2] > 0.02 * np.max(output.flows[:, 2])))
+    opened = int(np.argmax(delivering(output)))
     since = (chain.theta - chain.theta[opened]) / chain.speed
     fading = np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / RELAXED_TIME), 0.0)
     area = chain.pump.plunger_area

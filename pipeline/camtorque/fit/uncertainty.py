@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.fit.prepare import CORRELATION, INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import Solution
-from camtorque.laws.chain import SHIFT_NAMES
+from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.valve import SEAT_FLOW
 from camtorque.records import Array, ReadOnly
 
 LEAST_FREEDOM = INDEPENDENT / 3.0
@@ -22,6 +24,9 @@ MEASURED, NARROWED = 0.3, 0.8
 CONFOUNDED = 0.9
 RIPPLE_DEG = CORRELATION / 2.0
 """Angle over which a torque tells nothing of what swings: its residuals are one value over twice as much [deg]."""
+
+DELIVERING = 0.02
+"""Share of the highest flow past the delivery valve above which it delivers."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +122,23 @@ def pressure_jacobian(problem: Problem, index: int, tangents: Array) -> tuple[Ar
     return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
 
 
+def delivering(output: ChainOutput) -> NDArray[np.bool_]:
+    """Return where fuel goes past the delivery valve into the line, (n,)."""
+    flow = output.flows[:, SEAT_FLOW]
+    return np.asarray(flow > DELIVERING * np.max(flow))
+
+
+def untold(output: ChainOutput, line: Array) -> Array:
+    """Return the amplitude of what may swing in the chamber too fast for the torque to tell, (n,) [Pa].
+
+    That is what the fitted chamber does and, while it delivers, what the line pressure (n,) [Pa] does: how much of that
+    an open valve lets through is the valve's law again.
+    """
+    return np.maximum(ripple(output.pressure), np.where(delivering(output), ripple(line), 0.0))
+
+
 def ripple(pressure: Array) -> Array:
-    """Return the amplitude of what swings too fast in a chamber pressure for the torque to tell, (n,) [Pa].
+    """Return the amplitude of what swings too fast in a pressure for the torque to tell, (n,) [Pa].
 
     A delivery valve that rings or chatters does so at a phase, and at a size, that the valve's law alone gives. The
     local amplitude is sqrt 2 times the rms about a running parabola, over `RIPPLE_DEG`.

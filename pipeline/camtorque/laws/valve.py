@@ -37,6 +37,8 @@ RETURN_SPAN = 0.3
 """Lift over which the outlet opens again on the return [mm]."""
 LIFTED = 0.3
 """Volume over which the seat's opening is rounded [mm^3]."""
+SEAT_FLOW = 2
+"""Column of the chamber's flows that is the one past the delivery valve's seat."""
 SEAT_ITERATIONS, SEAT_SETTLED = 30, 1.0e-12
 """Steps to the drop over the seat at most, and their last change over one bar and the total."""
 
