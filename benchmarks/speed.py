@@ -160,7 +160,8 @@ def stage_lines() -> Iterator[str]:
     quick_prepared(*CASE)  # compiled
     recording, cycles, rigid = bridged(CASE)
     prepared = prepare(recording, cycles, rigid)
-    halves = Halves(quick_data(CASE), quick_data(CASE))
+    data = quick_data(CASE)
+    halves = Halves(data, data)
     searching, _ = once(lambda: search(halves, tuple(STRUCTURES)))
     walking, _ = once(lambda: swept(prepared.candidates[0], halves))
     plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))

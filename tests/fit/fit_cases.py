@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 from camtorque.fit.descent import Effort
-from camtorque.fit.minima import Candidate, followed
-from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.fit.minima import Candidate, Halves, followed
+from camtorque.fit.prepare import fit_data, mean_cycles, other_half
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at, solve
@@ -75,6 +75,12 @@ def quick_data(run_key: tuple, n_theta: int = 1800) -> FitData:
     truth = rig(*run_key).truth
     data = replace(data, structure="spill" if truth.chamber.end == "spill" else "land")
     return with_starts(data, true_starts(truth, rig(*run_key).load))
+
+
+def quick_halves(run_key: tuple) -> Halves:
+    """Return both halves of a rig's cycles as the fit sees them."""
+    data = quick_data(run_key)
+    return Halves(data, other_half(data, mean_cycles(bridged(run_key)[1])))
 
 
 @cache

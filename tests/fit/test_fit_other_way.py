@@ -7,23 +7,21 @@ from dataclasses import replace
 import pytest
 from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK, Effort
-from camtorque.fit.minima import Halves, at_minimum, beside
+from camtorque.fit.minima import at_minimum, beside
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
-from camtorque.fit.prepare import mean_cycles, other_half
 from camtorque.fit.problem import with_rows, with_starts
 from camtorque.fit.single import AT_REST, sought_again
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.laws import ROWS
 from camtorque.laws.driveline import cam_side_inertia
-from fit_cases import bridged, quick, quick_data
+from fit_cases import quick, quick_halves
 
 LAND = ("closed_volume", 0, 1000.0)
 
 
 @pytest.fixture(scope="module")
 def halves():
-    data = quick_data(LAND)
-    return Halves(data, other_half(data, mean_cycles(bridged(LAND)[1])))
+    return quick_halves(LAND)
 
 
 @pytest.fixture(scope="module")

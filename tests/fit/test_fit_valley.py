@@ -7,13 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from camtorque.fit.minima import Halves, at_minimum
-from camtorque.fit.prepare import mean_cycles, other_half
+from camtorque.fit.minima import at_minimum
 from camtorque.fit.problem import with_rows
 from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple, untold
 from camtorque.fit.valley import HELD, NO_VALLEY, Valley, swept
 from camtorque.laws.valve import SEAT_FLOW
-from fit_cases import bridged, quick, quick_data
+from fit_cases import quick, quick_halves
 
 LAND = ("closed_volume", 0, 1000.0)
 ANGLE = "trigger_offset"
@@ -21,8 +20,7 @@ ANGLE = "trigger_offset"
 
 @pytest.fixture(scope="module")
 def halves():
-    data = quick_data(LAND)
-    return Halves(data, other_half(data, mean_cycles(bridged(LAND)[1])))
+    return quick_halves(LAND)
 
 
 def curvature(item):

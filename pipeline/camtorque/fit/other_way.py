@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside
+from camtorque.fit.minima import Candidate, Halves, at_minimum, beside
 from camtorque.fit.problem import FitData, with_starts
 from camtorque.fit.search import UNSURE
 from camtorque.fit.swings import ringing_alike
@@ -74,8 +74,8 @@ def ways(best: Candidate, halves: Halves) -> list[Candidate]:
     for _ in range(ROUNDS):
         before = found[0]
         follow = partial(at_minimum, effort=beside(before.value), lifts=before.solution.lifts)
-        ends = in_two(partial(attempted, follow), turned(before))
-        found = sorted([*found, *(halves.judged(end) for end in ends if end)], key=lambda item: item.value)
+        ends = in_two(partial(halves.minimum, follow), turned(before))
+        found = sorted([*found, *(end for end in ends if end)], key=lambda item: item.value)
         if found[0] is before:
             break
         found[0] = halves.minimum(at_minimum, found[0].data) or found[0]  # with the lift correction of its own force

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.descent import Effort
 from camtorque.fit.minima import Candidate, Halves, beside, followed, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, with_starts
@@ -298,14 +297,10 @@ def extended(found: Found, more: Starts, seen: Seen) -> Found:
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
     new = [start for start in new[:POLISHED] if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS]
-    ends = in_two(partial(_end_of, seen.halves, seen.twisted, beside(found.value)), new)
+    follow = partial(followed, seen.twisted, effort=beside(found.value))
+    ends = in_two(partial(seen.halves.minimum, follow), new)
     minima = [*found.minima, *((start, end) for start, end in zip(new, ends, strict=True) if end)]
     return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
-
-
-def _end_of(halves: Halves, twisted: FitData, effort: Effort, start: Start) -> Candidate | None:
-    """Return the judged minimum of ``twisted`` that a start leads to."""
-    return halves.minimum(followed, twisted, start, effort)
 
 
 def likely(found: Found) -> list[str]:

@@ -24,7 +24,6 @@ MEASURED, NARROWED = 0.3, 0.8
 CONFOUNDED = 0.9
 RIPPLE_DEG = CORRELATION / 2.0
 """Angle over which a torque tells nothing of what swings: its residuals are one value over twice as much [deg]."""
-
 DELIVERING = 0.02
 """Share of the highest flow past the delivery valve above which it delivers."""
 
