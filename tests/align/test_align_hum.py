@@ -89,3 +89,19 @@ def test_the_hum_of_many_cycles_is_told_in_pieces(monkeypatch):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < bins.nbytes / 3.0
+
+
+@pytest.mark.parametrize("size", [360, 540, 700, 1000])
+def test_bins_hold_a_whole_revolution_on_any_grid(size):
+    """As means over uneven bins: a sine of the revolution comes out as it is, to the width of a bin."""
+    angle = np.arange(size) * 2.0 * np.pi / size
+    bins = hum._binned(np.tile(np.sin(angle), (3, 1)))
+    assert bins.shape == (3, hum.POINTS)
+    middle = (np.arange(hum.POINTS) + 0.5) * 2.0 * np.pi / hum.POINTS
+    assert np.max(np.abs(bins - np.sin(middle))) < 2.0 * np.pi / hum.POINTS
+
+
+def test_a_grid_with_fewer_points_than_bins_tells_nothing():
+    angle = np.arange(300) * 2.0 * np.pi / 300
+    torque = np.tile(np.sin(angle), (5, 1))
+    assert hum_findings(angle, torque, torque[0], np.full(5, 60.0), np.arange(5), np.sin(angle)) == ()

@@ -41,3 +41,9 @@ def test_no_recording_hides_another_of_the_same_name(tmp_path: Path) -> None:
 def test_half_written_hidden_folders_are_passed_over(tmp_path: Path) -> None:
     make(tmp_path, **{"a": "", ".a.partial": ""})
     assert list(search(tmp_path)[0]) == ["a"]
+
+
+def test_a_link_to_itself_is_no_folder(tmp_path: Path) -> None:
+    make(tmp_path, a="")
+    (tmp_path / "self").symlink_to(tmp_path / "self")
+    assert list(search(tmp_path)[0]) == ["a"]

@@ -144,3 +144,14 @@ def test_a_shaft_is_expected_to_be_made_for_its_torque():
     assert large["shaft_compliance"].prior == ROWS["shaft_compliance"].prior
     stated, _ = torsion(0.1, shaft_stiffness=5000.0)
     assert stated["shaft_compliance"].prior == pytest.approx((2e-4, 3e-5))
+
+
+@pytest.mark.parametrize(("name", "like", "low", "high"), [
+    ("biodiesel", "RME", 1.45e9, 1.65e9), ("gasoline", "petrol", 0.9e9, 1.1e9),
+    ("B7 diesel", "petroleum diesel", 1.28e9, 1.38e9),
+])  # fmt: skip
+def test_a_fuel_is_known_by_its_names(name, like, low, high) -> None:
+    found = modulus_prior(name, ZERO + 40.0)
+    assert low < found.mean < high
+    assert found.mean == modulus_prior(like, ZERO + 40.0).mean
+    assert found.source.startswith(name)

@@ -174,3 +174,15 @@ def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
     assert "cannot be written (File too large" in line
     assert left(target.parent) == ["out"]
     assert folder_module.LOCK not in left(target)
+
+
+def test_a_file_of_the_users_in_a_report_is_not_lost(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    for _ in range(2):
+        with output_folder(target) as folder:
+            (folder / "result.json").write_text(OLD)
+    (target / "mine").mkdir()
+    (target / "mine" / "notes.md").write_text("seen on the bench")
+    with pytest.raises(Refusal, match=r"found mine/notes.md beside an earlier report, which would be lost"):
+        output_folder(target).__enter__()
+    assert (target / "mine" / "notes.md").read_text() == "seen on the bench"

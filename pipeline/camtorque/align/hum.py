@@ -77,6 +77,8 @@ def hum_findings(
     torque, mean : (n_cycles, n) and their mean (n,) [N m]
     speed, index : (n_cycles,) [rad/s], cycle number
     """
+    if theta.size < POINTS:
+        return ()
     bins, start = _binned(torque), _starts(speed, index)
     peak = float(np.max(np.mean(bins, axis=0)))
     found = []
@@ -183,9 +185,13 @@ def _sine(time: Array, values: Array, frequency: float) -> tuple[float, float]:
 
 def _binned(torque: Array) -> Array:
     """Return bin means of each cycle, (n_cycles, POINTS)."""
-    size = torque.shape[1] // POINTS
-    # a product with equal weights: twenty times as fast as a mean over a short axis
-    equal, bins = np.full(size, 1.0 / size), np.empty((torque.shape[0], POINTS))
+    n = torque.shape[1]
+    edges = np.arange(POINTS) * n // POINTS
+    sizes, bins = np.diff(np.r_[edges, n]), np.empty((torque.shape[0], POINTS))
+    # a product with equal weights, where all bins have as many points: twenty times as fast as a mean over a short axis
+    equal = np.full(sizes[0], 1.0 / sizes[0])
     for piece in pieces(torque):
-        bins[piece] = torque[piece, : size * POINTS].reshape(-1, POINTS, size) @ equal
+        even = n % POINTS == 0
+        bins[piece] = (torque[piece].reshape(-1, POINTS, sizes[0]) @ equal if even
+                       else np.add.reduceat(torque[piece], edges, axis=1) / sizes)  # fmt: skip
     return bins

@@ -6,6 +6,7 @@ import codecs
 import csv
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -159,7 +160,8 @@ def split_row(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
     if line.count('"') >= 2:
-        return [field.strip().strip('"') for field in next(csv.reader([line], delimiter=separator))]
+        with suppress(csv.Error):  # bytes that are no text: the layout is refused for what it lacks
+            return [field.strip().strip('"') for field in next(csv.reader([line], delimiter=separator))]
     return [field.strip().strip('"') for field in line.split(separator)]
 
 

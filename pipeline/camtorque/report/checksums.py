@@ -36,6 +36,17 @@ def visible_files(folder: Path) -> list[Path]:
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
 
 
+def strangers(folder: Path) -> list[str]:
+    """Return the files of an output that its SHA256SUMS does not list: somebody put them there; none without one."""
+    try:
+        text = (folder / SUMS).read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return []
+    listed = {found[2] for found in map(LINE.fullmatch, text.splitlines()) if found}
+    return [name for name in (path.relative_to(folder).as_posix() for path in visible_files(folder))
+            if name not in listed]  # fmt: skip
+
+
 def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
     """Return how many files were compared, and those that are not as they were written.
 

@@ -19,7 +19,7 @@ from typing import Any
 from camtorque.process.stopping import removed_when_stopped
 from camtorque.process.system import described
 from camtorque.records import Refusal
-from camtorque.report.checksums import visible_files, write_checksums
+from camtorque.report.checksums import strangers, visible_files, write_checksums
 from camtorque.report.provenance import write_crate
 
 try:
@@ -58,6 +58,12 @@ def check_output(target: Path) -> None:
         raise Refusal(
             f"output {target}: found a folder with other files in it, expected a new one or an earlier report; "
             "choose another name"
+        )
+    if target.is_dir() and (more := strangers(target)):
+        named = ", ".join(more[:3]) + (f" and {len(more) - 3} more" if len(more) > 3 else "")
+        raise Refusal(
+            f"output {target}: found {named} beside an earlier report, which would be lost, expected files of the "
+            "report alone; move them away or choose another name"
         )
     check_writable(target)
 
