@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.ingest import csv_log, mf4, read_recording, tdms, xlsx
-from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.csv_layout import CsvLayout, sniff
 from camtorque.ingest.csv_log import Damage, parse_block
 from camtorque.ingest.formats import FORMATS
 from camtorque.ingest.raw import FileSource
@@ -346,3 +346,11 @@ def test_the_segment_table_of_nptdms_still_tells_where_the_samples_lie(tmp_path:
                 assert pieces is not None
                 assert len(pieces) == segments
                 assert np.array_equal(FileSource(file, pieces).read(0, 10**9), channel[:])
+
+
+def test_a_binary_file_called_csv_is_refused(tmp_path: Path):
+    """Quotation marks beside a carriage return are more than Python's csv reader takes."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(b'\x1f\x8b\x08"a\rb"c,"\x03\n\xff"d\re"f,1\n' * 40)
+    with pytest.raises(Refusal, match=r"log\.csv: .*no row of numbers; expected columns of numbers"):
+        sniff(path, ("Torque",))

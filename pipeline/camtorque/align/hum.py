@@ -191,7 +191,8 @@ def _binned(torque: Array) -> Array:
     # a product with equal weights, where all bins have as many points: twenty times as fast as a mean over a short axis
     equal = np.full(sizes[0], 1.0 / sizes[0])
     for piece in pieces(torque):
-        even = n % POINTS == 0
-        bins[piece] = (torque[piece].reshape(-1, POINTS, sizes[0]) @ equal if even
-                       else np.add.reduceat(torque[piece], edges, axis=1) / sizes)  # fmt: skip
+        if n % POINTS:
+            bins[piece] = np.add.reduceat(torque[piece], edges, axis=1) / sizes
+        else:
+            bins[piece] = torque[piece].reshape(-1, POINTS, sizes[0]) @ equal
     return bins

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -50,14 +49,5 @@ def _walk(folder: Path, above: tuple[tuple[int, int], ...]) -> Iterator[Path]:
         for entry in entries:
             if entry.name == RECORDING_FILE:
                 yield folder
-            elif _is_folder(entry) and not entry.name.startswith("."):
+            elif not entry.name.startswith(".") and Path(entry).is_dir():  # a link to itself is none
                 yield from _walk(folder / entry.name, (*above, own))
-
-
-def _is_folder(entry: os.DirEntry[str]) -> bool:
-    try:
-        return entry.is_dir()
-    except OSError as error:
-        if error.errno != errno.ELOOP:
-            raise
-        return False  # a link that leads to itself, which is no folder, as a broken one is none

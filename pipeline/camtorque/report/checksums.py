@@ -38,13 +38,7 @@ def visible_files(folder: Path) -> list[Path]:
 
 def strangers(folder: Path) -> list[str]:
     """Return the files of an output that its SHA256SUMS does not list: somebody put them there; none without one."""
-    try:
-        text = (folder / SUMS).read_text(encoding="utf-8", errors="replace")
-    except FileNotFoundError:
-        return []
-    listed = {found[2] for found in map(LINE.fullmatch, text.splitlines()) if found}
-    return [name for name in (path.relative_to(folder).as_posix() for path in visible_files(folder))
-            if name not in listed]  # fmt: skip
+    return _unlisted(folder, {found[2] for found in _lines(folder) if found}) if (folder / SUMS).is_file() else []
 
 
 def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
@@ -61,19 +55,24 @@ def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
     compared = dict(_compared(folder, Path()))
     faults = [Fault(name, kind) for name, kind in compared.items() if kind]
     listed = set(compared)
-    faults += [
-        Fault(name, "not listed")
-        for name in (path.relative_to(folder).as_posix() for path in visible_files(folder))
-        if name not in listed and not _in_a_folder_of_its_own(name, listed)
-    ]
-    return len(compared), tuple(faults)
+    more = (name for name in _unlisted(folder, listed) if not _in_a_folder_of_its_own(name, listed))
+    return len(compared), (*faults, *(Fault(name, "not listed") for name in more))
+
+
+def _lines(folder: Path) -> list[re.Match[str] | None]:
+    """Return the lines of a folder's SHA256SUMS, None for a damaged one."""
+    text = (folder / SUMS).read_text(encoding="utf-8", errors="replace")
+    return [LINE.fullmatch(line) for line in text.splitlines()]
+
+
+def _unlisted(folder: Path, listed: set[str]) -> list[str]:
+    names = (path.relative_to(folder).as_posix() for path in visible_files(folder))
+    return [name for name in names if name not in listed]
 
 
 def _compared(folder: Path, below: Path) -> Iterator[tuple[str, str]]:
     """Yield each listed file with its fault, "" where it is as it was."""
-    text = (folder / below / SUMS).read_text(encoding="utf-8", errors="replace")
-    for number, line in enumerate(text.splitlines(), 1):
-        found = LINE.fullmatch(line)
+    for number, found in enumerate(_lines(folder / below), 1):
         if found is None or found[2].startswith("/") or ".." in found[2].split("/"):
             yield f"{(below / SUMS).as_posix()} line {number}", "damaged"
             continue
