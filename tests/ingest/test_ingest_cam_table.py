@@ -82,6 +82,16 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, lift: str, message: s
         read_cam_table(pump(file, lift))
 
 
+@pytest.mark.parametrize(("turned", "start"), [(150, "15[0-9]"), (240, "24[0-9]"), (320, "32[0-9]")])
+def test_a_table_that_does_not_count_from_the_start_of_lift_is_refused(tmp_path: Path, turned: int, start: str):
+    text = (CALIBRATION / "cam_A.csv").read_text().splitlines()
+    lift = np.array([float(row.split(",")[1]) for row in text[2:362]])
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(np.arange(360.0), np.roll(lift, turned)))
+    with pytest.raises(Refusal, match=rf"zero at the start of lift .* starts at about {start} deg: take that off"):
+        read_cam_table(pump(file))
+
+
 def test_a_missing_table_is_refused(tmp_path: Path):
     with pytest.raises(Refusal, match="no such file; expected a lift table"):
         read_cam_table(pump(tmp_path / "none.csv"))

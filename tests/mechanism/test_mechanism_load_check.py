@@ -7,7 +7,7 @@ import pytest
 from camtorque.align import align
 from camtorque.ingest import read_recording
 from camtorque.mechanism.load_check import load_findings, load_ratio
-from camtorque.records import CamCycles, Recording
+from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from damaged.logs import CALIBRATION
 
@@ -61,3 +61,17 @@ def test_where_pressure_hardly_loads_the_cam_nothing_is_said(aligned):
 def test_without_torque_nothing_is_said(aligned):
     recording, cycles = aligned
     assert not told(recording, replace(cycles, torque=None))
+
+
+@pytest.mark.parametrize("part", [0.25, 0.5, 0.75])
+def test_a_pressure_that_the_plunger_does_not_make_is_refused(aligned, part: float):
+    recording, cycles = aligned
+    shifted = replace(cycles, pressure=np.roll(cycles.pressure, round(part * cycles.theta.size), axis=1))
+    with pytest.raises(Refusal, match=r"not while the plunger delivers.*check that both logs are of one run"):
+        told(recording, shifted)
+
+
+def test_a_small_swing_beside_the_torque_is_not_judged(aligned):
+    recording, cycles = aligned
+    small = np.roll(0.1 * cycles.pressure, cycles.theta.size // 2, axis=1)
+    assert not told(recording, replace(cycles, pressure=small))

@@ -18,6 +18,9 @@ SAME_ANGLE = 0.01
 """Share of a step within which two angles are one: 2 pi is written 6.28318531."""
 ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
 """Share of the stroke above which the lowest lift is reported, and refused."""
+MOST_AT_ZERO, LAST_TOP = 0.4, np.radians(185.0)
+"""Share of the stroke that the lift may have at angle zero, and angle at which it has to be at its top [rad]: rising
+flank and end of delivery are sought from zero to half a revolution; an eccentric is at its top there."""
 DISTINCT = 16
 """Values that have to differ before a step that they share is taken for the resolution: few may share one by chance."""
 FINEST = 1.0e-9
@@ -54,6 +57,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     if np.ptp(lift) <= 2.0 * resolution:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
     findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
+    _check_zero(table, theta, lift)
     return CamTable(theta, lift, resolution), tuple(findings)
 
 
@@ -84,6 +88,24 @@ def _above_zero(table: SmallTable, lift: Array, resolution: float, radius: float
     if lowest > stroke * FAR_ABOVE_ZERO:
         raise Refusal(f"{table.path}: {text}: the column holds a radius or a height; take {1e3 * lowest:.4g} mm off")
     return [Finding("lift_above_zero", "warning", text, table.path.name)]
+
+
+def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
+    """Refuse a table whose angles do not count from the start of the lift."""
+    above = (lift - np.min(lift)) / np.ptp(lift)
+    at_zero = float(np.interp(0.0, theta, above, period=2.0 * np.pi))
+    highest = int(np.argmax(above >= 0.999))
+    top = float(theta[highest]) % (2.0 * np.pi)
+    if at_zero <= MOST_AT_ZERO and top <= LAST_TOP:
+        return
+    back_from_top = (highest - np.arange(theta.size)) % theta.size
+    start = theta[back_from_top[int(np.argmax(above[back_from_top] <= ABOVE_ZERO))]]
+    raise Refusal(
+        f"{table.path}: the lift stands at {100.0 * at_zero:.0f} % of its stroke at angle zero and is highest at "
+        f"{np.rad2deg(top):.0f} deg, expected zero at the start of lift and the top before "
+        f"{np.rad2deg(LAST_TOP):.0f} deg; the lift starts at about {np.rad2deg(start):.0f} deg: take that off the "
+        "angles of the table and off nominal_angle_deg"
+    )
 
 
 def lift_table_comment(pump: PumpData) -> str:
