@@ -136,7 +136,6 @@ class Result(RunResult):
     timing : seconds by stage
     created : ISO-8601 with zone
     peak_memory_mb : largest resident size of the process so far, nan where the system does not tell
-    seed : of random numbers
     limits : what a user wants the numbers to stay within
     """
 
@@ -169,7 +168,6 @@ class Result(RunResult):
         rows = [
             [row.name, near(row.value, row.stderr), f"± {plus_minus(row.stderr)}", unit_text(row.unit), row.knowledge]
             for row in self.fitted.parameters
-            if row.role != "assumed"
         ]
         return _table(self._title, ["parameter", "value", "", "unit", "known by"], rows, self.findings)
 

@@ -104,9 +104,8 @@ def analyse_recording(
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)
     result = RunResult(
-        recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(),
-        seed=options.fit.seed, limits=options.limits,
-    )  # fmt: skip
+        recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(), limits=options.limits
+    )
     return result, prepared
 
 

@@ -501,7 +501,7 @@ def test_what_a_wrong_lift_table_does_in_all_recordings_is_found_as_one_correcti
         cam = binned(output.load * basis.correction(output.motion.theta, bump, 1))
         moved.append(replace(item, torque=item.torque + filtered(cam, shaft * measured)))
     plain, found = (shared_lift(replace(problem, data=tuple(data)), solution.z, 1.0) for data in (problem.data, moved))
-    lift = LiftCorrection(basis.knots, 0.0, 0.0)
+    lift = LiftCorrection(basis.knots, 0.0)
     theta = middle + np.radians(np.linspace(-8.0, 8.0, 60))
     wanted, told = lift.correction(theta, bump, 1), found.slope(theta) - plain.slope(theta)
     assert np.sqrt(np.mean((told - wanted) ** 2)) < 0.25 * np.sqrt(np.mean(wanted**2))

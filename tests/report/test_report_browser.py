@@ -66,7 +66,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         (folder / name).mkdir()
     write_run(run_result(), folder / "run")
     write_run(run_result(explained=False), folder / "unexplained")
-    write_compare(ComparePage(document(), (pair(),), "../run/report.html"), folder / "compare")
+    write_compare(ComparePage(document(), (pair(),)), folder / "compare")
     case = run_result()
     write_alignment(case.recording, case.cycles, case.created, folder / "align")
     (folder / "predict.html").write_text(prediction_page(paper_prediction(), "pump"), encoding="utf-8")

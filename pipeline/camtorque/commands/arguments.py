@@ -91,7 +91,6 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
     "align": {**RECORDING, **out(), **GRID},
     "run": {
         **RECORDING, **out("reports/NAME, NAME being the recording's folder"), **GRID, **TOLERANCE,
-        "--seed": option("N", "of the random numbers (default 0)", whole(0), default=0),
         "--pdf": flag("the page as PDF too (extra `pdf`)"),
         "--limits": option("FILE", "bands that the numbers have to stay in, see docs/limits.md; exit status 3 where "
                            "one does not pass"),

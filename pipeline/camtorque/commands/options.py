@@ -8,7 +8,6 @@ from importlib.util import find_spec
 from camtorque.align import AlignOptions
 from camtorque.commands import Tell
 from camtorque.fit.prepare import LEAST_GRID
-from camtorque.fit.single import FitOptions
 from camtorque.grid_choice import grid_note
 from camtorque.limits import read_limits
 from camtorque.records import Refusal
@@ -26,7 +25,7 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
         require(("weasyprint",), "--pdf", "pdf")
     given = getattr(arguments, "limits", None)
     limits = () if given is None else read_limits(given)
-    return RunOptions(_align(arguments, tell), FitOptions(getattr(arguments, "seed", 0)), limits)
+    return RunOptions(_align(arguments, tell), limits=limits)
 
 
 def _align(arguments: argparse.Namespace, tell: Tell) -> AlignOptions:

@@ -35,7 +35,7 @@ class SharedLift(ReadOnly):
 
     def slope(self, theta: Array) -> Array:
         """Return the slope of the correction at angles (n,) of any revolution [m/rad]."""
-        return LiftCorrection(self.knots, 0.0, 0.0).correction(theta, self.values, 1)
+        return LiftCorrection(self.knots, 0.0).correction(theta, self.values, 1)
 
     def slope_stderr(self, theta: Array) -> Array:
         """Return its standard uncertainty at angles (n,) of any revolution [m/rad], 0 beside the lift."""

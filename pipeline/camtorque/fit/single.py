@@ -44,11 +44,9 @@ class FitOptions:
 
     Attributes
     ----------
-    seed : of random numbers; the same seed gives the same digits
     evidence : whether each loss is weighed (a campaign's joint fit weighs none)
     """
 
-    seed: int = 0
     evidence: bool = True
 
 

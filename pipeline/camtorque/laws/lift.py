@@ -20,8 +20,6 @@ from camtorque.units import DEGREE
 
 KNOT_STEP = 1.5 * DEGREE
 MARGIN = 3.0 * DEGREE
-BOUND = 3.0
-"""Largest coefficient, in standard deviations of its prior."""
 UNIFORM = np.array([[-1.0, 3.0, -3.0, 1.0], [3.0, -6.0, 0.0, 4.0], [-3.0, 3.0, 3.0, 1.0], [1.0, 0.0, 0.0, 0.0]]) / 6.0
 """The four cubic B-splines on equal knots that do not vanish, in powers of the place between two knots."""
 
@@ -34,12 +32,10 @@ class LiftCorrection(ReadOnly):
     ----------
     knots : (n_basis + 4,) [rad], first to last lifted angle with a margin
     prior_std : standard deviation of each coefficient [m]
-    bound : largest coefficient allowed [m]
     """
 
     knots: Array
     prior_std: float
-    bound: float
 
     @property
     def n_basis(self) -> int:
@@ -52,7 +48,7 @@ class LiftCorrection(ReadOnly):
         count = int(np.ceil((self.knots[-1] - self.knots[0]) / step))
         scale = np.sqrt(0.5)
         knots = self.knots[0] + step * np.arange(count + 1)
-        return LiftCorrection(knots, self.prior_std * scale, self.bound * scale)
+        return LiftCorrection(knots, self.prior_std * scale)
 
     def _felt(self, theta: Array, derivative: int) -> tuple[Array, NDArray[np.int64]]:
         """Return the four splines at angles of any revolution, and the place of the first after three more knots."""
@@ -121,4 +117,4 @@ def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: flo
     knots = start + (np.arange(count + 7) - 3.0) * KNOT_STEP
     error = max(noise_std, resolution / np.sqrt(12.0))
     prior_std = error * np.sqrt(step / KNOT_STEP)
-    return LiftCorrection(knots, prior_std, BOUND * prior_std)
+    return LiftCorrection(knots, prior_std)

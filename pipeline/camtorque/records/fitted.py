@@ -41,7 +41,7 @@ class ParameterEstimate:
     """One parameter as it is reported.
 
     ``stderr`` and ``ci95`` are total (model spread included), ``stderr_statistical`` is beside them. ``prior`` is
-    (mean, std) or None; ``role`` is ``shared``, ``own`` (nuisance of one recording) or ``assumed`` (not fitted).
+    (mean, std) or None; ``role`` is ``shared`` or ``own`` (nuisance of one recording).
     """
 
     name: str
@@ -132,7 +132,7 @@ class FittedTorque(ReadOnly):
     Attributes
     ----------
     effects : chosen effects
-    parameters : every parameter, fitted or assumed
+    parameters : every parameter
     correlation : (k, k) of the parameters named in ``correlation_names``
     torque : (n_theta,) fitted model for the mean of the fitted cycles [N m]
     torque_held_out : (n_theta,) the same parameters on the pressure of the held-out cycles [N m]

@@ -171,7 +171,7 @@ def closing_text(doc: Document) -> str:
 
 def sureness_text(doc: Document) -> str:
     """Return shape of the residual, repeatability, absolute uncertainty, and what the data determine at all."""
-    accuracy, rows = doc["accuracy"], [row for row in doc["parameters"].values() if row["role"] != "assumed"]
+    accuracy, rows = doc["accuracy"], list(doc["parameters"].values())
     text = shape_text(accuracy)
     if doc["bumps"] and doc["explained"]:
         text += f" In the fitted cycles it stands out at {bump_places(doc)}."

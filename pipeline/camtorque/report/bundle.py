@@ -23,7 +23,6 @@ class RunResult:
     created : ISO-8601 with zone
     limits : what a user wants the numbers to stay within
     peak_memory_mb : largest resident size of the process so far, nan where the system does not tell
-    seed : of random numbers
     """
 
     recording: Recording
@@ -33,7 +32,6 @@ class RunResult:
     timing: Mapping[str, float]
     created: str
     peak_memory_mb: float = float("nan")
-    seed: int = 0
     limits: tuple[Limit, ...] = ()
 
     @property

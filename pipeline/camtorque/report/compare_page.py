@@ -79,13 +79,10 @@ class ComparePage:
     document : content of compare.json (docs/result_schema.md); a row of ``parameters`` or ``losses`` may hold
         ``smallest_change``, the smallest change that would have been seen, in the unit of the row
     curves : pairs of mean cycles; several where campaigns are compared
-    before_page, after_page : addresses of the two reports, empty for none
     """
 
     document: Mapping[str, Any]
     curves: tuple[ComparedCurves, ...]
-    before_page: str = ""
-    after_page: str = ""
 
 
 def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:

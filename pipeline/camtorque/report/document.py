@@ -40,7 +40,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "schema": SCHEMA,
             "version": __version__,
             "created": result.created,
-            "seed": result.seed,
+            "seed": 0,
             "inputs": inputs_document(result.recording),
             "recording": _recording(result),
             "findings": findings_document(result.findings),
@@ -125,13 +125,12 @@ def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
 
 
 def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
-    """Return what is known in combination only and the budget of a fit by parameter, in the units of the parameters."""
-    combinations = fitted.details.get("combinations", ())
+    """Return the budget of a fit by parameter, in the units of the parameters."""
     budget = {
         row.name.split("__")[0]: {typeset(source): value for source, value in row.contributions.items()}
         for row in fitted.details.get("budget", ())
     }
-    return {"combinations": [{**asdict(item), "text": item.text} for item in combinations], "budget": budget}
+    return {"budget": budget}
 
 
 def _recording(result: RunResult) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def size_text(row: LossEvidence) -> str:
 
 def priors(result: RunResult) -> Rows | None:
     """Show each parameter with a prior in standard deviations of the prior; two of them are shaded."""
-    rows = [row for row in result.fitted.parameters if row.prior is not None and row.role != "assumed"]
+    rows = [row for row in result.fitted.parameters if row.prior is not None]
     if not rows:
         return None
     pulls = [_pull(row) for row in rows]

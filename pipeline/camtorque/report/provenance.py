@@ -63,7 +63,7 @@ def _software(doc: Mapping[str, Any]) -> Entity:
 def _action(doc: Mapping[str, Any], title: str, inputs: Sequence[Entity], outputs: Sequence[Entity]) -> Entity:
     return {
         "@id": "#computation", "@type": "CreateAction", "name": f"{doc['schema']} of {title}",
-        "description": f"seed {doc.get('seed', 0)}; the options stand in the report",
+        "description": "the options stand in the report",
         "instrument": {"@id": SOFTWARE}, "endTime": doc["created"], "actionStatus": "http://schema.org/CompletedActionStatus",
         "object": references(inputs), "result": references(outputs),
     }  # fmt: skip

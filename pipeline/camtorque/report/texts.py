@@ -126,7 +126,7 @@ def parameter_row(name: str, row: Document, explained: bool = True) -> dict[str,
         "name": words(name), "meaning": row["meaning"], "unit": unit_text(row["unit"]), "knowledge": row["knowledge"],
         "value": near(row["value"], row["stderr"]), "error": plus_minus(row["stderr"]) if has_interval else UNKNOWN,
         "interval": f"{ends[0]} … {ends[1]}" if has_interval else UNKNOWN, "prior": prior, "at_bound": row["at_bound"],
-        "assumed": row["role"] == "assumed", "mixed": [words(other) for other in row["confounded_with"]],
+        "mixed": [words(other) for other in row["confounded_with"]],
         "source": row["source"],
     }  # fmt: skip
 
