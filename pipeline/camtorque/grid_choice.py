@@ -15,7 +15,7 @@ GRID_ERRORS: dict[tuple[int, str], float] = {
     (7200, "cubic periodic"): 1.47e-10,
 }
 """(points per revolution, curve between them) -> largest torque error over the peak: the front of the grid chart,
-rounded up; a test holds it to ``reports/studies/speed_accuracy.json``. All are multiples of 5 (bins of the fit)."""
+rounded up; a test holds it to ``reports/studies/speed_accuracy.json``."""
 
 
 def choose_grid(tolerance: float) -> tuple[int, str, float]:

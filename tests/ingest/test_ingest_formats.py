@@ -226,7 +226,7 @@ def test_a_damaged_row_never_shifts_the_others(rows: list[tuple[float, ...]], da
     bad = data.draw(st.integers(0, len(rows) - 1))
     lines[bad] = data.draw(st.sampled_from(["1,2", "1;2;3", "", "1,2,3,4", "x,y,z", "1,,3"]))
     damage = Damage()
-    columns = parse_block(("\n".join(lines) + "\n").encode(), LAYOUT, [0, 1, 2], None, damage, 1)
+    columns = parse_block(("\n".join(lines) + "\n").encode(), LAYOUT, [0, 1, 2], {}, damage, 1)
     for column, values in zip(columns, zip(*rows, strict=True), strict=True):
         kept = np.arange(len(rows)) != bad
         assert column.size == len(rows)

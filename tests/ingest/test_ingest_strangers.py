@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
+from camtorque.ingest import csv_log
+from camtorque.ingest.csv_layout import unwrapped
 from camtorque.ingest.csv_log import channels, read
 from camtorque.ingest.header import header_rate, name_and_unit
 from camtorque.ingest.raw import RawFile
@@ -196,6 +198,36 @@ def test_a_time_of_day_may_pass_midnight(tmp_path: Path):
     stamps = [f"12.03.2024;23:59:59.{990000 + 50 * n:06d}" for n in range(200)]
     stamps += [f"13.03.2024;00:00:00.{50 * n:06d}" for n in range(200)]
     assert_read(both(stamped(tmp_path, "Datum;Uhrzeit", stamps)))
+
+
+def clock(start: float) -> list[str]:
+    """Return times of day of `ROWS` samples from a number of seconds before midnight on."""
+    seconds = (86400.0 - start + STEP * np.arange(ROWS)) % 86400.0
+    return [f"{int(s) // 3600:02d}:{int(s) // 60 % 60:02d}:{s % 60.0:09.6f}" for s in seconds]
+
+
+@pytest.mark.parametrize("in_memory", [10**8, 1000])
+def test_midnight_in_a_text_that_is_read_in_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_memory: int
+) -> None:
+    monkeypatch.setattr(csv_log, "IN_MEMORY_BYTES", in_memory)
+    monkeypatch.setattr(csv_log, "BLOCK_BYTES", 512)
+    assert_read(both(stamped(tmp_path, "Uhrzeit", clock(0.01))))
+
+
+def test_a_damaged_time_does_not_spoil_those_behind_it() -> None:
+    stamps = np.array([86399.0, np.nan, 0.5, 2.0])
+    np.testing.assert_array_equal(unwrapped(stamps, "clock"), [86399.0, np.nan, 86400.5, 86402.0])
+    np.testing.assert_array_equal(unwrapped(stamps[2:], "clock", 86399.0), [86400.5, 86402.0])
+
+
+def test_every_channel_may_have_a_clock_of_its_own(tmp_path: Path) -> None:
+    lines = zip(clock(0.01), clock(10.0), TORQUE, PRESSURE, strict=True)
+    body = [f"{one};{a:.2f};{two};{b:.1f}" for one, two, a, b in lines]
+    raw = both(write(tmp_path, "Time;Torque [Nm];Time;Pressure [bar]", *body))
+    assert_read(raw)
+    first, second = (channel.start_time + (channel.stamp or 0.0) for channel in raw.channels)
+    assert second - first == pytest.approx(-9.99)
 
 
 def test_stamps_with_too_few_digits_follow_the_declared_rate(tmp_path: Path):

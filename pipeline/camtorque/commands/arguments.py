@@ -17,7 +17,8 @@ SHELLS = ("bash", "zsh", "fish")
 LARGEST_TOLERANCE = 0.01
 """The coarsest grid of the speed-accuracy study is off by less than this share of the peak torque."""
 FASTEST_RPM = 30000.0
-LEAST_GRID, LARGEST_GRID = 36, 36000
+LEAST_GRID, LARGEST_GRID = 600, 36000
+"""Points of the angle grid; a test holds the least to what the fit needs."""
 
 
 def number(low: float, high: float = float("inf"), above: bool = False) -> Callable[[str], float]:

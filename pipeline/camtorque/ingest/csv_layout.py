@@ -135,9 +135,18 @@ class CsvLayout:
         return next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
 
 
-def unwrapped(stamps: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
-    """Return stamps that run on where they start again without a date: a test may run over midnight."""
-    return np.unwrap(stamps, period=PERIODS[kind]) if kind in PERIODS else stamps
+def unwrapped(stamps: NDArray[np.float64], kind: str, before: float = np.nan) -> NDArray[np.float64]:
+    """Return stamps that run on where they start again without a date: a test may run over midnight.
+
+    ``before`` is the last one of the block before, nan for none; stamps that are nan stay so.
+    """
+    sound = np.isfinite(stamps)
+    if kind not in PERIODS or not sound.any():
+        return stamps
+    first = stamps[sound][:1] if np.isnan(before) else [before]
+    result = stamps.copy()
+    result[sound] = np.unwrap(np.concatenate([first, stamps[sound]]), period=PERIODS[kind])[1:]
+    return result
 
 
 def _day(text: str) -> float | None:

@@ -10,7 +10,7 @@ import io
 import re
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -126,7 +126,8 @@ def _columns(
     in_memory = path.stat().st_size <= IN_MEMORY_BYTES
     parts: dict[int, list[Array]] = {column: [] for column in wanted}
     files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}  # noqa: SIM115
-    stamps = next((column for column in times if layout.stamp_kind(column)), None)
+    stamps = {column: kind for column in wanted if column in times and (kind := layout.stamp_kind(column))}
+    last = dict.fromkeys(stamps, np.nan)
     count, line, tail = 0, layout.header_lines + 1, b""
     for block, is_last in _blocks(path, layout.data_offset):
         if is_last and not block.endswith(b"\n"):
@@ -136,6 +137,9 @@ def _columns(
         line += block.count(b"\n")
         count += len(values[0])
         for column, part in zip(wanted, values, strict=True):
+            if column in stamps:
+                part = unwrapped(part, stamps[column], last[column])
+                last[column] = next((stamp for stamp in part[::-1] if np.isfinite(stamp)), last[column])
             files[column].write(part.tobytes()) if files else parts[column].append(part)
     findings = _tail_findings(tail, path, line)
     if not count:
@@ -143,8 +147,6 @@ def _columns(
     if files:
         return {column: CachedSource(file, count, path) for column, file in files.items()}, findings
     arrays = {column: np.concatenate(part) for column, part in parts.items()}
-    if stamps is not None:
-        arrays[stamps] = unwrapped(arrays[stamps], layout.stamp_kind(stamps))
     return {column: ArraySource(values) for column, values in arrays.items()}, findings
 
 
@@ -170,9 +172,9 @@ def _blocks(path: Path, offset: int) -> Iterator[tuple[bytes, bool]]:
 
 
 def parse_block(
-    block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None, damage: Damage, line: int
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str], damage: Damage, line: int
 ) -> list[Array]:
-    """Return one array per wanted column; ``stamps`` is the column of date and time, if any."""
+    """Return one array per wanted column; ``stamps``: columns of date and time -> key of `STAMPS`."""
     if not block:
         return [np.empty(0) for _ in wanted]
     rows = block.count(b"\n")
@@ -188,7 +190,7 @@ def parse_block(
     return _parse_lines(block, layout, wanted, stamps, damage, line)
 
 
-def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None) -> pd.DataFrame:
+def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str]) -> pd.DataFrame:
     levels = [column for column in wanted if layout.has_levels(column)]
     frame = pd.read_csv(
         io.BytesIO(block),
@@ -197,26 +199,26 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: int 
         header=None,
         names=range(layout.n_columns),
         usecols=wanted,
-        dtype={column: str if column == stamps or column in levels else np.float64 for column in wanted},
+        dtype={column: str if column in stamps or column in levels else np.float64 for column in wanted},
         engine="c",
         quoting=3,
         index_col=False,
         skip_blank_lines=False,
         encoding="latin-1",
     )
-    if stamps is not None:
-        frame[stamps] = seconds_of(frame[stamps], layout.stamp_kind(stamps))
+    for column, kind in stamps.items():
+        frame[column] = seconds_of(frame[column], kind)
     for column in levels:
         frame[column] = frame[column].str.strip().str.lower().map(LEVELS)
     return frame
 
 
 def _parse_lines(
-    block: bytes, layout: CsvLayout, wanted: list[int], stamps: int | None, damage: Damage, line: int
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str], damage: Damage, line: int
 ) -> list[Array]:
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
     rows: list[list[float]] = []
-    texts: list[str] = []
+    texts: list[list[str]] = []
     blank = 0
     for text in block[:-1].decode(layout.encoding, errors="replace").split("\n"):
         text = text.rstrip("\r")
@@ -235,18 +237,18 @@ def _parse_lines(
             damage.row(line)
             lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
             rows += [[np.nan] * len(wanted)] * lost
-            texts += [""] * lost
+            texts += [[""] * len(stamps)] * lost
         else:
-            rows.append([np.nan if c == stamps else _cell(fields[c], layout, c, damage, line) for c in wanted])
-            texts.append("" if stamps is None else fields[stamps])
+            rows.append([np.nan if c in stamps else _cell(fields[c], layout, c, damage, line) for c in wanted])
+            texts.append([fields[column] for column in stamps])
         line += 1
     columns = list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
-    if stamps is not None and rows:
-        columns[wanted.index(stamps)] = _stamp_column(texts, layout.stamp_kind(stamps), damage, line - len(rows))
+    for (column, kind), cells in zip(stamps.items(), zip(*texts, strict=True), strict=False):
+        columns[wanted.index(column)] = _stamp_column(cells, kind, damage, line - len(rows))
     return columns
 
 
-def _stamp_column(texts: list[str], kind: str, damage: Damage, line: int) -> Array:
+def _stamp_column(texts: Sequence[str], kind: str, damage: Damage, line: int) -> Array:
     """Return date and time in seconds since 1970; what is none is nan and counted."""
     seconds = seconds_of_texts(texts, kind)
     for number in np.flatnonzero(np.isnan(seconds)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -23,7 +24,7 @@ LAST_COLON = r"(?P<clock>:\d\d:\d\d):(?P<part>\d+)$"
 """12:03:04:001, as some loggers write milliseconds."""
 
 
-def seconds_of_texts(texts: list[str], kind: str) -> Array:
+def seconds_of_texts(texts: Sequence[str], kind: str) -> Array:
     """Return date and time in seconds as `seconds_of` does; what is none is nan."""
     return seconds_of(pd.Series(texts, dtype=str), kind, errors="coerce").to_numpy(dtype=np.float64)
 
