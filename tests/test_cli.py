@@ -13,9 +13,10 @@ import pytest
 from camtorque import __version__, cli
 from camtorque.align import align
 from camtorque.commands import COMMANDS, Outcome, check, options, run, texts
-from camtorque.commands.arguments import SHELLS
+from camtorque.commands.arguments import LEAST_GRID, SHELLS
 from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
+from camtorque.laws.chain import BINS
 from camtorque.progress import silent
 from camtorque.records import Refusal
 from damaged.build import PLANS
@@ -369,3 +370,7 @@ def test_every_command_keeps_the_numerical_libraries_on_one_thread(monkeypatch: 
         assert cli.main(["check", "x"]) == 0
     assert seen
     assert set(seen) == {1}
+
+
+def test_the_least_grid_is_what_the_fit_needs() -> None:
+    assert LEAST_GRID == BINS

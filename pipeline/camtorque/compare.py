@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -28,7 +27,7 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
 from camtorque.report.document import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import NAME, recording_of
+from camtorque.results import NAME, read_document, recording_of
 from camtorque.run import now
 from camtorque.units import RPM
 from camtorque.version import __version__
@@ -112,7 +111,7 @@ def _recordings(path: Path) -> list[Path]:
     """Return the recordings that a path names: one, its report's, those of a campaign's report, or those below it."""
     campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
     if campaign.is_file():
-        rows = json.loads(campaign.read_text(encoding="utf-8"))["recordings"]
+        rows = read_document(campaign, "camtorque.campaign/", "what `camtorque campaign` writes")["recordings"]
         return [recording_path(campaign.parent / row["folder"]) for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
         below = [item.parent for item in sorted(path.rglob(RECORDING_FILE))]

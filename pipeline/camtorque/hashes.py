@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,14 @@ def input_file(path: Path) -> InputFile:
 
 
 def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file in hex."""
+    """Return the SHA-256 of a file in hex.
+
+    Raises
+    ------
+    OSError : it cannot be read, or is a pipe or device, which would be waited for without end
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "no regular file", str(path))
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -21,6 +21,11 @@ from camtorque.units import did_you_mean
 LIMITS_SCHEMA = "camtorque-limits/1"
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
 NUMBER = Band(-1e15, 1e15, "any number that a report holds")
+UNIT_OF_ENDING = {
+    "_nm": "N m", "_bar": "bar", "_deg": "deg", "_s": "s", "_percent": "%", "_rpm": "rpm", "_n": "N", "_gpa": "GPa",
+    "_c": "degC", "_mb": "MB", "_j": "J", "_hz": "Hz", "_ppm": "ppm",
+}  # fmt: skip
+"""How the name of a number ends -> its unit (docs/result_schema.md)."""
 LIMIT = TableSchema("[[limit]]", "one band", (
     Key("quantity", "text", "path of a number in result.json, such as parameters.leakage.value"),
     Key("min", "number", "least value that passes", default=None, band=NUMBER),
@@ -109,11 +114,17 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
     value = group.get(last) if isinstance(group, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
         return Verdict(limit, None, None, CANNOT_TELL, "the result holds no number of that name")
-    unit = group.get("unit")
-    if limit.unit and unit and _plain_unit(limit.unit) != _plain_unit(unit):
-        return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result in {unit}")
+    unit = group.get("unit") or _unit_of_name([last, *reversed(above)])
+    if limit.unit and _plain_unit(limit.unit) != _plain_unit(unit):
+        told = f"in {unit}" if unit else "without a unit"
+        return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
     error = group.get("stderr") if last == "value" else None
     return _compared(limit, float(value), None if error is None else float(error))
+
+
+def _unit_of_name(names: Sequence[str]) -> str:
+    """Return the unit that the first name with a known ending tells, "" where none does."""
+    return next((unit for name in names for end, unit in UNIT_OF_ENDING.items() if name.endswith(end)), "")
 
 
 def _plain_unit(unit: str) -> str:

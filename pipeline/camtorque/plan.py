@@ -30,7 +30,7 @@ from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Refusal
 from camtorque.results import NAME, read_result
-from camtorque.units import BAR, RPM, did_you_mean
+from camtorque.units import BAR, DECIMAL, RPM, did_you_mean
 from camtorque.version import __version__
 
 CHAMBER_PEAK = "chamber_peak"
@@ -59,7 +59,7 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
     ------
     Refusal : another text, an unknown name, a number that is not positive
     """
-    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+(?:e-?\d+)?)\s*(%?)\s*", text)
+    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:e-?\d{{1,3}})?)\s*(%?)\s*", text)
     if match is None or not float(match[2]) > 0.0:
         raise Refusal(
             f"plan: found --target {text!r}, expected a name and a standard uncertainty such as 'chamber_peak 0.5 %' "

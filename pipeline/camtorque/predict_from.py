@@ -7,7 +7,6 @@ found.items[0].torque, found.items[0].torque_std
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -56,8 +55,8 @@ from camtorque.report.forecast_texts import (
     load_text,
     step_text,
 )
-from camtorque.results import read_result, recording_of
-from camtorque.units import RPM
+from camtorque.results import read_document, read_result, recording_of
+from camtorque.units import DECIMAL, RPM
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
@@ -99,12 +98,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
             f"{path}: found no {NAME} beside it, expected the report of `camtorque run` or of a campaign with a joint "
             "fit; make the report again"
         )
-    try:
-        doc = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise Refusal(f"{file}: is not valid JSON ({error}), expected what `camtorque run` writes") from error
-    if not isinstance(doc, dict) or doc.get("schema") != SCHEMA:
-        raise Refusal(f"{file}: expected schema {SCHEMA}; make the report again")
+    doc = read_document(file, SCHEMA, "what `camtorque run` writes")
     strange = [name for name in doc["names"] if name.split(SEPARATOR)[0] not in ROWS]
     if strange:
         raise Refusal(
@@ -151,19 +145,21 @@ def curve_of(report: Path, speed: float) -> Curve:
         )
 
 
-def load_curve(path: Path) -> Curve:
-    """Return the mean line pressure of a recording or of its report.
+def load_curve(path: Path) -> tuple[str, Curve]:
+    """Return the name of a recording, or of that of a report, and its mean line pressure.
 
     Raises
     ------
     Refusal : it is neither, or has no pressure
     """
     if (path / CYCLES).is_file():
-        return curve_of(path, read_result(path / "result.json")["recording"]["speed_rpm"] * RPM)
-    cycles = align(read_recording(path))
+        said = read_result(path / "result.json")["recording"]
+        return said["name"], curve_of(path, said["speed_rpm"] * RPM)
+    recording = read_recording(path)
+    cycles = align(recording)
     if not cycles.pressure.size:
         raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
-    return Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
+    return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
 
 
 def file_curve(path: Path) -> Curve:
@@ -183,7 +179,7 @@ def leakage_factor(text: str) -> float:
     ------
     Refusal : not such a text, or no clearance is left
     """
-    match = re.fullmatch(r"(?:([\d.]+)\s*um)?\s*([+-][\d.]+)\s*um", text.replace("µ", "u").strip())
+    match = re.fullmatch(rf"(?:({DECIMAL})\s*um)?\s*([+-]{DECIMAL})\s*um", text.replace("µ", "u").strip())
     if match is None:
         raise Refusal(f"--clearance: found {text!r}, expected a change such as +1um, or 3um+1um from a known clearance")
     base = float(match[1]) * 1e-6 if match[1] else CLEARANCE
@@ -224,9 +220,9 @@ def predict_from(
     known = known if pump is None and cam is None else replace(known, lift=None)  # it belongs to the fitted cam
     factor = leakage_factor(clearance) if clearance else 1.0
     _refuse_leaky(known, clearance, factor)
-    name = Path(pressure or load_of or "").name
+    name, given = _given(pressure, load_of)
     asked = Asked(
-        _given(pressure, load_of), name, ending or own_ending(known, name if load_of else ""), pump, cam, clearance,
+        given, name, ending or own_ending(known, name if load_of else ""), pump, cam, clearance,
         {"leakage": factor} if clearance else {},
     )  # fmt: skip
     if ending and asked.given is None:
@@ -272,14 +268,14 @@ class Asked:
     changes: Mapping[str, float]
 
 
-def _given(pressure: Path | None, load_of: Path | str | None) -> Curve | None:
+def _given(pressure: Path | None, load_of: Path | str | None) -> tuple[str, Curve | None]:
     if load_of is not None and pressure is not None:
         raise Refusal(
             f"predict: found two loads, --load-of {load_of} and --pressure {pressure}, expected one; leave one out"
         )
     if load_of is not None:
         return load_curve(Path(load_of))
-    return None if pressure is None else file_curve(pressure)
+    return ("", None) if pressure is None else (pressure.name, file_curve(pressure))
 
 
 def _at_speed(

@@ -39,15 +39,25 @@ def read_result(path: Path) -> dict[str, Any]:
     ------
     Refusal : it cannot be read, is no JSON, or not of this product
     """
+    return read_document(path, SCHEMA_STEM, "a result of `camtorque run`")
+
+
+def read_document(path: Path, stem: str, what: str) -> dict[str, Any]:
+    """Return the content of a file that this product wrote, whose schema begins with ``stem``.
+
+    Raises
+    ------
+    Refusal : it cannot be read, is no JSON, or of another schema
+    """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise Refusal(f"{path}: cannot be read ({error.strerror}), expected a result of `camtorque run`") from error
+        raise Refusal(f"{path}: cannot be read ({error.strerror}), expected {what}") from error
     except ValueError as error:
-        raise Refusal(f"{path}: is not valid JSON ({error}), expected a result of `camtorque run`") from error
+        raise Refusal(f"{path}: is not valid JSON ({error}), expected {what}") from error
     schema = document.get("schema") if isinstance(document, dict) else None
-    if not str(schema).startswith(SCHEMA_STEM):
-        raise Refusal(f"{path}: schema is {schema!r:.80}, expected {SCHEMA_STEM}1; name a result of `camtorque run`")
+    if not str(schema).startswith(stem):
+        raise Refusal(f"{path}: schema is {schema!r:.80}, expected {stem}1; name {what}")
     return document
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from camtorque.records import Refusal
 
+DECIMAL = r"(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})"
+"""A number without sign and exponent in a text that a user types."""
 BAR = 1.0e5
 """Pascal per bar."""
 TURN = 2.0 * np.pi

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from camtorque import cli
-from camtorque.limits import Limit, judge, overall, read_limits
+from camtorque.limits import UNIT_OF_ENDING, Limit, judge, overall, quantities, read_limits
 from camtorque.records import Refusal
 from camtorque.report.write import write_run
 from camtorque.results import find_results
@@ -122,6 +122,26 @@ def test_reports_are_judged_in_the_order_of_their_recordings(
     file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
     cli.main(["limits", str(file), str(tmp_path / "runs"), "--json"])
     assert [row["name"] for row in json.loads(capsys.readouterr().out)["results"]] == ["A", "B"]
+
+
+@pytest.mark.parametrize(("quantity", "unit", "told"), [
+    ("metrics.fitted.rms_nm", "N m", "pass"), ("metrics.fitted.rms_nm", "%", "cannot tell"),
+    ("chamber.peak_bar.value", "bar", "pass"), ("chamber.peak_bar.value", "MPa", "cannot tell"),
+    ("recording.cycles_used", "1", "cannot tell"),
+])  # fmt: skip
+def test_a_band_in_another_unit_decides_nothing(quantity: str, unit: str, told: str) -> None:
+    document = {"metrics": {"fitted": {"rms_nm": 0.5}}, "chamber": {"peak_bar": {"value": 1.0, "stderr": 0.1}},
+                "recording": {"cycles_used": 7}}  # fmt: skip
+    (verdict,) = judge(document, [Limit(quantity, None, 10.0, unit)])
+    assert verdict.verdict == told
+
+
+def test_every_number_of_a_result_with_a_unit_in_its_name_has_it_in_the_table(reports: Path) -> None:
+    document = json.loads((reports / "one" / "result.json").read_text(encoding="utf-8"))
+    bare = {"value", "stderr", "nominal", "stderr_statistical", "size", "two_ln_bayes_factor"}
+    names = {part for path in quantities(document) for part in path.split(".") if part not in bare}
+    endings = {f"_{name.rpartition('_')[2]}" for name in names if "_" in name and len(name.rpartition("_")[2]) <= 3}
+    assert endings - set(UNIT_OF_ENDING) <= {"_air", "_arm", "_end", "_lag", "_up"}, "a word, or a unit that is missing"
 
 
 def test_a_quantity_that_no_report_has(tmp_path: Path, reports: Path, capsys: pytest.CaptureFixture[str]) -> None:

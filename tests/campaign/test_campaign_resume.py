@@ -335,3 +335,15 @@ def test_a_joint_fit_takes_recordings_by_their_ids_whatever_their_folders_are_ca
     expected = [tmp_path / id_ for id_ in "abc"]
     assert flow.usable_folders(tmp_path, [*entries, lost]) == expected
     assert flow.usable_folders(tmp_path, [lost, *reversed(entries)]) == expected
+
+
+def test_a_pipe_in_place_of_a_log_stops_no_campaign(tmp_path: Path) -> None:
+    example = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1250rpm"
+    (tmp_path / "a").mkdir()
+    text = (example / "recording.toml").read_text(encoding="utf-8")
+    calibration = (example.parents[1] / "calibration").as_posix()
+    (tmp_path / "a" / "recording.toml").write_text(text.replace("../../calibration", calibration), encoding="utf-8")
+    os.mkfifo(tmp_path / "a" / "A_1250rpm_all.csv")
+    found = key.recording_key("a", tmp_path / "a", OPTIONS)
+    os.unlink(tmp_path / "a" / "A_1250rpm_all.csv")
+    assert found != key.recording_key("a", tmp_path / "a", OPTIONS), "another reason is another key"

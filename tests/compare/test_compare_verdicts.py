@@ -81,6 +81,16 @@ def test_folders_of_recordings_are_paired_by_speed(tmp_path: Path) -> None:
         matched(tmp_path / "old" / "500", tmp_path / "new")
 
 
+@pytest.mark.parametrize(("content", "message"), [
+    ("{", "campaign.json: is not valid JSON"),
+    ('{"schema": "other/1"}', "schema is 'other/1', expected camtorque.campaign"),
+])  # fmt: skip
+def test_a_damaged_index_of_a_campaign_is_refused(tmp_path: Path, content: str, message: str) -> None:
+    (tmp_path / "campaign.json").write_text(content, encoding="utf-8")
+    with pytest.raises(Refusal, match=message):
+        matched(tmp_path, tmp_path)
+
+
 def test_recordings_without_a_partner_are_named() -> None:
     alone = {Path("raw/old/500"): 500.0 * RPM, Path("raw/old/b/recording.toml"): 894.0 * RPM}
     doc = {"before": {"left_out": left_out_rows(alone)}, "after": {"left_out": []}}

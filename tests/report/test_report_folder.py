@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from camtorque.records import Refusal
 from camtorque.report import folder as folder_module
-from camtorque.report.folder import output_files, output_folder
+from camtorque.report.folder import check_output, output_files, output_folder
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
 OLD = '{"schema": "camtorque.result/1"}'
@@ -186,3 +186,13 @@ def test_a_file_of_the_users_in_a_report_is_not_lost(tmp_path: Path) -> None:
     with pytest.raises(Refusal, match=r"found mine/notes.md beside an earlier report, which would be lost"):
         output_folder(target).__enter__()
     assert (target / "mine" / "notes.md").read_text() == "seen on the bench"
+
+
+def test_a_folder_that_cannot_be_replaced_as_a_whole_is_refused_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(Refusal, match=r"the folder in which the command runs, .*; choose one inside it"):
+        check_output(Path("."))
+    with pytest.raises(Refusal, match=r"output /: found the place of a disk, .* such as /report"):
+        check_output(Path("/"))

@@ -361,8 +361,9 @@ def test_what_python_prints_of_predicted_runs_is_a_line() -> None:
 def test_clearance_changes_leakage_by_its_third_power() -> None:
     assert leakage_factor("+1um") == pytest.approx(1.25**3)
     assert leakage_factor("2um+1µm") == pytest.approx(1.5**3)
-    with pytest.raises(Refusal, match="expected a change such as"):
-        leakage_factor("1mm")
+    for text in ("1mm", "+1.2.3um", "+.um", "1..2um+1um"):
+        with pytest.raises(Refusal, match="expected a change such as"):
+            leakage_factor(text)
     with pytest.raises(Refusal, match="leaves no clearance"):
         leakage_factor("-5um")
 
@@ -417,7 +418,7 @@ def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("content", "text"), [
-    (None, r"found no fit\.json"), ("{", "not valid JSON"), ('{"schema": "other"}', "expected schema camtorque.fit/1"),
+    (None, r"found no fit\.json"), ("{", "not valid JSON"), ('{"schema": "other"}', "expected camtorque.fit/1"),
 ])  # fmt: skip
 def test_a_fit_that_cannot_be_read_is_refused(tmp_path: Path, content: str | None, text: str) -> None:
     if content is not None:

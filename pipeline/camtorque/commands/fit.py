@@ -46,4 +46,4 @@ def _document(result: Any, intervals: Any) -> dict[str, Any]:
         for name, item in result.params.items()
     }  # fmt: skip
     summary = {"chi_square": result.chisqr, "evaluations": result.nfev, "message": result.message}
-    return {"schema": "camtorque.fit/1", **summary, "parameters": rows, "intervals": intervals}
+    return {"schema": "camtorque.own_fit/1", **summary, "parameters": rows, "intervals": intervals}

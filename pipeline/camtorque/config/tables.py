@@ -83,7 +83,7 @@ def _quoted_line(text: str, said: str) -> str:
 
 def no_file(path: Path) -> str:
     """Return what is wrong with a path that is no file, in words."""
-    return "is a folder" if path.is_dir() else "no such file"
+    return "is a folder" if path.is_dir() else "is a pipe or a device" if path.exists() else "no such file"
 
 
 def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:

@@ -127,7 +127,7 @@ def _spread(name: str) -> float:
 
 def information(point: Point, offer: Offer, runs: int) -> Array:
     """Return what a run tells of the fit's parameters, (k, k) [1/SI^2], when it is one of so many."""
-    cycles = max(offer.duration * offer.speed / (2.0 * np.pi), 4.0)
+    cycles = max(0.5 * offer.duration * offer.speed / (2.0 * np.pi), 4.0)  # the other half is held out
     law = (SMALLEST_SHARE * np.max(np.abs(point.torque))) ** 2 + (DISCREPANCY * np.abs(point.torque)) ** 2
     weight = 1.0 / np.sqrt((point.scatter**2 / cycles + runs * law) * BINS / INDEPENDENT)
     shared, own = point.shared * weight[:, None], point.own * weight[:, None]

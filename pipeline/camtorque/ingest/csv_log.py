@@ -251,9 +251,9 @@ def _parse_lines(
 def _stamp_column(texts: Sequence[str], kind: str, damage: Damage, line: int) -> Array:
     """Return date and time in seconds since 1970; what is none is nan and counted."""
     seconds = seconds_of_texts(texts, kind)
-    for number in np.flatnonzero(np.isnan(seconds)):
+    for number in np.flatnonzero(np.isnan(seconds)).tolist():
         if texts[number].lower() not in MISSING:
-            damage.cell(line + int(number))
+            damage.cell(line + number)
     return seconds
 
 

@@ -50,10 +50,17 @@ def check_output(target: Path) -> None:
 
     Raises
     ------
-    Refusal : the target is a file, or a folder with other things in it
+    Refusal : the target is a file, a folder with other things in it, or one that cannot be replaced as a whole
     """
     if target.is_file():
         raise Refusal(f"output {target}: found a file, expected a folder; choose another name")
+    whole = target.resolve()
+    if whole.is_mount() or whole == Path.cwd():
+        kind = "the place of a disk" if whole.is_mount() else "the folder in which the command runs"
+        raise Refusal(
+            f"output {target}: found {kind}, expected a folder that can be replaced as a whole; choose one inside it, "
+            f"such as {target / 'report'}"
+        )
     if target.is_dir() and any(target.iterdir()) and not _is_own(target):
         raise Refusal(
             f"output {target}: found a folder with other files in it, expected a new one or an earlier report; "
