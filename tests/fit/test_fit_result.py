@@ -19,6 +19,7 @@ from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_ga
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
+from camtorque.fit.work import work_at, work_stderr
 from camtorque.laws.chain import binned
 from camtorque.laws.driveline import cam_side_inertia
 from camtorque.records import Refusal
@@ -38,6 +39,23 @@ def test_budget_splits_the_whole_variance(fit):
     for row, std in zip(uncertainty_budget(fit.problem, fit.covariance, spreads), fit.covariance.std, strict=True):
         assert row.total**2 == pytest.approx(sum(part**2 for part in row.contributions.values()), rel=1e-6)
         assert row.total**2 == pytest.approx(std**2 + 1e-18, rel=2e-2)
+
+
+def test_the_work_of_each_loss_scatters_as_stated(fit):
+    """Draws of all parameters, so narrow that the work is straight over them, against the carried covariance."""
+    narrow = replace(fit, covariance=replace(fit.covariance, matrix=1e-4 * fit.covariance.matrix), shifts={})
+    stated = work_stderr(narrow, 0)
+    rng = np.random.default_rng(3)
+    std = narrow.covariance.std
+    root = np.linalg.cholesky(narrow.covariance.matrix / np.outer(std, std) + 1e-10 * np.eye(std.size))
+    draws = fit.solution.z + rng.standard_normal((300, std.size)) @ root.T * std
+    works = [work_at(fit.problem.data[0].chain, *fit.problem.values(z, 0)) for z in draws]
+    for name in ("pressure", "friction", "damping", "driveline"):
+        assert np.std([work[name] for work in works]) == pytest.approx(stated[name], rel=0.15), name
+    both = np.std([work["friction"] + work["damping"] for work in works])
+    assert both == pytest.approx(stated["friction_and_damping"], rel=0.15)
+    moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std})
+    assert work_stderr(moved, 0)["pressure"] > 10.0 * stated["pressure"]
 
 
 def test_a_prior_alone_leaves_the_prior(fit):
@@ -111,19 +129,19 @@ def test_nuisances_pulled_off_their_sheet_are_told(record):
 
 
 def test_values_that_are_unusual_together_are_told(record):
-    assert implausible_findings(record.parameters) == ()
+    assert implausible_findings(record.parameters, True) == ()
     rows = [row for row in record.parameters if row.prior is not None]
     off = [replace(row, value=row.prior[0] + 1.2 * row.prior[1], stderr=0.5 * row.prior[1], at_bound=False)
            for row in rows]  # fmt: skip
     # 1.2 deviations each is usual for one and unusual for all of them: chi-square 1.92 for each degree of freedom
-    assert implausible_findings(off[:3]) == ()
-    (finding,) = implausible_findings(off)
+    assert implausible_findings(off[:3], True) == ()
+    (finding,) = implausible_findings(off, True)
     assert finding.severity == "warning"
     assert "one bench in a thousand (chiefly" in finding.text
     # what the data do not tell stays where it is expected: it is no evidence of a sound bench
     silent = [replace(row, name=f"{row.name}_2", value=row.prior[0], stderr=row.prior[1]) for row in off]
-    assert implausible_findings([*off, *silent]) == implausible_findings(off)
-    assert implausible_findings([replace(row, at_bound=True) for row in off]) == ()
+    assert implausible_findings([*off, *silent], True) == implausible_findings(off, True)
+    assert implausible_findings([replace(row, at_bound=True) for row in off], True) == ()
 
 
 def test_a_shaft_that_rings_as_if_the_cam_were_lighter_than_it_is_is_told(record):

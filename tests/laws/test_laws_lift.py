@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.laws.lift import BOUND, KNOT_STEP, lift_correction
+from camtorque.laws.lift import KNOT_STEP, lift_correction
 from camtorque.units import DEGREE
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
@@ -31,7 +31,6 @@ def test_prior_is_the_tables_rounding_or_its_noise_over_the_knots(basis):
     assert basis.prior_std == pytest.approx(1e-6 / np.sqrt(12.0) * np.sqrt(STEP / KNOT_STEP))
     noisy = lift_correction(THETA, LIFT, 1e-6, 2e-6, STEP)
     assert noisy.prior_std == pytest.approx(2e-6 * np.sqrt(STEP / KNOT_STEP))
-    assert noisy.bound == pytest.approx(BOUND * noisy.prior_std)
 
 
 def test_slope_is_the_derivative_and_repeats_every_revolution(basis):

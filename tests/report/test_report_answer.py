@@ -23,6 +23,7 @@ from camtorque.report.answer import (
     unexplained_advice,
     unexplained_text,
     verdict,
+    work_parts,
 )
 from camtorque.report.document import result_document
 from camtorque.report.texts import budget_rows, by_size, parameter_groups
@@ -226,3 +227,12 @@ def test_a_stretch_that_alone_tells_what_acts_there_is_not_given_a_size():
     text = left_out_text([0.2] * 17 + [513.0])
     assert text.endswith("in the middle, but 340 to 360 deg not at all: what acts there, only these angles tell.")
     assert "513" not in text
+
+
+def test_friction_and_damping_are_told_as_one_where_their_sum_alone_is_known() -> None:
+    losses = {"unit": "J", "pressure": 7.0, "friction": 3.0, "damping": 5.0, "input": 15.0, "closure_percent": 0.0}
+    mixed = {"pressure": 0.1, "friction": 2.0, "damping": 2.1, "friction_and_damping": 0.5}
+    assert work_parts(losses, mixed) == {"friction_and_damping": (8.0, 0.5), "pressure": (7.0, 0.1)}
+    apart = {**mixed, "friction": 0.7}
+    assert work_parts(losses, apart)["friction"] == (3.0, 0.7)
+    assert work_parts(losses, {})["damping"] == (5.0, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.answer import NOT_LOSSES, bump_place, known_metrics, missed_limits, unusual_values
+from camtorque.report.answer import bump_place, known_metrics, missed_limits, unusual_values, work_parts
 from camtorque.report.numbers import named, near, plus_minus, typeset, words
 
 PULLED, MOST_PULLED = "prior_pulled", 3
@@ -34,7 +34,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
     lines.append(f"trigger   {_value(trigger, 'deg', doc)}, nominal {trigger['nominal']:.2f}")
     if chamber and chamber["peak_bar"]:
         lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar', doc)}")
-    lines.append(f"work      {losses['input']:.2f} J/rev = {_work(losses)}")
+    lines.append(f"work      {losses['input']:.2f} J/rev = {_work(doc)}")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
 
 
@@ -48,11 +48,17 @@ def verdict_lines(doc: Mapping[str, Any]) -> list[str]:
     return [f"UNEXPLAINED: the model fails{where}; no interval below can be relied on"]
 
 
-def _work(losses: Mapping[str, Any]) -> str:
-    """Return where the work of a revolution goes; what rounds to nothing is left out."""
-    parts = {words(k): v for k, v in losses.items() if k not in NOT_LOSSES}
-    parts["unaccounted for"] = 0.01 * losses["closure_percent"] * losses["input"]
-    return " + ".join(f"{name} {value:.2f}" for name, value in parts.items() if abs(value) >= 0.005)
+def _work(doc: Mapping[str, Any]) -> str:
+    """Return where the work of a revolution goes, how surely; what rounds to nothing is left out."""
+    losses = doc["losses"]
+    parts = work_parts(losses, doc["losses_stderr"])
+    parts["unaccounted_for"] = (0.01 * losses["closure_percent"] * losses["input"], None)
+    texts = []
+    for name, (value, error) in parts.items():
+        sure = f" ± {error:.2f}" if doc["explained"] and error and error >= 0.005 else ""
+        if sure or abs(value) >= 0.005:
+            texts.append(f"{words(name)} {value:.2f}{sure}")
+    return " + ".join(texts)
 
 
 def _value(estimate: Mapping[str, Any], unit: str, doc: Mapping[str, Any]) -> str:

@@ -41,7 +41,7 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
     return tuple(result)
 
 
-def implausible_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
+def implausible_findings(parameters: Sequence[ParameterEstimate], explained: bool) -> tuple[Finding, ...]:
     """Return the finding on values that are what no bench as expected has, all taken together.
 
     A value that the data tell lies off its expectation by that one's standard deviation, one that they do not tell not
@@ -54,10 +54,10 @@ def implausible_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Findi
         return ()
     worst = sorted(pulls, key=lambda name: -abs(pulls[name]))[:2]
     chief = " and ".join(f"{name.replace('_', ' ')}, {abs(pulls[name]):.1f}" for name in worst)
+    met = "the model meets the recording, but some values" if explained else "some values"
     text = (
         "the values together lie farther from what was expected than on one bench in a thousand (chiefly "
-        f"{chief} standard deviations off): the model meets the recording, but some values may stand in for a property "
-        "of pump or bench that it lacks"
+        f"{chief} standard deviations off): {met} may stand in for a property of pump or bench that it lacks"
     )
     return (Finding("values_implausible", "warning", text, worst[0]),)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from camtorque.fit.uncertainty import (
     uncertainty_budget,
     untold,
 )
+from camtorque.fit.work import work_stderr
 from camtorque.laws import ROWS
 from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
@@ -169,7 +170,8 @@ def fitted_torque(
     tables = closed_form_tables(config.pump, smooth, motion.theta, mounting, friction)
     forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
     pressure_std = _pressure_std(fit, index, fitted)
-    trigger = _trigger(parameters, config.trigger.nominal_angle)
+    known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
+    trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
@@ -184,12 +186,13 @@ def fitted_torque(
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
+        losses_stderr=work_stderr(fit, index),
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
-        torque_delay=_delay(parameters, cycles.torque_delay),
-        angle_errors_after=_angle_budget(parameters, fitted, cycles, trigger), odd_even_rms=means.odd_even,
+        torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
+        angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
         next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
         findings=(
-            *prior_findings(parameters), *implausible_findings(parameters),
+            *prior_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
             *fit_findings(fit, fitted.chain, fitted.output, None if explained else left),
         ),
@@ -308,37 +311,21 @@ def _return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
     return Estimate(float(fitted.output.pressure[start]), float(std[start]))
 
 
-def _named(parameters: Sequence[ParameterEstimate], name: str) -> ParameterEstimate | None:
-    return next((row for row in parameters if row.name.split(SEPARATOR)[0] == name), None)
-
-
-def _trigger(parameters: Sequence[ParameterEstimate], nominal: float) -> Estimate:
-    row = _named(parameters, "trigger_offset")
-    if row is None:
-        return Estimate(nominal, float("nan"), nominal)
-    statistical = row.stderr_statistical * DEGREE
-    return Estimate(nominal + row.value * DEGREE, row.stderr * DEGREE, nominal, statistical)
-
-
-def _delay(parameters: Sequence[ParameterEstimate], nominal: Estimate) -> Estimate:
-    row = _named(parameters, "delay_error")
-    if row is None:
-        return nominal
-    return Estimate(nominal.value + row.value * 1e-6, row.stderr * 1e-6, nominal.value, row.stderr_statistical * 1e-6)
+def _moved(nominal: float, row: ParameterEstimate, unit: float) -> Estimate:
+    """Return what a parameter moves off its nominal value; ``unit``: SI per unit of the parameter."""
+    return Estimate(nominal + row.value * unit, row.stderr * unit, nominal, row.stderr_statistical * unit)
 
 
 def _angle_budget(
-    parameters: Sequence[ParameterEstimate], fitted: Modelled, cycles: CamCycles, trigger: Estimate
+    known: Mapping[str, ParameterEstimate], fitted: Modelled, cycles: CamCycles, trigger: Estimate
 ) -> tuple[AngleError, ...]:
     """Return what is left of the angle errors after the fit, in degrees."""
-    known = {parameter.name: parameter for parameter in parameters}
-    speed_deg = cycles.mean_speed / DEGREE
-    rows = []
-    if "trigger_offset" in known:
-        text = f"fitted {known['trigger_offset'].value:+.3f} deg off nominal; other laws and structures included"
-        rows.append(AngleError("trigger angle", float(trigger.stderr / DEGREE), text))
-    if "delay_error" in known:
-        rows.append(AngleError("torque delay", known["delay_error"].stderr * 1e-6 * speed_deg, "under its prior"))
+    text = f"fitted {known['trigger_offset'].value:+.3f} deg off nominal; other laws and structures included"
+    late = known["delay_error"].stderr * 1e-6 * cycles.mean_speed / DEGREE
+    rows = [
+        AngleError("trigger angle", float(trigger.stderr / DEGREE), text),
+        AngleError("torque delay", late, "under its prior"),
+    ]
     for name in COMPLIANCE_NAMES:
         if name in known:
             shift = np.ptp(fitted.output.motion.shifts[0][:, SHIFT_NAMES.index(name)]) / DEGREE / 2.0

@@ -15,9 +15,9 @@ import numpy as np
 from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution
 from camtorque.fit.pair import Pair
 from camtorque.fit.uncertainty import COVERAGE
+from camtorque.fit.work import work_at
 from camtorque.laws import GROUPS
-from camtorque.laws.causes import cam_torques, work_per_revolution
-from camtorque.laws.chain import NONLINEAR_NAMES, coefficients_of, evaluate
+from camtorque.laws.chain import NONLINEAR_NAMES, coefficients_of
 from camtorque.records import Array
 
 SEEN = 4.3
@@ -118,13 +118,9 @@ def _alone(found: Attribution, name: str) -> bool:
 
 def works(pair: Pair, values: Array, side: int) -> dict[str, float]:
     """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
-    item = pair.items[side]
     full = {**pair.fixed, **dict(zip(pair.names, values.tolist(), strict=True))}
-    linear = coefficients_of(full)
     nonlinear = {name: full[name] for name in NONLINEAR_NAMES}
-    output = evaluate(item.chain, nonlinear, linear)
-    none = np.zeros(item.chain.theta.size)
-    return work_per_revolution(item.chain, output, cam_torques(item.chain, nonlinear, output, linear, none))
+    return work_at(pair.items[side].chain, nonlinear, coefficients_of(full))
 
 
 def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:

@@ -16,7 +16,6 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.records import CamCycles, Finding, Refusal, RigidTorque
-from camtorque.signal.threshold import Threshold
 from camtorque.units import BAR
 
 LOADED_SHARE = 0.7
@@ -27,14 +26,10 @@ LEAST_TOLD = 0.2
 """Ratio below which no plunger would explain it: what rings or is of another run has no diameter."""
 BY_PRESSURE = 0.5
 """Share of the rigid torque that pressure has to make; below it the spring is compared, not the pump."""
-LEAST_DELIVERY = Threshold(
-    0.05, "1", "physics",
-    "Work of the line pressure over its swing times the swept volume below which it is not the pump that makes it."
-)  # fmt: skip
-LARGE_SWING = Threshold(
-    0.3, "1", "convention",
-    "Swing of the line pressure times the swept volume, over the measured work, from which its place is judged."
-)  # fmt: skip
+LEAST_DELIVERY = 0.05
+"""Work of the line pressure over its swing times the swept volume below which it is not the pump that makes it."""
+LARGE_SWING = 0.3
+"""Swing of the line pressure times the swept volume, over the measured work, from which its place is judged."""
 
 
 def load_ratio(cycles: CamCycles, rigid: RigidTorque) -> float:

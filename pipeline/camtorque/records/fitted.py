@@ -142,6 +142,7 @@ class FittedTorque(ReadOnly):
     true_angle : (n_theta,) cam angle of each grid point after trigger angle, twist and delay [rad]
     forces : forces of the fitted model
     losses : cause -> J per revolution, with ``input`` and ``closure_percent``
+    losses_stderr : cause -> standard uncertainty [J per revolution], and of friction and damping together
     metrics : ``rigid``, ``fitted``, ``fitted_held_out_cycles``
     angle_errors_after : the angle error budget after the fit
     evidence : for each loss, whether the data need it
@@ -165,6 +166,7 @@ class FittedTorque(ReadOnly):
     forces: Forces
     contact_lost: bool
     losses: Mapping[str, float]
+    losses_stderr: Mapping[str, float]
     metrics: Mapping[str, Metrics]
     trigger_angle: Estimate
     torque_delay: Estimate

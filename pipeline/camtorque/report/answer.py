@@ -39,6 +39,10 @@ UNUSUAL = {
 """Finding on values that may stand in for what the model lacks -> how the headline names them."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
+APART = ("friction", "damping")
+TOGETHER = "friction_and_damping"
+MIXED = 2.0
+"""Losses whose sum is so many times surer than the surer of them are told as one."""
 WIDE_DEG, AROUND_DEG = 90.0, 320.0
 """A wider stretch of the residual has more than one phase; one all around the revolution is nowhere."""
 ALONE_PERCENT = 20.0
@@ -167,6 +171,17 @@ def closing_text(doc: Document) -> str:
         if names:
             parts.append(f"{text} {', '.join(names)}{then}.")
     return " ".join(parts)
+
+
+def work_parts(losses: Mapping[str, Any], errors: Mapping[str, Any]) -> dict[str, tuple[float, float | None]]:
+    """Return work and standard uncertainty by cause, most first; friction and damping as one where they are mixed."""
+    parts = {name: (value, errors.get(name)) for name, value in losses.items() if name not in NOT_LOSSES}
+    alone = [errors[name] for name in APART if errors.get(name) is not None]
+    both = errors.get(TOGETHER)
+    if both is None or len(alone) < len(APART) or min(alone) < MIXED * both:
+        return parts
+    parts[TOGETHER] = (sum(parts.pop(name)[0] for name in APART), both)
+    return dict(sorted(parts.items(), key=lambda part: -part[1][0]))
 
 
 def sureness_text(doc: Document) -> str:

@@ -56,6 +56,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "uncertainty": uncertainty_document(fitted),
             "metrics": {name: asdict(metrics) for name, metrics in fitted.metrics.items()},
             "losses": {"unit": "J per revolution", **fitted.losses},
+            "losses_stderr": {"unit": "J per revolution", **fitted.losses_stderr},
             "gap_by_cause": _gap(result),
             "chamber": _chamber(fitted),
             "measured": measured_document(result),

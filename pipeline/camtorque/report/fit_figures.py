@@ -88,7 +88,9 @@ def losses(result: RunResult) -> Rows:
     rows = {k: v for k, v in result.fitted.losses.items() if k not in NOT_LOSSES and abs(v) > smallest}
     values = tuple(rows.values())
     tones = tuple("fitted" if value >= 0 else "c1" for value in values)
-    panel = RowPanel("work [J per revolution]", (Marks("", values, tones),), notes=tuple(fixed(v) for v in values))
+    errors = result.fitted.losses_stderr
+    notes = tuple(f"{fixed(v)} ± {fixed(errors[k])}" if result.fitted.explained else fixed(v) for k, v in rows.items())
+    panel = RowPanel("work [J per revolution]", (Marks("", values, tones),), notes=notes)
     return Rows(tuple(words(name) for name in rows), (panel,))
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import NOT_LOSSES, Document
+from camtorque.report.answer import APART, NOT_LOSSES, TOGETHER, Document
 from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
 
 METRIC_NAMES = {
@@ -142,16 +142,21 @@ def pair_rows(names: Sequence[str], correlation: Any) -> list[dict[str, Any]]:
     return sorted(pairs, key=lambda row: -abs(row["correlation"]))
 
 
-def loss_rows(losses: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return the work by cause with its share of the input; what is conserved reads 0."""
+def loss_rows(doc: Document) -> list[dict[str, str]]:
+    """Return the work by cause with its uncertainty and share of the input; what is conserved reads 0."""
+    losses, errors = doc["losses"], doc["losses_stderr"]
     total = losses["input"]
+    work = {name: value for name, value in losses.items() if name not in NOT_LOSSES and value is not None}
+    if errors.get(TOGETHER) is not None:
+        work[TOGETHER] = sum(work[name] for name in APART)
     rows = []
-    for name, value in losses.items():
-        if name in NOT_LOSSES or value is None:
-            continue
-        conserved = abs(value) < 1e-6 * abs(total)
+    for name, value in work.items():
+        error = errors.get(name)
+        conserved = abs(value) < 1e-6 * abs(total) and (error or 0.0) < 1e-3 * abs(total)
+        sure = doc["explained"] and not conserved and error
         rows.append({
-            "name": words(name), "work": "0" if conserved else num(value),
+            "name": words(name), "work": "0" if conserved else near(value, error) if sure else num(value),
+            "error": f"± {plus_minus(error)}" if sure else "",
             "share": "0" if conserved else fixed(100.0 * value / total, 2),
         })  # fmt: skip
     return rows
