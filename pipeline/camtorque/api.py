@@ -263,8 +263,8 @@ def report(result: RunResult, out: Path | str) -> Path:
     Refusal : ``out`` holds something else or cannot be written to
     """
     folder = Path(out)
-    check_output(folder)
-    with output_folder(folder) as partial:
+    check_output(folder, "result.json")
+    with output_folder(folder, "result.json") as partial:
         write_run(result, partial)
     return folder / "report.html"
 

@@ -13,6 +13,7 @@ from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSp
 from camtorque.config.pump import PumpConfig
 from camtorque.ingest.pump_file import read_pump
 from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.sensors import usual_delay
 from camtorque.mechanism.predict import cam_of
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import BAR, DEGREE, RPM
@@ -36,13 +37,14 @@ class Sensor:
     ----------
     gain_std : relative standard uncertainty of the gain [-]
     zero_std : standard uncertainty of the zero [N m or Pa]; None for 0.5 % of the largest reading
-    delay, delay_std : total delay that is still in the readings, and its standard uncertainty [s]
+    delay, delay_std : total delay that is still in the readings, and its standard uncertainty [s]; a delay of None is
+        unknown: that of usual amplifiers +- 100 %, as for a sheet that states none
     cutoff_hz, filter_order : -3 dB frequency [Hz] and order of the low-pass in front; nan and 0 where there is none
     """
 
     gain_std: float = WIDE_GAIN_STD
     zero_std: float | None = None
-    delay: float = 0.0
+    delay: float | None = None
     delay_std: float = WIDE_DELAY_STD
     cutoff_hz: float = float("nan")
     filter_order: int = 0
@@ -137,9 +139,10 @@ def _calibration(quantity: str, values: Array, sensor: Sensor) -> SensorCalibrat
     """Return the identity with the sensor's uncertainties; arrays have no end of a range where they could clip."""
     largest = float(np.nanmax(np.abs(values)))
     zero_std = WIDE_ZERO_SHARE * largest if sensor.zero_std is None else sensor.zero_std
+    delay, delay_std = usual_delay(quantity) if sensor.delay is None else (sensor.delay, sensor.delay_std)
     return SensorCalibration(
-        quantity, gain_relative_std=sensor.gain_std, zero_std=zero_std, nonlinearity_std=0.0, delay=sensor.delay,
-        delay_std=sensor.delay_std, cutoff_hz=sensor.cutoff_hz, filter_order=sensor.filter_order, range_min=-largest,
+        quantity, gain_relative_std=sensor.gain_std, zero_std=zero_std, nonlinearity_std=0.0, delay=delay,
+        delay_std=delay_std, cutoff_hz=sensor.cutoff_hz, filter_order=sensor.filter_order, range_min=-largest,
         range_max=largest,
     )  # fmt: skip
 
@@ -148,9 +151,10 @@ def _assumed(channel: Channel) -> Finding:
     assert channel.calibration is not None
     unit, factor = ("N m", 1.0) if channel.quantity == "torque" else ("bar", 1.0 / BAR)
     zero = channel.calibration.zero_std * factor
+    delay = 1e3 * channel.calibration.delay
     text = (
         f"nothing is known of the {channel.quantity} sensor; assumed: gain ± {100.0 * WIDE_GAIN_STD:g} %, zero ± "
-        f"{zero:.2g} {unit}, delay 0 ± {1e3 * WIDE_DELAY_STD:g} ms; give sensors={{{channel.quantity!r}: Sensor(...)}}"
+        f"{zero:.2g} {unit}, delay {delay:g} ms ± 100 %; give sensors={{{channel.quantity!r}: Sensor(...)}}"
     )
     return Finding("sensor_assumed", "warning", text, channel.name)
 

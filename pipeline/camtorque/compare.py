@@ -320,7 +320,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
             progress(
                 f"left out: {side}: {', '.join(path.name for path in rows)}, whose speeds the other side does not have"
             )
-    with output_folder(out) as folder:
+    with output_folder(out, "compare.json") as folder:
         found = [_one_pair(*pair, progress) for pair in paths.pairs]
         joined = common_attributions([item.found for item in found])
         found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from camtorque.mechanism.predict import Prediction, sweep_rows
-from camtorque.records import CamCycles
+from camtorque.records import CamCycles, require
 from camtorque.report.bundle import RunResult
 from camtorque.report.cycles_file import aligned_variables, result_variables
 
@@ -76,8 +76,9 @@ def to_xarray(item: RunResult | CamCycles | Prediction) -> Any:
     Raises
     ------
     TypeError : anything else
-    ImportError : xarray is not installed
+    Refusal : xarray is not installed
     """
+    require(("xarray",), "to_xarray", "notebook")
     import xarray as xr
 
     if isinstance(item, Prediction):

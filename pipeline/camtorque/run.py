@@ -116,7 +116,7 @@ def run_recording(
     ------
     Refusal : the recording cannot be used, or ``out`` holds something else
     """
-    with output_folder(out) as folder:
+    with output_folder(out, "result.json") as folder:
         result, _ = analyse(path, options or RunOptions(), progress)
         progress("writing the report")
         return write_run(result, folder)

@@ -103,7 +103,7 @@ def test_arrays_align_as_their_files_do(pump_file: Path, arrays: dict[str, np.nd
 def test_what_is_assumed_of_a_sensor_is_told(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
     found = [row.text for row in recording(pump_file, arrays, sensors=None).findings if row.code == "sensor_assumed"]
     assert len(found) == 2
-    assert "torque sensor; assumed: gain ± 1 %, zero ± 0.31 N m, delay 0 ± 0.05 ms" in found[0]
+    assert "torque sensor; assumed: gain ± 1 %, zero ± 0.31 N m, delay 0.5 ms ± 100 %" in found[0]
     assert "zero ± 4.3 bar" in found[1]
 
 

@@ -21,7 +21,7 @@ from camtorque.campaign import cluster
 from camtorque.campaign.flow import CampaignOptions, with_help
 from camtorque.campaign.task import Task
 from camtorque.process.workers import Lost, on_processes
-from camtorque.records import Refusal
+from camtorque.records import Refusal, base
 from camtorque.run import RunOptions
 
 
@@ -126,7 +126,7 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_the_extra_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "find_spec", lambda name: None)
+    monkeypatch.setattr(base, "find_spec", lambda name: None)
     with pytest.raises(Refusal, match=r"pip install 'camtorque\[cluster\]'"):
         list(cluster.on_scheduler(campaign_words.sleepy, ["say"], "tcp://127.0.0.1:9", print))
 

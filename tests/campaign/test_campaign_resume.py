@@ -221,7 +221,7 @@ def test_another_process_at_the_same_recording(analysed: list[str], tmp_path: Pa
     raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
     name = list_recordings(raw, out, OPTIONS)[0]["key"]
     runs = store.prepare_folder(out)
-    with pytest.raises(KeyboardInterrupt), task.output_folder(runs / name):  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt), task.output_folder(runs / name, "entry.json"):  # noqa: PT012
         entry = run_only("a", raw, out, OPTIONS)
         raise KeyboardInterrupt
     assert (entry.status, entry.error) == ("refused", "another process is computing it; run again after its end")
@@ -240,7 +240,7 @@ def test_one_campaign_at_a_time_writes_the_index(analysed: list[str], tmp_path: 
 def test_a_campaign_takes_no_foreign_folder_and_no_run_takes_a_campaign(analysed: list[str], tmp_path: Path) -> None:
     raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
     run_campaign(raw, out, OPTIONS)
-    with pytest.raises(Refusal, match="other files in it"), task.output_folder(out):
+    with pytest.raises(Refusal, match="other files in it"), task.output_folder(out, "entry.json"):
         pass
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()

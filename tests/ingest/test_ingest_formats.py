@@ -248,6 +248,18 @@ def test_noise_in_place_of_a_log_is_refused(tmp_path_factory, name: str, noise: 
 NOISE: dict[str, Path] = {}
 
 
+@pytest.mark.parametrize("form", ["parquet", "csv"])
+def test_a_column_may_be_named_with_its_unit(tmp_path: Path, form: str):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS[form])
+    toml = folder / "recording.toml"
+    name = next(line for line in toml.read_text().splitlines() if "Torque" in line and line.startswith("channel"))
+    toml.write_text(toml.read_text().replace(name, 'channel = "Torque [V]"'))
+    assert read_recording(folder).of("torque")[0].n_samples
+    toml.write_text(toml.read_text().replace("Torque [V]", "Torque [mV]"))
+    with pytest.raises(Refusal, match="no column 'Torque"):
+        read_recording(folder)
+
+
 def test_feather_is_read_like_parquet(tmp_path: Path):
     assert_is_the_log(recording(tmp_path / "r", Plan("parquet", writer_options={"feather": True})))
 

@@ -26,7 +26,7 @@ DOC = {
 @pytest.fixture
 def written(tmp_path: Path) -> Path:
     """A finished output with a figure."""
-    with output_folder(tmp_path / "out") as folder:
+    with output_folder(tmp_path / "out", "result.json") as folder:
         (folder / "figures").mkdir()
         (folder / "figures" / "torque.svg").write_text("<svg></svg>")
         (folder / "result.json").write_text(json.dumps(DOC))

@@ -227,7 +227,7 @@ def test_campaign_page_lists_a_refused_recording(tmp_path: Path) -> None:
 
 def test_output_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     target = tmp_path / "out"
-    with pytest.raises(RuntimeError, match="stop"), output_folder(target) as folder:  # noqa: PT012
+    with pytest.raises(RuntimeError, match="stop"), output_folder(target, "result.json") as folder:  # noqa: PT012
         (folder / "result.json").write_text("{}", encoding="utf-8")
         raise RuntimeError("stop")
     assert list(tmp_path.iterdir()) == []
@@ -236,7 +236,7 @@ def test_output_appears_whole_or_not_at_all(tmp_path: Path) -> None:
 def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
     target = tmp_path / "out"
     for text in ("1", "2"):
-        with output_folder(target) as folder:
+        with output_folder(target, "result.json") as folder:
             (folder / "result.json").write_text('{"schema": "camtorque.result/1"}', encoding="utf-8")
             (folder / text).touch()
     assert {path.name for path in target.iterdir()} == {"result.json", "2", "SHA256SUMS"}
@@ -244,9 +244,9 @@ def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
     other = tmp_path / "mine"
     other.mkdir()
     (other / "thesis.tex").touch()
-    with pytest.raises(Refusal, match="other files in it"), output_folder(other):
+    with pytest.raises(Refusal, match="other files in it"), output_folder(other, "result.json"):
         pass
-    with pytest.raises(Refusal, match="found a file"), output_folder(other / "thesis.tex"):
+    with pytest.raises(Refusal, match="found a file"), output_folder(other / "thesis.tex", "result.json"):
         pass
 
 

@@ -35,9 +35,9 @@ def left(folder: Path) -> list[str]:
 
 
 def test_two_runs_into_one_folder(target: Path) -> None:
-    with output_folder(target) as folder:
+    with output_folder(target, "result.json") as folder:
         (folder / "result.json").write_text(OLD)
-        with pytest.raises(Refusal, match="another run is writing there"), output_folder(target):
+        with pytest.raises(Refusal, match="another run is writing there"), output_folder(target, "result.json"):
             pass
         assert left(folder) == [".lock", "result.json"]
     assert left(target.parent) == ["out"]
@@ -49,7 +49,7 @@ def test_what_a_killed_run_left_is_cleared_away(target: Path) -> None:
     (partial / "figures").mkdir(parents=True)
     (partial / "cycles.h5").touch()
     target.rename(target.with_name(".out.earlier"))
-    with output_folder(target) as folder:
+    with output_folder(target, "result.json") as folder:
         assert left(folder) == [".lock"]
         assert left(target) == ["result.json"], "killed between two renames: the older result is put back"
     assert left(target.parent) == ["out"]
@@ -57,7 +57,7 @@ def test_what_a_killed_run_left_is_cleared_away(target: Path) -> None:
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
 def test_a_full_disk_keeps_the_older_result(target: Path, code: int) -> None:
-    with pytest.raises(Refusal, match=r"cannot be written .* and run again"), output_folder(target):
+    with pytest.raises(Refusal, match=r"cannot be written .* and run again"), output_folder(target, "result.json"):
         raise OSError(code, os.strerror(code))
     assert left(target.parent) == ["out"]
     assert (target / "result.json").read_text() == OLD
@@ -68,7 +68,7 @@ def test_a_full_disk_is_told_though_hdf5_has_no_number_for_it(target: Path) -> N
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
         with pytest.raises(Refusal, match=r"output .*out: cannot be written \(File too large"):  # noqa: SIM117
-            with output_folder(target) as folder, h5py.File(folder / "a.h5", "w") as file:
+            with output_folder(target, "result.json") as folder, h5py.File(folder / "a.h5", "w") as file:
                 file["a"] = np.zeros(100_000)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -79,7 +79,7 @@ def test_too_little_space_is_told_before_anything_is_read(target: Path, monkeypa
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda place: usage(1, 1, 3_000_000))
     command = pytest.raises(Refusal, match=r"found 3.0 MB of free space, expected at least 20 MB")
-    with command, output_folder(target):
+    with command, output_folder(target, "result.json"):
         raise AssertionError("nothing may be computed")
 
 
@@ -89,30 +89,30 @@ def test_a_read_only_place_is_told_before_anything_is_read(tmp_path: Path, monke
 
     monkeypatch.setattr(Path, "mkdir", refuse)
     with pytest.raises(Refusal, match=r"Read-only file system.*choose a place that can be written"):  # noqa: SIM117
-        with output_folder(tmp_path / "out"):
+        with output_folder(tmp_path / "out", "result.json"):
             raise AssertionError("nothing may be computed")
 
 
 def test_a_file_in_the_way_of_the_parents(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(Refusal, match="on the way"), output_folder(tmp_path / "file" / "below" / "out"):
+    with pytest.raises(Refusal, match="on the way"), output_folder(tmp_path / "file" / "below" / "out", "result.json"):
         pass
 
 
 def test_an_output_that_went_away(target: Path) -> None:
-    with pytest.raises(Refusal, match="went away"), output_folder(target) as folder:  # noqa: PT012
+    with pytest.raises(Refusal, match="went away"), output_folder(target, "result.json") as folder:  # noqa: PT012
         shutil.rmtree(folder)
         (folder / "result.json").write_text(OLD)
     assert left(target) == ["result.json"]
 
 
 def test_an_error_of_another_file_is_not_blamed_on_the_output(target: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"log\.csv"), output_folder(target):
+    with pytest.raises(FileNotFoundError, match=r"log\.csv"), output_folder(target, "result.json"):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "/data/log.csv")
 
 
 def test_parents_made_for_a_failing_run_are_removed(tmp_path: Path) -> None:
-    with pytest.raises(Refusal, match="no"), output_folder(tmp_path / "a" / "b" / "out"):
+    with pytest.raises(Refusal, match="no"), output_folder(tmp_path / "a" / "b" / "out", "result.json"):
         raise Refusal("no")
     assert left(tmp_path) == []
 
@@ -126,17 +126,20 @@ def test_a_replacement_that_fails_puts_the_older_result_back(target: Path, monke
         return rename(self, other)
 
     monkeypatch.setattr(Path, "rename", interrupted)
-    with pytest.raises(KeyboardInterrupt), output_folder(target):
+    with pytest.raises(KeyboardInterrupt), output_folder(target, "result.json"):
         pass
     assert left(target.parent) == ["out"]
     assert (target / "result.json").read_text() == OLD
 
 
 def test_a_name_at_the_limit_of_the_disk(tmp_path: Path) -> None:
-    with output_folder(tmp_path / ("é" * 127)) as folder:
+    with output_folder(tmp_path / ("é" * 127), "result.json") as folder:
         (folder / "x").touch()
     assert left(tmp_path / ("é" * 127)) == ["SHA256SUMS", "x"]
-    with pytest.raises((Refusal, OSError), match=r"name too long"), output_folder(tmp_path / ("é" * 128)):
+    with (
+        pytest.raises((Refusal, OSError), match=r"name too long"),
+        output_folder(tmp_path / ("é" * 128), "result.json"),
+    ):
         pass
 
 
@@ -166,7 +169,7 @@ def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
         "from camtorque import cli\nsys.exit(cli.main(sys.argv[1:]))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, "align", EXAMPLES / "A_1250rpm", "--out", target, "--quiet"],
+        [sys.executable, "-c", code, "run", EXAMPLES / "A_1250rpm", "--out", target, "--quiet"],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2
@@ -179,12 +182,12 @@ def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
 def test_a_file_of_the_users_in_a_report_is_not_lost(tmp_path: Path) -> None:
     target = tmp_path / "out"
     for _ in range(2):
-        with output_folder(target) as folder:
+        with output_folder(target, "result.json") as folder:
             (folder / "result.json").write_text(OLD)
     (target / "mine").mkdir()
     (target / "mine" / "notes.md").write_text("seen on the bench")
     with pytest.raises(Refusal, match=r"found mine/notes.md beside an earlier report, which would be lost"):
-        output_folder(target).__enter__()
+        output_folder(target, "result.json").__enter__()
     assert (target / "mine" / "notes.md").read_text() == "seen on the bench"
 
 
@@ -193,6 +196,13 @@ def test_a_folder_that_cannot_be_replaced_as_a_whole_is_refused_first(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(Refusal, match=r"the folder in which the command runs, .*; choose one inside it"):
-        check_output(Path("."))
+        check_output(Path("."), "result.json")
     with pytest.raises(Refusal, match=r"output /: found the place of a disk, .* such as /report"):
-        check_output(Path("/"))
+        check_output(Path("/"), "result.json")
+
+
+def test_the_report_of_another_command_is_no_place_for_this_one(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text('{"schema": "camtorque.plan/1"}', encoding="utf-8")
+    check_output(tmp_path, "plan.json")
+    with pytest.raises(Refusal, match=r"a report of another command \(plan.json\), expected .* result.json"):
+        check_output(tmp_path, "result.json")

@@ -8,7 +8,6 @@ import subprocess
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +18,7 @@ from camtorque.config.tables import Problems, Table, read_keys, read_toml
 from camtorque.process.stopping import SIGNALS, before_leaving
 from camtorque.process.workers import Lost
 from camtorque.progress import spoken
-from camtorque.records import Refusal
+from camtorque.records import Refusal, require
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -138,12 +137,7 @@ def _quiet(*more: str) -> Iterator[Any]:
     ------
     Refusal : it, or one of ``more``, is not installed
     """
-    missing = [name for name in ("distributed", *more) if find_spec(name) is None]
-    if missing:
-        raise Refusal(
-            f"campaign: found no package {', '.join(missing)}, expected the extra 'cluster'; "
-            "pip install 'camtorque[cluster]'"
-        )
+    require(("distributed", *more), "campaign", "cluster")
     import dask
 
     with dask.config.set({**SETTINGS, "logging": {"distributed": "critical"}}):

@@ -49,7 +49,7 @@ def run_task(task: Task) -> CampaignEntry:
     if known is not None and (known.status == "ok" or not task.retry_failed):
         return known
     try:
-        with output_folder(folder) as partial:
+        with output_folder(folder, "entry.json") as partial:
             return _done(task, folder.name, partial)
     except Busy:
         return refused(task.name, "another process is computing it; run again after its end")

@@ -31,7 +31,7 @@ def align_recording(path: Path, out: Path, options: AlignOptions | None, tell: T
     ------
     Refusal : the recording cannot be aligned, or ``out`` holds something else
     """
-    with output_folder(out) as folder:
+    with output_folder(out, "align.json") as folder:
         tell(f"reading {path}")
         recording = read_recording(path)
         tell("aligning to the cam angle")

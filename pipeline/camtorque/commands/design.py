@@ -21,12 +21,12 @@ from camtorque.report.folder import check_output, output_folder
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Find the front of a design task and write the chosen cam."""
-    check_output(arguments.out)
+    check_output(arguments.out, "design.json")
     known = None if arguments.fit is None else read_known(arguments.fit)
     task = read_task(arguments.task, None if known is None else fitted_pump(known))
     with second_process():
         answer = solve_task(task, tell)
-    with output_folder(arguments.out) as folder:
+    with output_folder(arguments.out, "design.json") as folder:
         document = jsonable(_written(answer, known, folder))
     fitted = fitted_lines(document["as_fitted"])
     return Outcome("\n".join([*_table(answer), *fitted, str(arguments.out / "design.html")]), document)

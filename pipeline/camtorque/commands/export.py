@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
-from camtorque.commands.options import require
 from camtorque.export import report_tables, write_tables
+from camtorque.records import require
 from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
 from camtorque.results import read_results

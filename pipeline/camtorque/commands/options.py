@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from importlib.util import find_spec
 
 from camtorque.align import AlignOptions
 from camtorque.commands import Tell
 from camtorque.fit.prepare import LEAST_GRID
 from camtorque.grid_choice import grid_note
 from camtorque.limits import read_limits
-from camtorque.records import Refusal
+from camtorque.records import Refusal, require
 from camtorque.run import RunOptions
 
 
@@ -36,18 +35,3 @@ def _align(arguments: argparse.Namespace, tell: Tell) -> AlignOptions:
     n_theta, note = grid_note(arguments.tolerance, LEAST_GRID)
     tell(note.text)
     return AlignOptions(n_theta=n_theta, notes=(note,))
-
-
-def require(packages: tuple[str, ...], what: str, extra: str) -> None:
-    """Refuse a choice whose optional packages are not installed.
-
-    Raises
-    ------
-    Refusal : a package is missing; the message names the extra that brings it
-    """
-    missing = [name for name in packages if find_spec(name) is None]
-    if missing:
-        raise Refusal(
-            f"{what}: found no package {', '.join(missing)}, expected the extra {extra!r}; "
-            f"pip install 'camtorque[{extra}]'"
-        )

@@ -18,7 +18,7 @@ from camtorque.report.plan_page import run_text, write_plan
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Tell which recordings to make next; write a page where a folder is given."""
     if arguments.out is not None:
-        check_output(arguments.out)
+        check_output(arguments.out, "plan.json")
     tell("weighing runs that could be made")
     doc = jsonable(
         plan_runs(
@@ -27,7 +27,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     )
     lines = [plan_table(doc)]
     if arguments.out is not None:
-        with output_folder(arguments.out) as folder:
+        with output_folder(arguments.out, "plan.json") as folder:
             write_plan(doc, f"What to record next for {arguments.fit.name}", folder)
         lines.append(str(arguments.out / "plan.html"))
     return Outcome("\n".join(lines), doc)

@@ -26,7 +26,7 @@ WIDTHS = (20, 18, 20, 20, 18)
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Predict a pump at some speeds; write a page where a folder is given."""
     if arguments.out is not None:
-        check_output(arguments.out)
+        check_output(arguments.out, "predict.json")
     _refuse_mixed(arguments)
     if arguments.fit is not None:
         return _from_fit(arguments)
@@ -69,7 +69,7 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
         lines.append(f"{row['speed_rpm']:8.1f}{columns}{beyond}")
     lines += [str(text) for text in found.document["assumed"]]
     if arguments.out is not None:
-        with output_folder(arguments.out) as folder:
+        with output_folder(arguments.out, "predict.json") as folder:
             write_forecast(found.items, found.document, f"Predicted from {arguments.fit.name}", folder)
         lines.append(str(arguments.out / "predict.html"))
     return Outcome("\n".join(lines), found.document)

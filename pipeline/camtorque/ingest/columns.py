@@ -10,7 +10,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.csv_layout import UNDATED, CsvLayout
-from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, numbered_name, time_unit
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
 from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
@@ -177,7 +177,15 @@ def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:
 
 
 def column_of(path: Path, layout: CsvLayout, name: str) -> int:
-    """Return the number of a column by its name, or by its place; refuse with the names that there are."""
+    """Return the number of a column by its name, with or without its unit, or by its place.
+
+    Raises
+    ------
+    Refusal : no column, or several, of that name
+    """
+    bare, unit = name_and_unit(name)
+    if name not in layout.names and (bare, unit) in zip(layout.names, layout.units, strict=True):
+        name = bare  # the header says "Torque [V]", and so does the recording
     places = [number for number, other in enumerate(layout.names) if other == name]
     found = layout.place(name)
     if found is not None and len(places) < 2:

@@ -324,12 +324,18 @@ def _delayed(sheet: Sheet, quantity: str) -> tuple[SensorCalibration, list[Findi
     ), findings  # fmt: skip
 
 
+def usual_delay(quantity: str) -> tuple[float, float]:
+    """Return the delay of usual amplifiers of a quantity, where nothing states it, and its standard uncertainty [s]."""
+    usual = USUAL_DELAYS.get(quantity, 0.0)
+    return usual, usual / math.sqrt(3.0)
+
+
 def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
     delay = sheet["group_delay"]
     if delay is None:
-        usual = USUAL_DELAYS.get(quantity, 0.0)
+        usual, std = usual_delay(quantity)
         text = f"{1e3 * usual:g} ms +/- 100 %"
-        return usual, usual / math.sqrt(3.0), [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
+        return usual, std, [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
     _refuse_short_delay(sheet, delay)
     percent = sheet.percent("group_delay_note")
     if percent is not None:

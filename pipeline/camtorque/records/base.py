@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,21 @@ class Refusal(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(printable(message))
+
+
+def require(packages: tuple[str, ...], what: str, extra: str) -> None:
+    """Refuse a choice whose optional packages are not installed.
+
+    Raises
+    ------
+    Refusal : a package is missing; the message names the extra that brings it
+    """
+    missing = [name for name in packages if find_spec(name) is None]
+    if missing:
+        raise Refusal(
+            f"{what}: found no package {', '.join(missing)}, expected the extra {extra!r}; "
+            f"pip install 'camtorque[{extra}]'"
+        )
 
 
 @dataclass(frozen=True)

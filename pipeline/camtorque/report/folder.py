@@ -45,8 +45,8 @@ class Busy(Refusal):
     """Another process is writing the same output."""
 
 
-def check_output(target: Path) -> None:
-    """Refuse a target that holds anything but an earlier output of this command.
+def check_output(target: Path, marker: str) -> None:
+    """Refuse a target that holds anything but an earlier output of this command, which ``marker`` of `MARKERS` tells.
 
     Raises
     ------
@@ -65,6 +65,12 @@ def check_output(target: Path) -> None:
         raise Refusal(
             f"output {target}: found a folder with other files in it, expected a new one or an earlier report; "
             "choose another name"
+        )
+    other = [name for name in MARKERS if (target / name).is_file()]
+    if other and marker not in other:
+        raise Refusal(
+            f"output {target}: found a report of another command ({other[0]}), expected a new folder or one with "
+            f"{marker}; choose another name"
         )
     if target.is_dir() and (more := strangers(target)):
         named = ", ".join(more[:3]) + (f" and {len(more) - 3} more" if len(more) > 3 else "")
@@ -109,14 +115,16 @@ def _document(path: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def output_folder(target: Path) -> Iterator[Path]:
+def output_folder(target: Path, marker: str) -> Iterator[Path]:
     """Give a temporary folder that takes the place of the target, or of its earlier output, when the block ends well.
+
+    ``marker`` is the file of `MARKERS` that is going to be written.
 
     Raises
     ------
     Refusal : see `check_output`; another run writes there; the place cannot be written, is full or went away
     """
-    check_output(target)
+    check_output(target, marker)
     with _written_beside(target, target.resolve()) as partial:
         yield partial
         seal(partial, target.name)

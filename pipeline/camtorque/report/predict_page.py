@@ -151,6 +151,6 @@ def prediction_page(prediction: Prediction, title: str) -> str:
 
 def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
     """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
-    with output_folder(target) as folder:
+    with output_folder(target, "predict.json") as folder:
         write_page(folder / "predict.html", prediction_page(prediction, title))
         write_json(folder / "predict.json", prediction_document(prediction))
