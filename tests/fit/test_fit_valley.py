@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from camtorque.fit.minima import at_minimum
 from camtorque.fit.problem import with_rows
-from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple, untold
+from camtorque.fit.uncertainty import along_valley, covariance, pressure_jacobian, ripple, untold, without_spikes
 from camtorque.fit.valley import HELD, NO_VALLEY, Valley, swept
 from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import quick, quick_halves
+from scipy.special import expit
 
 LAND = ("closed_volume", 0, 1000.0)
 ANGLE = "trigger_offset"
@@ -115,3 +116,15 @@ def test_what_the_line_swings_the_chamber_may_while_it_delivers():
     assert np.all(untold(smooth, ringing)[outside] == 0.0)
     louder = SimpleNamespace(pressure=2.0 * ringing, flows=flows)
     np.testing.assert_array_equal(untold(louder, ringing), ripple(2.0 * ringing))
+
+
+def test_a_slope_that_runs_away_at_one_angle_is_cut_and_a_steep_flank_is_not() -> None:
+    angle = np.linspace(0.0, 360.0, 3600, endpoint=False)
+    pressure = 800.0e5 * expit((angle - 100.0) / 0.3) * expit((140.0 - angle) / 0.3)
+    std = 5.0e5 + 0.2 * np.abs(np.gradient(pressure, angle))  # 0.2 degrees of its place
+    np.testing.assert_array_equal(without_spikes(pressure, std), std)
+    spiked = std.copy()
+    spiked[[0, 1, 2500, 3599]] = 1000.0e5
+    cut = without_spikes(pressure, spiked)
+    np.testing.assert_allclose(cut[[0, 1, 2500, 3599]], 5.0e5, rtol=1e-3)
+    np.testing.assert_array_equal(cut[800:1600], std[800:1600])

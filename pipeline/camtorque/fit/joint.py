@@ -7,6 +7,7 @@ share of the weights, and the lift table's, grow with the number of recordings.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,7 +32,7 @@ from camtorque.fit.joint_fit import (
     shown_covariance,
     values_of_each,
 )
-from camtorque.fit.joint_input import JointInput, Known
+from camtorque.fit.joint_input import JointInput, Known, refuse_two_states
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
@@ -44,7 +45,7 @@ from camtorque.fit.solver import approach, lifts_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.laws.chain import BINS
 from camtorque.process.threads import Each, in_turn, side_by_side
-from camtorque.records import Array, Finding, ParameterEstimate, Refusal
+from camtorque.records import Array, Finding, ParameterEstimate
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
@@ -59,14 +60,6 @@ BAD_FACTOR = 4.0
 """A recording whose misfit exceeds the median by this factor has its structure searched anew."""
 EXCLUSION_FACTOR, FEWEST = 25.0, 3
 """A recording with so many times the median misfit fits no other; with the fewest left none is excluded."""
-SAME_SPEED = 0.05
-TWO_STATES = 5.0
-"""Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
-COMPARED = (
-    "trigger_offset", "leakage", "dead_volume", "bearing_arm", "spring_preload_error", "port_closing_lift",
-    "shaft_drag", "shaft_compliance",
-)  # fmt: skip
-"""Shared parameters that tell whether recordings belong to one pump in one state."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +103,17 @@ def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
 
 
 def anchors(inputs: Sequence[Known]) -> list[int]:
-    """Return the places of the recordings that are explained alone, best first."""
+    """Return the places of the recordings that are explained alone and end as most of these do, best first.
+
+    One pump mostly ends one way. What ends otherwise alone may have been taken for it: as an anchor it would bend all
+    the others to its own, while its structure is searched anew with the values of those.
+    """
     inflation = [item.inflation for item in inputs]
     limit = max(ANCHOR_LIMIT, ANCHOR_FACTOR * min(inflation))
-    order = sorted(range(len(inflation)), key=lambda k: inflation[k])
-    return [k for k in order if inflation[k] <= limit][:MOST_ANCHORS]
+    sound = sorted((k for k, value in enumerate(inflation) if value <= limit), key=lambda k: inflation[k])
+    kinds = Counter(inputs[k].data.structure for k in sound)
+    usual = kinds.most_common(1)[0][0]
+    return [k for k in sound if inputs[k].data.structure == usual][:MOST_ANCHORS]
 
 
 def shared_starts(found: Sequence[Known]) -> list[dict[str, float]]:
@@ -133,11 +132,24 @@ def shared_starts(found: Sequence[Known]) -> list[dict[str, float]]:
 def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem, JointSolution]:
     """Return the joint minimum: that of the anchors first, then with every other recording searched anew.
 
-    ``each`` calls with every recording; it changes no number.
+    An anchor that is then met badly has bent the others, and is none a second time. ``each`` calls with every
+    recording; it changes no number.
     """
+    chosen = anchors(inputs)
+    problem, solution = _from_anchors(inputs, chosen, each)
+    bad = met_badly(solution)
+    sound = [k for k in chosen if not bad[k]]
+    if 0 < len(sound) < len(chosen):
+        again, ended = _from_anchors(inputs, sound, each)
+        if ended.chi_square < solution.chi_square:
+            problem, solution = again, ended
+    return with_bad_anew(problem, solution, each)
+
+
+def _from_anchors(inputs: Sequence[Known], chosen: Sequence[int], each: Each) -> tuple[Problem, JointSolution]:
+    """Return the joint minimum from some anchors, given by their places."""
     count = len(inputs)
     data = with_common_rows([common_error(item.data, count) for item in inputs])
-    chosen = anchors(inputs)
     starts = shared_starts([inputs[k] for k in chosen])
     problem, solution = _of_anchors([data[k] for k in chosen], starts[:MOST_STARTS], each)
     shared = {s.row.name: float(z) for s, z in zip(problem.parameters, solution.z, strict=True) if s.recording < 0}
@@ -145,14 +157,18 @@ def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem,
     found = dict(zip(others, each(lambda k: searched_anew(with_known(data[k], shared)), others), strict=True))
     found |= dict(zip(chosen, started_at(problem, solution.z), strict=True))
     problem = build_problem([found[k] for k in range(count)])
-    solution = solve_many(problem, problem.start, 25, each=each)
-    return with_bad_anew(problem, solution, each)
+    return problem, solve_many(problem, problem.start, 25, each=each)
+
+
+def met_badly(solution: JointSolution) -> list[bool]:
+    """Return for each recording whether a joint minimum meets it much worse than the median one."""
+    limit = max(BAD_FACTOR * float(np.median(solution.misfits)), 30.0)
+    return [bool(value > limit) for value in solution.misfits]
 
 
 def with_bad_anew(problem: Problem, solution: JointSolution, each: Each = in_turn) -> tuple[Problem, JointSolution]:
     """Return a joint minimum with what it meets much worse than the median searched anew, where that ends lower."""
-    limit = max(BAD_FACTOR * float(np.median(solution.misfits)), 30.0)
-    bad = [bool(value > limit) for value in solution.misfits]
+    bad = met_badly(solution)
     if not any(bad):
         return problem, solution
     found = started_at(problem, solution.z)
@@ -310,31 +326,6 @@ def joint_fit_of(
 def contradicted_by(covariance: JointCovariance, inputs: Sequence[Known]) -> float:
     """Return how far the recordings of a joint fit contradict one another, see `drift.contradiction`."""
     return contradiction(covariance.inflation, [item.inflation for item in inputs])
-
-
-def refuse_two_states(inputs: Sequence[Known]) -> None:
-    """Refuse recordings at one speed whose shared parameters contradict each other."""
-    speeds = np.array([item.data.chain.speed for item in inputs])
-    rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
-    values = np.array([[np.nan if row is None else row.value for row in line] for line in rows])
-    stds = np.array([[np.nan if row is None else row.std for row in line] for line in rows])
-    for k, one in enumerate(inputs):
-        near = np.abs(speeds[k] / speeds[:k] - 1.0) <= SAME_SPEED
-        apart = np.abs(values[k] - values[:k]) > TWO_STATES * np.hypot(stds[k], stds[:k])
-        found = np.argwhere(apart & near[:, None])
-        if found.size:
-            j, place = (int(number) for number in found[0])
-            raise _two_states(inputs[j], one, COMPARED[place])
-
-
-def _two_states(other: Known, one: Known, name: str) -> Refusal:
-    first, second = one.alone[name], other.alone[name]
-    (a, s), (b, t) = ((row.value / row.per_unit, row.std / row.per_unit) for row in (first, second))
-    return Refusal(
-        f"joint fit: {other.name} and {one.name} run at one speed but differ in {name.replace('_', ' ')} "
-        f"({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {first.unit}): they are not one pump in one state and are not "
-        "averaged; give each state its own `group` in [recording], or use `camtorque compare`"
-    )
 
 
 def _exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:

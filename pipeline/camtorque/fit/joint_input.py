@@ -1,8 +1,8 @@
-"""What a joint fit needs of a recording that was fitted alone: a tenth of what the fit itself held."""
+"""What a joint fit needs of a recording that was fitted alone, a tenth of what the fit held; are they of one pump."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from sys import intern
@@ -14,10 +14,18 @@ from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData
 from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, ReadOnly, Refusal
 
 TEXTS = ("name", "symbol", "unit", "meaning", "source", "role")
 """Of a parameter row, the same in most recordings."""
+SAME_SPEED = 0.05
+TWO_STATES = 5.0
+"""Standard errors between two recordings at one speed beyond which they are not one pump in one state."""
+COMPARED = (
+    "trigger_offset", "leakage", "dead_volume", "bearing_arm", "spring_preload_error", "port_closing_lift",
+    "shaft_drag", "shaft_compliance",
+)  # fmt: skip
+"""Shared parameters that tell whether recordings belong to one pump in one state."""
 
 
 @dataclass(frozen=True)
@@ -113,3 +121,28 @@ class HeldOnce:
         for array in arrays:
             digest.update(array.tobytes())
         return self._known.setdefault(digest.digest(), value)
+
+
+def refuse_two_states(inputs: Sequence[Known]) -> None:
+    """Refuse recordings at one speed whose shared parameters contradict each other."""
+    speeds = np.array([item.data.chain.speed for item in inputs])
+    rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
+    values = np.array([[np.nan if row is None else row.value for row in line] for line in rows])
+    stds = np.array([[np.nan if row is None else row.std for row in line] for line in rows])
+    for k, one in enumerate(inputs):
+        near = np.abs(speeds[k] / speeds[:k] - 1.0) <= SAME_SPEED
+        apart = np.abs(values[k] - values[:k]) > TWO_STATES * np.hypot(stds[k], stds[:k])
+        found = np.argwhere(apart & near[:, None])
+        if found.size:
+            j, place = (int(number) for number in found[0])
+            raise _two_states(inputs[j], one, COMPARED[place])
+
+
+def _two_states(other: Known, one: Known, name: str) -> Refusal:
+    first, second = one.alone[name], other.alone[name]
+    (a, s), (b, t) = ((row.value / row.per_unit, row.std / row.per_unit) for row in (first, second))
+    return Refusal(
+        f"joint fit: {other.name} and {one.name} run at one speed but differ in {name.replace('_', ' ')} "
+        f"({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {first.unit}): they are not one pump in one state and are not "
+        "averaged; give each state its own `group` in [recording], or use `camtorque compare`"
+    )

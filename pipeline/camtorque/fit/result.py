@@ -28,6 +28,7 @@ from camtorque.fit.uncertainty import (
     pressure_jacobian,
     uncertainty_budget,
     untold,
+    without_spikes,
 )
 from camtorque.fit.work import work_stderr
 from camtorque.laws import ROWS
@@ -292,7 +293,8 @@ def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
     for shift in fit.pressure_shifts[index]:
         variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std[index] * fitted.output.pressure
-    return np.sqrt(np.maximum(variance + gain**2 + untold(fitted.output, fitted.chain.line_pressure) ** 2, 0.0))
+    variance = variance + gain**2 + untold(fitted.output, fitted.chain.line_pressure) ** 2
+    return without_spikes(fitted.output.pressure, np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _chamber_peak(fitted: Modelled, std: Array | None) -> Estimate | None:

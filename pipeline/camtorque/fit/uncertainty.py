@@ -24,6 +24,8 @@ MEASURED, NARROWED = 0.3, 0.8
 CONFOUNDED = 0.9
 RIPPLE_DEG = CORRELATION / 2.0
 """Angle over which a torque tells nothing of what swings: its residuals are one value over twice as much [deg]."""
+SPIKE_DEG = 6.0
+"""Angle about a place within which its pressure is looked for [deg]."""
 DELIVERING = 0.02
 """Share of the highest flow past the delivery valve above which it delivers."""
 
@@ -147,6 +149,21 @@ def ripple(pressure: Array) -> Array:
     parabola = np.linalg.pinv(np.vander(place, 3))[2]
     swing = pressure - _running(pressure, parabola)
     return np.sqrt(2.0 * _running(swing**2, np.full(place.size, 1.0 / place.size)))
+
+
+def without_spikes(pressure: Array, std: Array) -> Array:
+    """Return the standard uncertainty of a pressure without single angles at which a slope ran away, (n,) [Pa].
+
+    Where a port or valve opens within a time step, a pressure goes by its parameters in a jump, and the slope there is
+    any number. What is sure: it lies between its neighbours of half `SPIKE_DEG` on either side, and these are known as
+    well as they are.
+    """
+    half = round(pressure.size * SPIKE_DEG / 720.0)
+    near, known = (
+        np.lib.stride_tricks.sliding_window_view(np.concatenate([values[-half:], values, values[:half]]), 2 * half + 1)
+        for values in (pressure, std)
+    )
+    return np.minimum(std, np.ptp(near, axis=1) + np.median(known, axis=1))
 
 
 def _running(values: Array, weights: Array) -> Array:
