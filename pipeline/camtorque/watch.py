@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest import read_recording
 from camtorque.ingest.recording import recording_of
 from camtorque.process.threads import on_one_thread
-from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
 from camtorque.units import DEGREE, RPM
 
 LOOK_SHARE = 0.25
@@ -132,6 +132,7 @@ class Memory:
     """What a watch remembers between two looks."""
 
     pools: list[Pool] = field(default_factory=list)
+    rejected: dict[tuple[str, str], int] = field(default_factory=dict)
 
     def pool(self, speed: float) -> Pool:
         """Return the cycles at about that speed."""
@@ -140,6 +141,12 @@ class Memory:
                 return pool
         self.pools.append(Pool(speed))
         return self.pools[-1]
+
+    def newly_rejected(self, name: str, cut_flow: Sequence[CutFlowRow]) -> dict[str, int]:
+        """Return by reason how many cycles of a recording were rejected since the last look: a log tells all of it."""
+        found = {row.reason: row.cycles_single - self.rejected.get((name, row.reason), 0) for row in cut_flow}
+        self.rejected |= {(name, row.reason): row.cycles_single for row in cut_flow}
+        return {reason: number for reason, number in found.items() if number > 0}
 
 
 def base_level(recording: Recording, cycles: CamCycles, rows: slice) -> Level | None:
@@ -166,12 +173,13 @@ def look(
     drift, limit = _drift(pool.first, level)
     _remember(pool, cycles, rows)
     noise, wanted = _noise(pool, enough_percent)
+    rejected = memory.newly_rejected(name, cycles.cut_flow)
     speed = float(np.mean(cycles.speed[rows]))
     return Block(
         name, int(cycles.speed[rows].size), lost,
-        tuple(f"{row.cycles_single} {row.reason}" for row in cycles.cut_flow if row.cycles_single),
+        tuple(f"{number} {reason}" for reason, number in rejected.items()),
         speed / RPM, None if level is None else level.mean, drift, limit, cycles.trigger_jitter_s * speed / DEGREE,
-        sum(row.cycles_single for row in cycles.cut_flow if row.reason.endswith("_clipped")), noise, wanted,
+        sum(number for reason, number in rejected.items() if reason.endswith("_clipped")), noise, wanted,
         wanted is not None and pool.cycles >= wanted,
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from camtorque import cli
 from camtorque.align import AlignOptions
-from camtorque.records import Refusal
+from camtorque.records import CutFlowRow, Refusal
 from camtorque.watch import Block, Memory, Waiting, WatchOptions, base_level, look, watch
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -162,3 +162,12 @@ def test_the_base_circle_is_where_the_follower_rests(
     assert level is not None
     assert level.mean == 1.0
     assert base_level(recording, replace(cycles, torque=None), slice(None)) is None
+
+
+def test_a_growing_log_tells_each_rejected_cycle_once() -> None:
+    memory = Memory()
+    first = (CutFlowRow("pressure_clipped", 3, "", 3), CutFlowRow("missed_trigger", 0, ""))
+    assert memory.newly_rejected("a", first) == {"pressure_clipped": 3}
+    assert memory.newly_rejected("a", first) == {}
+    assert memory.newly_rejected("a", (replace(first[0], cycles_single=5), *first[1:])) == {"pressure_clipped": 2}
+    assert memory.newly_rejected("b", first) == {"pressure_clipped": 3}

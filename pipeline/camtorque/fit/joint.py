@@ -285,7 +285,12 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     fitted, without = zip(*each(told, range(len(used))), strict=True)
     shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
     findings = (
-        *prior_findings((*shared, *fitted[0].parameters)),
+        *prior_findings(shared),
+        *(
+            replace(found, where=f"{item.name}, {found.where}")
+            for item, one in zip(used, fitted, strict=True)
+            for found in prior_findings(one.parameters)
+        ),
         *contradiction_findings(contradicted_by(fit.covariance, used)),
         *drift_findings(drifts),
         *_exclusion_findings(excluded),

@@ -18,7 +18,7 @@ STEP = 0.1
 
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
-    """Return the work of each loss at values of the nonlinear and (11,) of the linear parameters [J per revolution]."""
+    """Return the work of each loss at values of the nonlinear and (15,) of the linear parameters [J per revolution]."""
     output = evaluate(chain, values, coefficients)
     none = np.zeros(chain.theta.size)
     return work_per_revolution(chain, output, cam_torques(chain, values, output, coefficients, none))

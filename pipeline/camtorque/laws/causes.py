@@ -32,7 +32,7 @@ def cam_torques(
 
     Parameters
     ----------
-    coefficients : (11,) of the linear columns of the chain
+    coefficients : (15,) of the linear columns of the chain
     lift_slope : (n,) slope of the lift correction [m/rad]
     """
     pump, motion = data.pump, output.motion

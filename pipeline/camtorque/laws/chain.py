@@ -130,7 +130,7 @@ class ChainOutput:
     Attributes
     ----------
     torque : (BINS,) part of the measured torque that no linear parameter scales [N m]
-    linear : (BINS, 11) columns of `COLUMN_NAMES`
+    linear : (BINS, 15) columns of `COLUMN_NAMES`
     derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
@@ -140,7 +140,7 @@ class ChainOutput:
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
     path : (m, 3) the chamber after each time step, from which the derivative at the same values needs no search
     least_guide : least 1 - mu |tan phi| sign(y'); the follower jams at 0
-    spectra : (BINS // 2 + 1, 11) harmonics of torque and columns but the last on the cam, before shaft and sensor
+    spectra : (BINS // 2 + 1, 15) harmonics of torque and columns but the last on the cam, before shaft and sensor
     """
 
     torque: Array
@@ -272,7 +272,7 @@ def evaluate(
     Parameters
     ----------
     values : every non-linear parameter [SI]
-    coefficients : (11,) of `COLUMN_NAMES`; only the derivative needs them
+    coefficients : (15,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
     """
@@ -311,7 +311,7 @@ def evaluate(
 
 
 def coefficients_of(values: Mapping[str, float]) -> Array:
-    """Return what the columns of `ChainOutput.linear` are multiplied by, (11,)."""
+    """Return what the columns of `ChainOutput.linear` are multiplied by, (15,)."""
     return np.array([values[name] for name in COLUMN_NAMES])
 
 
