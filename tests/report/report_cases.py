@@ -94,6 +94,7 @@ def run_result(recording_name: str = "case", with_chamber: bool = True, explaine
         chamber_return_start=None if chamber is None else Estimate(float("nan"), float("nan")),
         true_angle=theta + 0.01, forces=forces(1.2 * load), contact_lost=False,
         losses={"pressure": 7.0, "friction": 0.6, "damping": 0.4, "input": 8.04, "closure_percent": 0.5},
+        gap_stderr={"plunger pressure": np.array([0.2, 0.1, 0.3]), "cam angle": np.array([0.1, 0.1, 0.1])},
         losses_stderr={"pressure": 0.1, "friction": 0.3, "damping": 0.3, "friction_and_damping": 0.05},
         metrics={"rigid": scores[2], "fitted": scores[0], "fitted_held_out_cycles": scores[1]},
         trigger_angle=Estimate(0.36, 0.001, 0.349), torque_delay=Estimate(4.5e-4, 8e-6, 4.5e-4),

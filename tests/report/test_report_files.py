@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from camtorque.fit.metrics import metrics
+from camtorque.fit.metrics import loaded_part, metrics
 from camtorque.records import Refusal
 from camtorque.report import page
 from camtorque.report.alignment import write_alignment
@@ -19,7 +19,7 @@ from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.figures import FIGURES
 from camtorque.report.folder import output_folder
-from camtorque.report.gaps import gap_curves, loaded_part
+from camtorque.report.gaps import gap_curves
 from camtorque.report.write import write_run
 from report_cases import NASTY, run_result
 
@@ -253,7 +253,7 @@ def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
 def test_gap_by_cause_sums_to_measured_minus_rigid(written: Path) -> None:
     doc = read_json(written / "result.json")
     gap, result = doc["gap_by_cause"], run_result()
-    forward, fall = loaded_part(result)
+    forward, fall = loaded_part(result.rigid)
     with h5py.File(written / "cycles.h5") as file:
         distance = file["mean/torque"][:] - file["model/rigid"][:]
         lowest = np.flatnonzero(fall)[np.argmin(file["mean/torque"][:][fall])]

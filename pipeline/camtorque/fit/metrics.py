@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records import Array, Metrics
+from camtorque.records import Array, Metrics, RigidTorque
 
 
 def stroke_masks(lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -37,3 +37,9 @@ def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: 
         return_min_model_nm=float(np.min(model[fall])),
         return_rms_nm=float(np.sqrt(np.mean(residual[fall] ** 2))),
     )
+
+
+def loaded_part(rigid: RigidTorque) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as the metrics use them."""
+    rise, fall = stroke_masks(rigid.lift, rigid.lift_velocity)
+    return rise & (rigid.torque > 0.2 * np.max(rigid.torque[rise])), fall

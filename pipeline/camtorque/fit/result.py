@@ -15,7 +15,7 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.metrics import metrics, stroke_masks
+from camtorque.fit.metrics import loaded_part, metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles, on_grid
 from camtorque.fit.problem import SEPARATOR, STRUCTURES, Problem
@@ -30,7 +30,7 @@ from camtorque.fit.uncertainty import (
     untold,
     without_spikes,
 )
-from camtorque.fit.work import work_stderr
+from camtorque.fit.work import sureness
 from camtorque.laws import ROWS
 from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
@@ -173,6 +173,8 @@ def fitted_torque(
     pressure_std = _pressure_std(fit, index, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
+    fall = np.flatnonzero(loaded_part(rigid)[1])
+    sure = sureness(fit, index, rigid, float(rigid.theta[fall[np.argmin(means.torque_all[fall])]]))
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
@@ -187,7 +189,7 @@ def fitted_torque(
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
-        losses_stderr=work_stderr(fit, index),
+        losses_stderr=sure.work, gap_stderr=sure.gap,
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,

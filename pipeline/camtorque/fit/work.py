@@ -1,49 +1,111 @@
-"""Work of a revolution by cause with its standard uncertainty."""
+"""How sure work and torque by cause are: the covariance of the fit carried on to what the laws make of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from camtorque.fit.metrics import loaded_part
 from camtorque.fit.single import Fit
-from camtorque.laws.causes import cam_torques, work_per_revolution
-from camtorque.laws.chain import ChainInput, evaluate
-from camtorque.records import Array
+from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
+from camtorque.laws.chain import ChainInput, ChainOutput, evaluate
+from camtorque.records import Array, RigidTorque
 
 TOGETHER = ("friction", "damping")
 """One recording tells them apart badly, and their sum well."""
 STEP = 0.1
 """Step of the differences, in standard uncertainties of the parameter: the work is straight over that."""
+ANGLE, CHAMBER = "cam angle", "plunger pressure"
+"""The two reasons for which pressure makes another torque than the rigid model has."""
+
+
+@dataclass(frozen=True)
+class Sureness:
+    """Standard uncertainties.
+
+    work : loss -> of its work [J per revolution]; gap : cause -> (3,) of its torque [N m]: mean over the loaded part of
+    the forward stroke, mean over the return stroke, where the measured torque is least there
+    """
+
+    work: Mapping[str, float]
+    gap: Mapping[str, Array]
 
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
     """Return the work of each loss at values of the nonlinear and (15,) of the linear parameters [J per revolution]."""
-    output = evaluate(chain, values, coefficients)
-    none = np.zeros(chain.theta.size)
-    return work_per_revolution(chain, output, cam_torques(chain, values, output, coefficients, none))
+    return _work(chain, *_caused(chain, values, coefficients))
 
 
-def work_stderr(fit: Fit, index: int) -> dict[str, float]:
-    """Return the standard uncertainty of the work of each loss of one recording [J per revolution].
+def sureness(fit: Fit, index: int, rigid: RigidTorque, lowest: float) -> Sureness:
+    """Return how sure work and torque by cause of one recording are.
 
-    The covariance of the fit and its further shifts are carried on by differences, one parameter after the other.
+    Parameters
+    ----------
+    rigid : rigid solution, whose strokes are meant
+    lowest : cam angle at which the measured torque is least on the return stroke [rad]
+    """
+    chain = fit.problem.data[index].chain
+    parts = _parts(chain, rigid, lowest)
+    work, gap = _both(chain, *fit.problem.values(fit.solution.z, index), rigid, parts)
+
+    def flat(values: Mapping[str, float], coefficients: Array) -> Array:
+        after = _both(chain, values, coefficients, rigid, parts)
+        return np.concatenate([list(after[0].values()), *after[1].values()])
+
+    std = carried(fit, index, flat)
+    return Sureness(
+        dict(zip(work, std.tolist(), strict=False)),
+        dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True)),
+    )
+
+
+def carried(fit: Fit, index: int, at: Callable[[Mapping[str, float], Array], Array]) -> Array:
+    """Return the standard uncertainty of numbers (m,) that hang on the values of one recording.
+
+    Covariance and further shifts of the fit are carried on by differences, one parameter after the other.
     """
     problem, z = fit.problem, fit.solution.z
-    chain = problem.data[index].chain
-    least = _with_sum(work_at(chain, *problem.values(z, index)))
-    own = [k for k, one in enumerate(problem.parameters) if one.recording in (-1, index)]
-    slopes = np.zeros((len(least), z.size))
-    for k in own:
-        moved, step = z.copy(), STEP * float(fit.std[k])
-        moved[k] += step
-        after = _with_sum(work_at(chain, *problem.values(moved, index)))
-        slopes[:, k] = [(after[name] - value) / step for name, value in least.items()]
+    here = at(*problem.values(z, index))
+    slopes = np.zeros((here.size, z.size))
+    for k, one in enumerate(problem.parameters):
+        if one.recording in (-1, index):
+            moved, step = z.copy(), STEP * float(fit.std[k])
+            moved[k] += step
+            slopes[:, k] = (at(*problem.values(moved, index)) - here) / step
     variance = np.einsum("ij,jk,ik->i", slopes, fit.covariance.matrix, slopes)
     for shift in fit.shifts.values():
         variance = variance + (slopes @ shift) ** 2
-    return dict(zip(least, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
-def _with_sum(work: dict[str, float]) -> dict[str, float]:
+def _caused(
+    chain: ChainInput, values: Mapping[str, float], coefficients: Array
+) -> tuple[ChainOutput, dict[str, Array]]:
+    output = evaluate(chain, values, coefficients)
+    return output, cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))
+
+
+def _work(chain: ChainInput, output: ChainOutput, torques: Mapping[str, Array]) -> dict[str, float]:
+    work = work_per_revolution(chain, output, torques)
     return {**work, "_and_".join(TOGETHER): sum(work[name] for name in TOGETHER)}
+
+
+def _both(
+    chain: ChainInput, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
+) -> tuple[dict[str, float], dict[str, Array]]:
+    """Return work by loss, and torque by cause averaged over parts (3, n) of the revolution, apart from a constant."""
+    output, torques = _caused(chain, values, coefficients)
+    curves = measured_torques(chain, values, torques, float(coefficients[-1]))
+    slope = np.interp(output.motion.theta, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi)
+    angle = chain.line_pressure * chain.pump.plunger_area * slope
+    curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}
+    return _work(chain, output, torques), {name: parts @ curve for name, curve in curves.items()}
+
+
+def _parts(chain: ChainInput, rigid: RigidTorque, lowest: float) -> Array:
+    """Return the weights (3, n) that average a curve of the fit's grid over the parts of `Sureness.gap`."""
+    masks = [np.interp(chain.theta, rigid.theta, mask.astype(np.float64)) for mask in loaded_part(rigid)]
+    masks.append((np.arange(chain.theta.size) == int(np.argmin(np.abs(chain.theta - lowest)))).astype(np.float64))
+    return np.array([mask / np.sum(mask) for mask in masks])

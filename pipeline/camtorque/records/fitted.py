@@ -143,6 +143,8 @@ class FittedTorque(ReadOnly):
     forces : forces of the fitted model
     losses : cause -> J per revolution, with ``input`` and ``closure_percent``
     losses_stderr : cause -> standard uncertainty [J per revolution], and of friction and damping together
+    gap_stderr : cause -> (3,) standard uncertainty of its torque [N m]: mean over the loaded part of the forward
+        stroke, over the return stroke, and where the measured torque is least there
     metrics : ``rigid``, ``fitted``, ``fitted_held_out_cycles``
     angle_errors_after : the angle error budget after the fit
     evidence : for each loss, whether the data need it
@@ -167,6 +169,7 @@ class FittedTorque(ReadOnly):
     contact_lost: bool
     losses: Mapping[str, float]
     losses_stderr: Mapping[str, float]
+    gap_stderr: Mapping[str, Array]
     metrics: Mapping[str, Metrics]
     trigger_angle: Estimate
     torque_delay: Estimate

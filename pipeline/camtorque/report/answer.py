@@ -158,12 +158,21 @@ SAID = (
 """Verdict on losses -> what the answer says before and after their names."""
 
 
+def sure(doc: Document, error: float | None) -> bool:
+    """Return whether a standard error is known and can be relied on."""
+    return bool(doc["explained"] and error)
+
+
 def closing_text(doc: Document) -> str:
     """Return the largest causes on both strokes, and the losses that the data need or cannot tell."""
     gap, parts = doc["gap_by_cause"], []
-    for key, what in (("forward_nm", "Forward stroke"), ("return_minimum_nm", "Return minimum")):
+    for part, what in (("forward", "Forward stroke"), ("return_minimum", "Return minimum")):
+        key, error = f"{part}_nm", f"{part}_stderr_nm"
         rows = sorted((row for row in gap["causes"] if row["cause"] != "residual"), key=lambda row: -abs(row[key]))
-        named = ", ".join(f"{words(row['cause'])} {plus(row[key])}" for row in rows[:3])
+        named = ", ".join(
+            f"{words(row['cause'])} {plus(row[key])}" + (f" ± {fixed(row[error])}" if sure(doc, row[error]) else "")
+            for row in rows[:3]
+        )
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
         parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
     for verdict_word, text, then in SAID:

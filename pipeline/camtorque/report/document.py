@@ -185,9 +185,13 @@ def _gap(result: RunResult) -> dict[str, Any]:
     columns = ("forward", "return_stroke", "return_minimum")
     total = {f"{name}_nm": sum(getattr(row, name) for row in shares) for name in columns}
     rows = [
-        {"cause": row.cause, "text": row.meaning, **{f"{name}_nm": getattr(row, name) for name in columns}}
+        {
+            "cause": row.cause, "text": row.meaning, **{f"{name}_nm": getattr(row, name) for name in columns},
+            **{f"{name}_stderr_nm": None if row.stderr is None else float(row.stderr[k])
+               for k, name in enumerate(columns)},
+        }
         for row in shares
-    ]
+    ]  # fmt: skip
     return {"total": total, "causes": rows}
 
 

@@ -97,12 +97,17 @@ def losses(result: RunResult) -> Rows:
 def gap(result: RunResult) -> Rows:
     """Show what each cause adds to the rigid torque on the forward stroke and at the return minimum."""
     rows = shown(gap_shares(result))
+
+    def note(value: float, row: GapShare, part: int) -> str:
+        sure = row.stderr is not None and result.fitted.explained
+        return f"{plus(value)} ± {fixed(row.stderr[part])}" if sure else plus(value)  # type: ignore[index]
+
     panels = tuple(
         RowPanel(name, (Marks("", values, tuple("fitted" if v >= 0 else "c1" for v in values)),),
-                 notes=tuple(plus(v, 2) for v in values))
-        for name, values in (
-            ("forward stroke, mean [N m]", tuple(row.forward for row in rows)),
-            ("at the return minimum [N m]", tuple(row.return_minimum for row in rows)),
+                 notes=tuple(note(v, row, part) for v, row in zip(values, rows, strict=True)))
+        for name, part, values in (
+            ("forward stroke, mean [N m]", 0, tuple(row.forward for row in rows)),
+            ("at the return minimum [N m]", 2, tuple(row.return_minimum for row in rows)),
         )
     )  # fmt: skip
     return Rows(tuple(words(row.cause) for row in rows), panels)

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.fit.metrics import stroke_masks
+from camtorque.fit.metrics import loaded_part
+from camtorque.fit.work import ANGLE, CHAMBER
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 
-ANGLE, CHAMBER, RESIDUAL = "cam angle", "plunger pressure", "residual"
+RESIDUAL = "residual"
 MEANINGS = {
     ANGLE: "line pressure at the true cam angle: trigger angle, twist, speed within the revolution",
     CHAMBER: "chamber pressure in the place of line pressure, and the transducer's response to it",
@@ -32,6 +32,7 @@ class GapShare:
     forward : mean over the loaded part of the forward stroke
     return_stroke : mean over the return stroke
     return_minimum : where the measured torque is least on the return stroke
+    stderr : (3,) standard uncertainties of the three, None of what is left over
     """
 
     cause: str
@@ -39,6 +40,7 @@ class GapShare:
     forward: float
     return_stroke: float
     return_minimum: float
+    stderr: Array | None
 
 
 def gap_curves(result: RunResult) -> dict[str, Array]:
@@ -78,23 +80,16 @@ def _angle_part(result: RunResult) -> Array:
     return load * (slope - rigid.lift_velocity)
 
 
-def loaded_part(result: RunResult) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as the metrics use them."""
-    rigid = result.rigid
-    rise, fall = stroke_masks(rigid.lift, rigid.lift_velocity)
-    return rise & (rigid.torque > 0.2 * np.max(rigid.torque[rise])), fall
-
-
 def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
     """Return the share of each cause, the largest first, the residual last; causes that are zero are left out."""
     assert result.cycles.torque is not None
-    forward, fall = loaded_part(result)
+    forward, fall = loaded_part(result.rigid)
     measured = result.cycles.mean_torque
     lowest = int(np.flatnonzero(fall)[np.argmin(measured[fall])])
     rows = [
         GapShare(
             name, MEANINGS.get(name, ""), float(np.mean(curve[forward])), float(np.mean(curve[fall])),
-            float(curve[lowest]),
+            float(curve[lowest]), result.fitted.gap_stderr.get(name),
         )
         for name, curve in gap_curves(result).items()
         if name == RESIDUAL or np.any(curve != 0.0)

@@ -172,7 +172,7 @@ def run_page(
     return render(
         "run.html", live_charts(drawings), phases, title=f"{doc['recording']['name']}: measured against model",
         doc=doc, drawings=drawings, verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
-        losses=loss_rows(doc), gaps=gap_rows(doc["gap_by_cause"]), groups=parameter_groups(doc),
+        losses=loss_rows(doc), gaps=gap_rows(doc), groups=parameter_groups(doc),
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
         config_text=config_text, metric_names=METRIC_NAMES,
         sections={name: section for name, section in SECTIONS.items() if not section.needs or doc[section.needs]},

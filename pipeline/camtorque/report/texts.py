@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import APART, NOT_LOSSES, TOGETHER, Document
+from camtorque.report.answer import APART, NOT_LOSSES, TOGETHER, Document, sure
 from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
 
 METRIC_NAMES = {
@@ -153,22 +153,27 @@ def loss_rows(doc: Document) -> list[dict[str, str]]:
     for name, value in work.items():
         error = errors.get(name)
         conserved = abs(value) < 1e-6 * abs(total) and (error or 0.0) < 1e-3 * abs(total)
-        sure = doc["explained"] and not conserved and error
+        known = not conserved and sure(doc, error)
         rows.append({
-            "name": words(name), "work": "0" if conserved else near(value, error) if sure else num(value),
-            "error": f"± {plus_minus(error)}" if sure else "",
+            "name": words(name), "work": "0" if conserved else near(value, error) if known else num(value),
+            "error": f"± {plus_minus(error)}" if known else "",
             "share": "0" if conserved else fixed(100.0 * value / total, 2),
         })  # fmt: skip
     return rows
 
 
-def gap_rows(gap: Document) -> list[dict[str, Any]]:
-    """Return the gap by cause with shares of its total; a total of zero has no shares."""
+def gap_rows(doc: Document) -> list[dict[str, Any]]:
+    """Return the gap by cause with uncertainties and shares of its total; a total of zero has no shares."""
+    gap = doc["gap_by_cause"]
     total = gap["total"]
     return [
         {
             **row,
             "name": words(row["cause"]),
+            **{
+                f"{part}_error": f"± {fixed(error, 3)}" if sure(doc, error := row[f"{part}_stderr_nm"]) else ""
+                for part in ("forward", "return_stroke", "return_minimum")
+            },
             "forward_share": _share(row["forward_nm"], total["forward_nm"]),
             "return_share": _share(row["return_minimum_nm"], total["return_minimum_nm"]),
         }
