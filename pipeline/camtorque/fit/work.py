@@ -17,6 +17,8 @@ TOGETHER = ("friction", "damping")
 """One recording tells them apart badly, and their sum well."""
 STEP = 0.1
 """Step of the differences, in standard uncertainties of the parameter: the work is straight over that."""
+NOT_CARRIED = "lift_table"
+"""The correction of the lift is no parameter of the fit."""
 ANGLE, CHAMBER = "cam angle", "plunger pressure"
 """The two reasons for which pressure makes another torque than the rigid model has."""
 
@@ -55,10 +57,10 @@ def sureness(fit: Fit, index: int, rigid: RigidTorque, lowest: float) -> Surenes
         return np.concatenate([list(after[0].values()), *after[1].values()])
 
     std = carried(fit, index, flat)
-    return Sureness(
-        dict(zip(work, std.tolist(), strict=False)),
-        dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True)),
-    )
+    works = dict(zip(work, std.tolist(), strict=False))
+    gaps = dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True))
+    del works[NOT_CARRIED], gaps[NOT_CARRIED]
+    return Sureness(works, gaps)
 
 
 def carried(fit: Fit, index: int, at: Callable[[Mapping[str, float], Array], Array]) -> Array:

@@ -27,12 +27,13 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "gap": FigureSpec(
         "What closes the gap", "Measured − rigid torque, by cause. Left: mean over the loaded part of the forward "
-        "stroke. Right: where the measured torque is least on the return stroke.", fit_figures.gap, "causes",
+        "stroke. Right: where the measured torque is least on the return stroke. Lines: two standard uncertainties.",
+        fit_figures.gap, "causes",
         png=True,
     ),
     "losses": FigureSpec(
-        "Work per revolution", "Each cause integrated for itself over the true cam angle.", fit_figures.losses,
-        "causes",
+        "Work per revolution", "Each cause integrated for itself over the true cam angle. Lines: two standard "
+        "uncertainties.", fit_figures.losses, "causes",
     ),
     "torque_by_cause": FigureSpec(
         "Torque by cause", "Each law for itself, as the transducer sees it; all of them sum to the fitted model. Each "

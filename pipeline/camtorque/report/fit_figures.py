@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -87,24 +88,26 @@ def losses(result: RunResult) -> Rows:
     smallest = CONSERVED * abs(result.fitted.losses["input"])
     rows = {k: v for k, v in result.fitted.losses.items() if k not in NOT_LOSSES and abs(v) > smallest}
     values = tuple(rows.values())
-    tones = tuple("fitted" if value >= 0 else "c1" for value in values)
-    errors = result.fitted.losses_stderr
-    notes = tuple(f"{fixed(v)} ± {fixed(errors[k])}" if result.fitted.explained else fixed(v) for k, v in rows.items())
-    panel = RowPanel("work [J per revolution]", (Marks("", values, tones),), notes=notes)
+    errors = result.fitted.losses_stderr if result.fitted.explained else {}
+    bars = _bars(values, [errors.get(name) for name in rows])
+    panel = RowPanel("work [J per revolution]", (bars,), notes=tuple(fixed(value) for value in values))
     return Rows(tuple(words(name) for name in rows), (panel,))
+
+
+def _bars(values: tuple[float, ...], errors: Sequence[float | None]) -> Marks:
+    """Return bars with lines over two standard uncertainties on either side; an unknown one has none."""
+    reach = [2.0 * error if error else math.nan for error in errors]
+    low, high = (tuple(v + side * r for v, r in zip(values, reach, strict=True)) for side in (-1.0, 1.0))
+    return Marks("", values, tuple("fitted" if value >= 0 else "c1" for value in values), low=low, high=high)
 
 
 def gap(result: RunResult) -> Rows:
     """Show what each cause adds to the rigid torque on the forward stroke and at the return minimum."""
     rows = shown(gap_shares(result))
-
-    def note(value: float, row: GapShare, part: int) -> str:
-        sure = row.stderr is not None and result.fitted.explained
-        return f"{plus(value)} ± {fixed(row.stderr[part])}" if sure else plus(value)  # type: ignore[index]
-
+    sure = [row.stderr if result.fitted.explained else None for row in rows]
     panels = tuple(
-        RowPanel(name, (Marks("", values, tuple("fitted" if v >= 0 else "c1" for v in values)),),
-                 notes=tuple(note(v, row, part) for v, row in zip(values, rows, strict=True)))
+        RowPanel(name, (_bars(values, [None if one is None else float(one[part]) for one in sure]),),
+                 notes=tuple(plus(v) for v in values))
         for name, part, values in (
             ("forward stroke, mean [N m]", 0, tuple(row.forward for row in rows)),
             ("at the return minimum [N m]", 2, tuple(row.return_minimum for row in rows)),
