@@ -34,6 +34,15 @@ def test_hops_draw_one_part_anew_and_leave_the_others(found):
         assert changed <= set(names)
 
 
+def test_a_structure_that_lost_all_its_starts_is_tried_again(found):
+    ((start, minimum),) = found.minima
+    far = replace(start, chi_square=1e9 * start.chi_square)
+    lost = search.Found({"land": [start], "spill": [], "open": [far], "line": [start]}, ((start, minimum),))
+    assert lost.value <= search.UNEXPLAINED
+    assert search.likely(lost) == ["land", "spill"]
+    assert {item.structure for item in search.scanned_again(lost, start.data)["spill"]} == {"spill"}
+
+
 def test_hops_begin_in_another_structure_now_and_then_where_nothing_satisfies(found):
     structures = [search.hop_from(found, hop, True).structure for hop in range(2 * search.ELSEWHERE)]
     assert structures.count("spill") == 2

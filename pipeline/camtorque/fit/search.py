@@ -304,12 +304,15 @@ def extended(found: Found, more: Starts, seen: Seen) -> Found:
 
 
 def likely(found: Found) -> list[str]:
-    """Return the structures with a chamber that are not far behind the best one; all of them where none explains."""
+    """Return the structures with a chamber that are not far behind the best one; all of them where none explains.
+
+    One whose starts were all lost on the way is not behind: nobody knows where it is.
+    """
     names = [name for name in found.starts if name != "line"]
     if found.value > UNEXPLAINED:
         return names
     limit = FAR * min(found.starts[name][0].chi_square for name in names if found.starts[name]) + UNEXPLAINED
-    return [name for name in names if found.starts[name] and found.starts[name][0].chi_square < limit]
+    return [name for name in names if not found.starts[name] or found.starts[name][0].chi_square < limit]
 
 
 def joined(one: Starts, other: Starts) -> dict[str, list[Start]]:
