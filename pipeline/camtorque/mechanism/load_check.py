@@ -76,9 +76,10 @@ def _refuse_misplaced_pressure(cycles: CamCycles, rigid: RigidTorque, pump: Pump
     if possible < LARGE_SWING * measured or work >= LEAST_DELIVERY * possible:
         return
     peak, top = (math.degrees(cycles.theta[int(np.argmax(values))]) for values in (pressure, rigid.lift))
+    share = round(100.0 * work / possible)
     raise Refusal(
         f"the line pressure swings by {np.ptp(pressure) / BAR:.0f} bar, but not while the plunger delivers: over a "
-        f"revolution it does {work:.3g} J of work on the plunger, {100.0 * work / possible:.0f} % of swing times swept "
-        f"volume, expected 18 to 64 % (highest pressure at {peak:.0f} deg, top of the lift at {top:.0f} deg); check "
-        "that both logs are of one run, the clocks of their loggers, and the lift table"
+        f"revolution it does {work:.2g} J of work on the plunger, {share} % of swing times swept volume, expected 18 "
+        f"to 64 % (highest pressure at {peak:.0f} deg, top of the lift at {top:.0f} deg); check that both logs are of "
+        "one run, the clocks of their loggers, and the lift table"
     )
