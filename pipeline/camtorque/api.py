@@ -33,7 +33,7 @@ from camtorque.records import CamCycles
 from camtorque.records import Refusal as Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.document import result_document
-from camtorque.report.folder import check_output, output_folder
+from camtorque.report.folder import output_folder
 from camtorque.report.numbers import near, plus_minus, unit_text
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse_recording
@@ -263,7 +263,6 @@ def report(result: RunResult, out: Path | str) -> Path:
     Refusal : ``out`` holds something else or cannot be written to
     """
     folder = Path(out)
-    check_output(folder, "result.json")
     with output_folder(folder, "result.json") as partial:
         write_run(result, partial)
     return folder / "report.html"

@@ -111,7 +111,7 @@ def _recordings(path: Path) -> list[Path]:
     """Return the recordings that a path names: one, its report's, those of a campaign's report, or those below it."""
     campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
     if campaign.is_file():
-        rows = read_document(campaign, "camtorque.campaign/", "what `camtorque campaign` writes")["recordings"]
+        rows = read_document(campaign, "camtorque.campaign/1", "what `camtorque campaign` writes")["recordings"]
         return [recording_path(campaign.parent / row["folder"]) for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
         below = [item.parent for item in sorted(path.rglob(RECORDING_FILE))]

@@ -98,7 +98,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
             f"{path}: found no {NAME} beside it, expected the report of `camtorque run` or of a campaign with a joint "
             "fit; make the report again"
         )
-    doc = read_document(file, SCHEMA, "what `camtorque run` writes")
+    doc = read_document(file, SCHEMA, "a report of `camtorque run`, or make it again")
     strange = [name for name in doc["names"] if name.split(SEPARATOR)[0] not in ROWS]
     if strange:
         raise Refusal(

@@ -12,7 +12,7 @@ from camtorque.hashes import file_digest
 from camtorque.records import Refusal
 
 NAME = "result.json"
-SCHEMA_STEM = "camtorque.result/"
+SCHEMA = "camtorque.result/1"
 
 
 def find_results(path: Path) -> list[Path]:
@@ -39,11 +39,11 @@ def read_result(path: Path) -> dict[str, Any]:
     ------
     Refusal : it cannot be read, is no JSON, or not of this product
     """
-    return read_document(path, SCHEMA_STEM, "a result of `camtorque run`")
+    return read_document(path, SCHEMA, "a result of `camtorque run`")
 
 
-def read_document(path: Path, stem: str, what: str) -> dict[str, Any]:
-    """Return the content of a file that this product wrote, whose schema begins with ``stem``.
+def read_document(path: Path, schema: str, what: str) -> dict[str, Any]:
+    """Return the content of a file that this product wrote.
 
     Raises
     ------
@@ -55,9 +55,9 @@ def read_document(path: Path, stem: str, what: str) -> dict[str, Any]:
         raise Refusal(f"{path}: cannot be read ({error.strerror}), expected {what}") from error
     except ValueError as error:
         raise Refusal(f"{path}: is not valid JSON ({error}), expected {what}") from error
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if not str(schema).startswith(stem):
-        raise Refusal(f"{path}: schema is {schema!r:.80}, expected {stem}1; name {what}")
+    found = document.get("schema") if isinstance(document, dict) else None
+    if found != schema:
+        raise Refusal(f"{path}: schema is {found!r:.80}, expected {schema}; name {what}")
     return document
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit.findings import implausible_findings, largest_chi_square, light_cam_findings, prior_findings
-from camtorque.fit.metrics import loaded_part
+from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.next_run import proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
@@ -46,9 +46,8 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     """Draws of all parameters, so narrow that all is straight over them, against the carried covariance."""
     narrow = replace(fit, covariance=replace(fit.covariance, matrix=1e-4 * fit.covariance.matrix), shifts={})
     case = quick_prepared(*LAND)
-    forward, fall = loaded_part(case.rigid)
-    lowest = int(np.flatnonzero(fall)[np.argmin(case.means.torque_all[fall])])
-    stated = sureness(narrow, 0, case.rigid, float(case.rigid.theta[lowest]))
+    forward, fall, lowest = parts_of_gap(case.rigid, case.means.torque_all)
+    stated = sureness(narrow, 0, case.rigid, case.means.torque_all)
     rng = np.random.default_rng(3)
     std = narrow.covariance.std
     root = np.linalg.cholesky(narrow.covariance.matrix / np.outer(std, std) + 1e-10 * np.eye(std.size))
@@ -68,7 +67,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
         ]
         np.testing.assert_allclose(found, stated.gap[name], rtol=0.2, err_msg=name)
     moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std})
-    assert sureness(moved, 0, case.rigid, 1.7).work["pressure"] > 10.0 * stated.work["pressure"]
+    assert sureness(moved, 0, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
 
 
 def test_a_prior_alone_leaves_the_prior(fit):

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from camtorque.fit.metrics import loaded_part, metrics
+from camtorque.fit.metrics import metrics, parts_of_gap
 from camtorque.records import Refusal
 from camtorque.report import page
 from camtorque.report.alignment import write_alignment
@@ -253,7 +253,7 @@ def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
 def test_gap_by_cause_sums_to_measured_minus_rigid(written: Path) -> None:
     doc = read_json(written / "result.json")
     gap, result = doc["gap_by_cause"], run_result()
-    forward, fall = loaded_part(result.rigid)
+    forward, fall, _ = parts_of_gap(result.rigid, result.cycles.mean_torque)
     with h5py.File(written / "cycles.h5") as file:
         distance = file["mean/torque"][:] - file["model/rigid"][:]
         lowest = np.flatnonzero(fall)[np.argmin(file["mean/torque"][:][fall])]

@@ -418,7 +418,7 @@ def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("content", "text"), [
-    (None, r"found no fit\.json"), ("{", "not valid JSON"), ('{"schema": "other"}', "expected camtorque.fit/1"),
+    (None, r"found no fit\.json"), ("{", "not valid JSON"), ('{"schema": "other"}', "expected camtorque.fit/1; name"),
 ])  # fmt: skip
 def test_a_fit_that_cannot_be_read_is_refused(tmp_path: Path, content: str | None, text: str) -> None:
     if content is not None:

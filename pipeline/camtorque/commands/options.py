@@ -6,7 +6,7 @@ import argparse
 
 from camtorque.align import AlignOptions
 from camtorque.commands import Tell
-from camtorque.fit.prepare import LEAST_GRID
+from camtorque.commands.arguments import LEAST_GRID
 from camtorque.grid_choice import grid_note
 from camtorque.limits import read_limits
 from camtorque.records import Refusal, require

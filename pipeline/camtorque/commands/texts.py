@@ -55,9 +55,9 @@ def _work(doc: Mapping[str, Any]) -> str:
     parts["unaccounted_for"] = (0.01 * losses["closure_percent"] * losses["input"], None)
     texts = []
     for name, (value, error) in parts.items():
-        sure = f" ± {error:.2f}" if doc["explained"] and error and error >= 0.005 else ""
-        if sure or abs(value) >= 0.005:
-            texts.append(f"{words(name)} {value:.2f}{sure}")
+        interval = f" ± {error:.2f}" if doc["explained"] and error and error >= 0.005 else ""
+        if interval or abs(value) >= 0.005:
+            texts.append(f"{words(name)} {value:.2f}{interval}")
     return " + ".join(texts)
 
 

@@ -15,6 +15,18 @@ def stroke_masks(lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArr
     return inside & (velocity > 0.0), inside & (velocity < 0.0)
 
 
+def loaded_part(rigid: Array, lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as `metrics` use them."""
+    rise, fall = stroke_masks(lift, velocity)
+    return rise & (rigid > 0.2 * np.max(rigid[rise])), fall
+
+
+def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], int]:
+    """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke."""
+    forward, fall = loaded_part(rigid.torque, rigid.lift, rigid.lift_velocity)
+    return forward, fall, int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+
+
 def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: Array) -> Metrics:
     """Return the metrics of one model.
 
@@ -24,8 +36,7 @@ def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: 
     lift, velocity : (n_theta,) lift [m] and its slope [m/rad] at the nominal cam angle
     """
     residual = measured - model
-    rise, fall = stroke_masks(lift, velocity)
-    loaded = rise & (rigid > 0.2 * np.max(rigid[rise]))
+    loaded, fall = loaded_part(rigid, lift, velocity)
     rms = float(np.sqrt(np.mean(residual**2)))
     mean_model = float(np.mean(model[loaded]))
     return Metrics(
@@ -37,9 +48,3 @@ def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: 
         return_min_model_nm=float(np.min(model[fall])),
         return_rms_nm=float(np.sqrt(np.mean(residual[fall] ** 2))),
     )
-
-
-def loaded_part(rigid: RigidTorque) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as the metrics use them."""
-    rise, fall = stroke_masks(rigid.lift, rigid.lift_velocity)
-    return rise & (rigid.torque > 0.2 * np.max(rigid.torque[rise])), fall

@@ -19,7 +19,6 @@ from camtorque.mechanism.mounting import assumed_roller
 from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal, SensorCalibration
 from camtorque.stacks import mean_of
 
-LEAST_GRID = BINS
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
 SMALLEST_SHARE = 2.0e-4

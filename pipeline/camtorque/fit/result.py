@@ -15,7 +15,7 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.metrics import loaded_part, metrics, stroke_masks
+from camtorque.fit.metrics import metrics, stroke_masks
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles, on_grid
 from camtorque.fit.problem import SEPARATOR, STRUCTURES, Problem
@@ -173,8 +173,7 @@ def fitted_torque(
     pressure_std = _pressure_std(fit, index, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
-    fall = np.flatnonzero(loaded_part(rigid)[1])
-    sure = sureness(fit, index, rigid, float(rigid.theta[fall[np.argmin(means.torque_all[fall])]]))
+    sure = sureness(fit, index, rigid, means.torque_all)
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.metrics import loaded_part
+from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.single import Fit
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import ChainInput, ChainOutput, evaluate
-from camtorque.records import Array, RigidTorque
+from camtorque.records import APART, TOGETHER, Array, RigidTorque
 
-TOGETHER = ("friction", "damping")
-"""One recording tells them apart badly, and their sum well."""
 STEP = 0.1
 """Step of the differences, in standard uncertainties of the parameter: the work is straight over that."""
 NOT_CARRIED = "lift_table"
@@ -40,16 +38,16 @@ def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array)
     return _work(chain, *_caused(chain, values, coefficients))
 
 
-def sureness(fit: Fit, index: int, rigid: RigidTorque, lowest: float) -> Sureness:
+def sureness(fit: Fit, index: int, rigid: RigidTorque, measured: Array) -> Sureness:
     """Return how sure work and torque by cause of one recording are.
 
     Parameters
     ----------
     rigid : rigid solution, whose strokes are meant
-    lowest : cam angle at which the measured torque is least on the return stroke [rad]
+    measured : (n_theta,) mean measured torque on the grid of ``rigid`` [N m]
     """
     chain = fit.problem.data[index].chain
-    parts = _parts(chain, rigid, lowest)
+    parts = _parts(chain, rigid, measured)
     work, gap = _both(chain, *fit.problem.values(fit.solution.z, index), rigid, parts)
 
     def flat(values: Mapping[str, float], coefficients: Array) -> Array:
@@ -91,7 +89,7 @@ def _caused(
 
 def _work(chain: ChainInput, output: ChainOutput, torques: Mapping[str, Array]) -> dict[str, float]:
     work = work_per_revolution(chain, output, torques)
-    return {**work, "_and_".join(TOGETHER): sum(work[name] for name in TOGETHER)}
+    return {**work, TOGETHER: sum(work[name] for name in APART)}
 
 
 def _both(
@@ -106,8 +104,10 @@ def _both(
     return _work(chain, output, torques), {name: parts @ curve for name, curve in curves.items()}
 
 
-def _parts(chain: ChainInput, rigid: RigidTorque, lowest: float) -> Array:
+def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:
     """Return the weights (3, n) that average a curve of the fit's grid over the parts of `Sureness.gap`."""
-    masks = [np.interp(chain.theta, rigid.theta, mask.astype(np.float64)) for mask in loaded_part(rigid)]
-    masks.append((np.arange(chain.theta.size) == int(np.argmin(np.abs(chain.theta - lowest)))).astype(np.float64))
+    forward, fall, lowest = parts_of_gap(rigid, measured)
+    masks = [np.interp(chain.theta, rigid.theta, mask.astype(np.float64)) for mask in (forward, fall)]
+    masks.append(np.zeros(chain.theta.size))
+    masks[-1][np.argmin(np.abs(chain.theta - rigid.theta[lowest]))] = 1.0
     return np.array([mask / np.sum(mask) for mask in masks])

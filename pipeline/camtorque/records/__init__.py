@@ -7,7 +7,9 @@ Everything is SI and radians; a unit suffix marks a border value. Arrays are mad
 from camtorque.records.base import CONTROL, SEVERITIES, Array, Estimate, Finding, ReadOnly, Refusal, printable, require
 from camtorque.records.cycles import AngleError, CamCycles, ClockFit, CutFlowRow
 from camtorque.records.fitted import (
+    APART,
     KNOWLEDGE,
+    TOGETHER,
     VERDICTS,
     Alternative,
     FittedTorque,

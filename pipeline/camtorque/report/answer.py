@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from camtorque.records import KNOWLEDGE, Metrics
+from camtorque.records import APART, KNOWLEDGE, TOGETHER, Metrics
 from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
@@ -39,8 +39,6 @@ UNUSUAL = {
 """Finding on values that may stand in for what the model lacks -> how the headline names them."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
-APART = ("friction", "damping")
-TOGETHER = "friction_and_damping"
 MIXED = 2.0
 """Losses whose sum is so many times surer than the surer of them are told as one."""
 WIDE_DEG, AROUND_DEG = 90.0, 320.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.metrics import loaded_part
+from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.work import ANGLE, CHAMBER
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
@@ -83,9 +83,7 @@ def _angle_part(result: RunResult) -> Array:
 def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
     """Return the share of each cause, the largest first, the residual last; causes that are zero are left out."""
     assert result.cycles.torque is not None
-    forward, fall = loaded_part(result.rigid)
-    measured = result.cycles.mean_torque
-    lowest = int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+    forward, fall, lowest = parts_of_gap(result.rigid, result.cycles.mean_torque)
     rows = [
         GapShare(
             name, MEANINGS.get(name, ""), float(np.mean(curve[forward])), float(np.mean(curve[fall])),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import APART, NOT_LOSSES, TOGETHER, Document, sure
+from camtorque.records import APART, KNOWLEDGE, TOGETHER
+from camtorque.report.answer import NOT_LOSSES, Document, sure
 from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
 
 METRIC_NAMES = {
