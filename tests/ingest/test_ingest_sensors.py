@@ -173,6 +173,15 @@ def test_an_old_or_too_young_certificate_is_a_finding():
     assert "dated 3 days after the recording" in certificate_age(sensor, stamp - 3 * day, "log")[0].text
 
 
+@pytest.mark.parametrize(("wrong", "told"), [("4.25000", True), ("4.02000", False)])
+def test_a_point_that_the_other_points_contradict_is_a_finding(papers: Path, wrong: str, told: bool):
+    edit(papers / "torque_T22-40117.csv", "160.0,4.01156", f"160.0,{wrong}")
+    sensor = read_sensor(reference(papers))
+    assert [finding.code for finding in sensor.findings] == ["certificate_point"] * told
+    if told:
+        assert re.search(r"point 5 .* 2\.4 % of the range .* moves the sensitivity by \+0\.56", sensor.findings[0].text)
+
+
 def test_header_only_certificate_is_refused(papers: Path):
     (papers / "torque_T22-40117.csv").write_text("# certificate\napplied_torque_Nm,output_V\n")
     with pytest.raises(Refusal, match="with 0 rows"):

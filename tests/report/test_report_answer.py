@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from camtorque.limits import Limit
-from camtorque.records import Refusal
+from camtorque.records import Finding, Refusal
 from camtorque.report.answer import (
     CHECKS,
     UNUSUAL,
@@ -236,3 +236,15 @@ def test_friction_and_damping_are_told_as_one_where_their_sum_alone_is_known() -
     apart = {**mixed, "friction": 0.7}
     assert work_parts(losses, apart)["friction"] == (3.0, 0.7)
     assert work_parts(losses, {})["damping"] == (5.0, None)
+
+
+@pytest.mark.parametrize("doubt", ["", "unexplained", "pulled"])
+def test_a_suspicion_before_the_fit_is_a_note_where_the_fit_has_nothing_to_warn_of(doubt: str) -> None:
+    result = run_result(explained=doubt != "unexplained")
+    before = (Finding("uneven_running", "warning", "9 degrees apart"), Finding("clock_drift", "warning", "fast"))
+    pulled = (Finding("prior_pulled", "warning", "far"),) if doubt == "pulled" else ()
+    cycles, fitted = replace(result.cycles, findings=before), replace(result.fitted, findings=pulled)
+    suspicion, other = replace(result, cycles=cycles, fitted=fitted).findings[:2]
+    assert other == before[1]
+    assert suspicion.severity == ("warning" if doubt else "info")
+    assert suspicion.text.startswith("9 degrees apart" if doubt else "9 degrees apart; but the fitted model meets")

@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.ingest.table_file import read_small_table
-from camtorque.records import Refusal
+from camtorque.records import Array, Finding, Refusal
 from camtorque.units import tidy_unit, unit_factor
 
 UNCERTAINTY = re.compile(r"k\s*=\s*(\d{1,9}(?:\.\d{1,9})?)\D{0,30}?(\d{1,9}(?:\.\d{1,9})?)\s*%", re.IGNORECASE)
 APPLIED = re.compile(r"^applied_(?P<quantity>[a-z]+)_(?P<unit>.+)$")
 LEAST_POINTS = 3
+STANDS_OUT, STANDS_OUT_PERCENT = 10.0, 0.2
+"""A point is told that lies off the line through the others by so many times their scatter, and so much of the range:
+hysteresis and reading leave a tenth of a percent."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class CertificateLine:
     zero_volts : volts at zero load, from the line
     residual_rms : in SI
     reference_relative_std : stated uncertainty of the certificate over its range, k=1; nan where it states none
+    findings : a point that the others contradict
     """
 
     gain: float
@@ -35,6 +39,7 @@ class CertificateLine:
     zero_volts: float
     residual_rms: float
     reference_relative_std: float
+    findings: tuple[Finding, ...] = ()
 
 
 def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str, output: str) -> CertificateLine:
@@ -76,7 +81,7 @@ def _check_serial(path: Path, comment: str, serial: str) -> None:
         )
 
 
-def _fit(path: Path, applied: np.ndarray, volts: np.ndarray, relative: float) -> CertificateLine:
+def _fit(path: Path, applied: Array, volts: Array, relative: float) -> CertificateLine:
     if applied.size < LEAST_POINTS or np.ptp(applied) == 0.0:
         raise Refusal(f"{path}: {applied.size} points; a line needs at least {LEAST_POINTS} at different loads")
     slope, zero = np.polyfit(applied, volts, 1)
@@ -88,4 +93,26 @@ def _fit(path: Path, applied: np.ndarray, volts: np.ndarray, relative: float) ->
         raise Refusal(f"{path}: the points scatter by {scatter:.3g} (SI) about a line, more than 5 % of their range")
     # std of the slope over the slope: the residuals are in units of the load
     fit_std = scatter / float(np.sqrt(np.sum((applied - applied.mean()) ** 2)))
-    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative)
+    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative, _outlying(path, applied, volts))
+
+
+def _outlying(path: Path, applied: Array, volts: Array) -> tuple[Finding, ...]:
+    """Return a warning on the point that lies farthest off the line through all the others."""
+    found = []
+    for place in range(applied.size if applied.size > LEAST_POINTS + 1 else 0):
+        others = np.arange(applied.size) != place
+        slope, zero = np.polyfit(applied[others], volts[others], 1)
+        off = (volts - zero - slope * applied) / slope
+        scatter = float(np.sqrt(np.sum(off[others] ** 2) / (applied.size - 3)))
+        found.append((abs(float(off[place])), scatter, place, float(slope)))
+    off, scatter, place, slope = max(found, default=(0.0, 0.0, 0, 1.0))
+    span = float(np.ptp(applied)) / 100.0
+    if off <= max(STANDS_OUT * scatter, STANDS_OUT_PERCENT * span):
+        return ()
+    moved = 100.0 * (float(np.polyfit(applied, volts, 1)[0]) / slope - 1.0)
+    text = (
+        f"point {place + 1} of the certificate lies {off / span:.2g} % of the range off the line through the others, "
+        f"which scatter by {scatter / span:.2g} %; a slip of the pen? It counts, and moves the sensitivity by "
+        f"{moved:+.2g} %"
+    )
+    return (Finding("certificate_point", "warning", text, path.name),)

@@ -106,7 +106,8 @@ def _sensed(
         range_min=low * factor, range_max=high * factor, output_min_volts=out_low, output_max_volts=out_high,
     )  # fmt: skip
     calibration = _with_zero(calibration, sheet, line, readings)
-    findings += [*more, *sensitivity_findings(sheet, line, factor), *_zero_findings(calibration, sheet, line, readings)]
+    findings += [*more, *line.findings, *sensitivity_findings(sheet, line, factor)]
+    findings += _zero_findings(calibration, sheet, line, readings)
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain)) / abs(line.gain)
     findings += _apart((readings.before, readings.after), tolerance, readings.unit, sheet)
     # a sheet in degC counts from ice, the volts of its zero do not

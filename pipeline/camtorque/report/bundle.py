@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from camtorque.limits import Limit
@@ -11,6 +11,9 @@ from camtorque.records import CamCycles, Finding, FittedTorque, Recording, Rigid
 
 if TYPE_CHECKING:  # only named here: drawing a page does not load the fit
     from camtorque.fit.joint import CampaignFit
+
+SUSPICIONS = frozenset({"torque_against_model", "uneven_running"})
+"""Warnings before the fit that friction and ringing of a sound pump raise too; a fit as expected tells them apart."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,18 @@ class RunResult:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings of all rooms in the order of the flow, each once."""
-        found = (*self.recording.findings, *self.cycles.findings, *self.fitted.findings)
-        return tuple(dict.fromkeys(found))
+        """Findings of all rooms in the order of the flow, each once; what the fit has settled is a note."""
+        found = (*self.recording.findings, *self.cycles.findings)
+        return tuple(dict.fromkeys((*_settled(found, self.fitted), *self.fitted.findings)))
+
+
+def _settled(found: tuple[Finding, ...], fitted: FittedTorque) -> tuple[Finding, ...]:
+    if not fitted.explained or any(row.severity != "info" for row in fitted.findings):
+        return found
+    text = "{}; but the fitted model meets the recording with values as expected: nothing else speaks for that here"
+    return tuple(
+        replace(row, severity="info", text=text.format(row.text)) if row.code in SUSPICIONS else row for row in found
+    )
 
 
 @dataclass(frozen=True)
