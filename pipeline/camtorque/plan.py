@@ -42,9 +42,10 @@ MOST_LOADS = 3
 
 @dataclass(frozen=True)
 class Target:
-    """A number: name, unit, value, SI per unit, wanted standard uncertainty [SI], how it hangs on the fit."""
+    """A number: name, recording (or none), unit, value, SI per unit, wanted standard uncertainty [SI], gradient."""
 
     name: str
+    of: str
     unit: str
     value: float
     per_unit: float
@@ -128,15 +129,16 @@ def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float
         item = _fastest(known)
         chain = chain_of(rig_of(reports[item.id], None, None), item.speed, curve_of(reports[item.id], item.speed))
         value, gradient = chamber_peak(known, chain, item)
-        unit, per = "bar", BAR
+        of, unit, per = item.id, "bar", BAR
     else:
         gradient = np.eye(len(known.names))[known.names.index(name)]
-        value, unit, per = float(known.values[known.names.index(name)]), ROWS[name].unit, ROWS[name].per_unit
+        of, unit, per = "", ROWS[name].unit, ROWS[name].per_unit
+        value = float(known.values[known.names.index(name)])
     number = Number(gradient, rest_of(known, reports, name, per, float(np.sqrt(gradient @ known.matrix @ gradient))))
     if relative:
         need_size(name, value / per, number.std(known.matrix) / per, unit)
     wanted = size / 100.0 * abs(value) if relative else size * per
-    return Target(name, unit, value, per, wanted, number)
+    return Target(name, of, unit, value, per, wanted, number)
 
 
 def rest_of(known: KnownFit, reports: Mapping[str, Path], name: str, per: float, fitted: float) -> float:
@@ -168,7 +170,7 @@ def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Seque
     last = steps[-1].std if steps else now
     return {
         "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,
-        "unit": goal.unit, "value": goal.value / goal.per_unit,
+        "of": goal.of, "unit": goal.unit, "value": goal.value / goal.per_unit,
         "stderr_now": now / goal.per_unit, "stderr_wanted": goal.wanted / goal.per_unit,
         "reached": last <= goal.wanted, "runs": [_row(step, goal) for step in steps],
         "minutes": sum(step.minutes for step in steps), "on_offer": [_row(step, goal) for step in alone],

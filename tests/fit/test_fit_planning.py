@@ -118,8 +118,9 @@ def test_a_second_tooth_is_paid_for_once() -> None:
 
 def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
     assert plan(KNOWN, Number(np.array([0.0, 1.0])), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
-    doc = {"target": "bearing_arm", "unit": "um", "value": 1.0, "stderr_now": 1.0, "stderr_wanted": 0.5, "runs": [],
-           "reached": False, "minutes": 0.0}  # fmt: skip
+    doc = {"target": "bearing_arm", "of": "A", "unit": "um", "value": 1.0, "stderr_now": 1.0, "stderr_wanted": 0.5,
+           "runs": [], "reached": False, "minutes": 0.0}  # fmt: skip
+    assert plan_table(doc).startswith("bearing arm of A  1.0 ± 1.0 µm")
     assert "NOT reached: no further run on offer narrows it" in plan_table(doc)
     run = {
         "speed_rpm": 473.0,

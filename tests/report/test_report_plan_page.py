@@ -20,9 +20,9 @@ def plan_document(**changed: Any) -> dict[str, Any]:
     offers = [run(speed, after, load_of=load, second_tooth=tooth) for load, tooth in (("A_<1>", False), ("B", True))
               for speed, after in ((490.0, 0.06), (700.0, 0.09), (1015.0, 0.08))]  # fmt: skip
     return {
-        "schema": "camtorque.plan/1", "target": "leakage", "unit": "mm^3/s/bar", "value": 0.8132, "stderr_now": 0.1,
-        "stderr_wanted": 0.05, "reached": True, "minutes": 65.7, "on_offer": offers, "setup_minutes": 10.0,
-        "tooth_minutes": 45.0, "durations_s": [20.0, 60.0], "fitted_speeds_rpm": [600.0, 1100.0],
+        "schema": "camtorque.plan/1", "target": "leakage", "of": "", "unit": "mm^3/s/bar", "value": 0.8132,
+        "stderr_now": 0.1, "stderr_wanted": 0.05, "reached": True, "minutes": 65.7, "on_offer": offers,
+        "setup_minutes": 10.0, "tooth_minutes": 45.0, "durations_s": [20.0, 60.0], "fitted_speeds_rpm": [600.0, 1100.0],
         "runs": [run(490.0, 0.0611), run(1015.0, 0.0442, second_tooth=True, minutes=55.3)], **changed,
     }  # fmt: skip
 

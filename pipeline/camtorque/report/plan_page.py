@@ -36,12 +36,17 @@ def plan_page(document: Mapping[str, Any], title: str) -> str:
     )  # fmt: skip
 
 
+def target_text(document: Mapping[str, Any]) -> str:
+    """Return the number that is to be known better, and the recording that it is of, where it is of one."""
+    return words(document["target"]) + (f" of {document['of']}" if document["of"] else "")
+
+
 def plan_answer(document: Mapping[str, Any]) -> str:
     """Return what to record next and what it is expected to bring, in sentences."""
     unit, runs = unit_text(document["unit"]), document["runs"]
     now, wanted = (f"± {plus_minus(document[key])} {unit}".strip() for key in ("stderr_now", "stderr_wanted"))
     value = f"{near(document['value'], document['stderr_now'])} {now}"
-    known = f"{words(document['target'])} is {value} now, wanted {wanted}."
+    known = f"{target_text(document)} is {value} now, wanted {wanted}."
     if not runs:
         end = "Nothing needs to be recorded." if document["reached"] else (
             "No run on offer narrows it: a better sheet, sensor or certificate is needed; the report's How sure names "
