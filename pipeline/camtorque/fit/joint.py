@@ -35,7 +35,7 @@ from camtorque.fit.joint_fit import (
 from camtorque.fit.joint_input import JointInput, Known, refuse_two_states
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
-from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
+from camtorque.fit.prepare import INDEPENDENT, law_variance
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
@@ -86,9 +86,7 @@ class CampaignFit:
 
 def common_error(item: FitData, count: int) -> FitData:
     """Return a recording whose weights hold the error of the laws ``count`` times: it is the same in all."""
-    torque = item.torque
-    law = (SMALLEST_SHARE * np.max(np.abs(torque))) ** 2 + (DISCREPANCY * np.abs(torque)) ** 2
-    variance = 1.0 / item.weight**2 + (count - 1.0) * law * BINS / INDEPENDENT
+    variance = 1.0 / item.weight**2 + (count - 1.0) * law_variance(item.torque) * BINS / INDEPENDENT
     return replace(item, weight=1.0 / np.sqrt(variance))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from camtorque.fit.forecast import settled, values_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.next_run import TOOTH_ANGLE, TOOTH_STD
-from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
+from camtorque.fit.prepare import bin_weights
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
 from camtorque.laws.chain import (
@@ -128,8 +128,7 @@ def _spread(name: str) -> float:
 def information(point: Point, offer: Offer, runs: int) -> Array:
     """Return what a run tells of the fit's parameters, (k, k) [1/SI^2], when it is one of so many."""
     cycles = max(0.5 * offer.duration * offer.speed / (2.0 * np.pi), 4.0)  # the other half is held out
-    law = (SMALLEST_SHARE * np.max(np.abs(point.torque))) ** 2 + (DISCREPANCY * np.abs(point.torque)) ** 2
-    weight = 1.0 / np.sqrt((point.scatter**2 / cycles + runs * law) * BINS / INDEPENDENT)
+    weight = bin_weights(point.torque, point.scatter / np.sqrt(cycles), runs)
     shared, own = point.shared * weight[:, None], point.own * weight[:, None]
     cross = shared.T @ own
     block = own.T @ own + np.eye(own.shape[1])

@@ -272,17 +272,21 @@ def _set(rows: dict[str, ParameterRow], name: str, **changes: object) -> None:
     rows[name] = replace(rows[name], **changes)  # type: ignore[arg-type]
 
 
-def bin_weights(torque: Array, scatter: float) -> Array:
-    """Return the weight of each bin: scatter of the mean, model error in proportion to the torque, correlation.
+def law_variance(torque: Array) -> Array:
+    """Return the variance of what the laws leave in each bin of a mean torque (BINS,) [(N m)^2]."""
+    return (SMALLEST_SHARE * np.max(np.abs(torque))) ** 2 + (DISCREPANCY * np.abs(torque)) ** 2
+
+
+def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
+    """Return the weight of each bin: scatter of the mean, error of the laws, correlation.
 
     Parameters
     ----------
     torque : (BINS,) mean measured torque [N m]
     scatter : standard error of the mean of one bin [N m]
+    count : recordings that are fitted together: the error of the laws is the same in all of them
     """
-    peak = float(np.max(np.abs(torque)))
-    variance = scatter**2 + (SMALLEST_SHARE * peak) ** 2 + (DISCREPANCY * np.abs(torque)) ** 2
-    return 1.0 / np.sqrt(variance * BINS / INDEPENDENT)
+    return 1.0 / np.sqrt((scatter**2 + count * law_variance(torque)) * BINS / INDEPENDENT)
 
 
 def on_grid(values: Array, n: int) -> Array:
