@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.config import FluidSpec
-from camtorque.fit.prepare import USUAL_CAM, USUAL_PLUNGER, fit_data, mean_cycles, rig_rows
+from camtorque.fit.prepare import NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, fit_data, mean_cycles, rig_rows
 from camtorque.laws import ROWS
 from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
-from camtorque.laws.sensor import sensor_transfer
+from camtorque.laws.sensor import LEAST_DAMPING, sensor_transfer
 from camtorque.laws.valve import stop_force
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged
@@ -123,6 +123,18 @@ def test_the_kind_of_low_pass_on_the_sheet_is_the_one_that_is_fitted():
     expected = 1.0 / (1.0 + lag) * np.exp(lag)
     assert found == pytest.approx(expected, abs=0.02)
     assert row.lower < row.start < row.upper
+
+
+def test_a_steep_low_pass_starts_and_stays_where_its_poles_are_stable():
+    row = rows_of(torque={"filter_order": 4})["filter_damping"]
+    assert row.prior == ROWS["filter_damping"].prior
+    assert row.lower == LEAST_DAMPING < row.start
+    assert rows_of(torque={"filter_order": 2})["filter_damping"].lower < LEAST_DAMPING
+
+
+def test_a_foot_that_does_not_roll_has_no_inertia_to_fit():
+    row = rows_of(pump={"roller_mass": 0.0, "roller_inertia": 0.0})["roller_inertia"]
+    assert row.prior == (0.0, NO_INERTIA)
 
 
 def torsion(torque_scale: float, **drive: float):

@@ -51,6 +51,17 @@ def test_gain_is_the_line_through_all_points():
     assert calibration.delay_std == pytest.approx(0.03 * 0.45e-3 / math.sqrt(3.0))
 
 
+@pytest.mark.parametrize(
+    ("stated", "order"),
+    [("low-pass, 4th order, Bessel", 4), ("Fourth-order Butterworth", 4), ("6-pole Bessel", 6), ("Bessel", 0),
+     ("Tiefpass 4. Ordnung", 4)],
+)  # fmt: skip
+def test_the_order_of_a_low_pass_is_read_as_sheets_write_it(papers: Path, stated: str, order: int):
+    edit(papers / TORQUE, "low-pass, 2nd order", stated)
+    edit(papers / TORQUE, "group_delay_s = 0.00045", "group_delay_s = 0.0009")
+    assert read_sensor(reference(papers)).calibration.filter_order == order
+
+
 def test_pressure_is_in_pascal_and_an_unstated_delay_tolerance_is_told():
     sensor = read_sensor(reference(CALIBRATION, "pressure"))
     assert sensor.calibration.gain == pytest.approx(200e5, rel=5e-3)

@@ -24,7 +24,7 @@ from camtorque.laws.driveline import (
     shaft_transfer,
     twist_basis,
 )
-from camtorque.laws.sensor import sensor_transfer
+from camtorque.laws.sensor import low_pass, sensor_transfer
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, cam_torque
 from laws_cases import COEFFICIENTS, chain_input, refined, start_values, total_torque
 
@@ -167,6 +167,19 @@ def test_transfer_of_the_sensor(place):
 
     stated, found = sensor_transfer(OMEGA, *at)[1][:, place], central(moved, at[place], step)
     assert np.max(np.abs(stated - found)) < 1e-7 * np.max(np.abs(found))
+
+
+@pytest.mark.parametrize("order", [4, 8])
+@pytest.mark.parametrize("place", range(3), ids=SENSOR_NAMES)
+def test_transfer_of_a_steep_low_pass(place, order):
+    at = [900.0, 0.8, 4e-6]
+    step = [0.5, 1e-3, 1e-8][place]
+
+    def moved(value):
+        return low_pass(OMEGA, order, *[value if k == place else v for k, v in enumerate(at)])[0]
+
+    stated, found = low_pass(OMEGA, order, *at)[1][:, place], central(moved, at[place], step)
+    assert np.max(np.abs(stated - found)) < 1e-6 * np.max(np.abs(found))
 
 
 CAM_TORQUE_BY = ("angle", "rate", "second", "pressure", "guide_friction")

@@ -9,13 +9,23 @@ import pytest
 from camtorque.laws import ROWS
 from camtorque.laws.chain import angle_grid, cam_motion, drive_response, filtered
 from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, shaft_transfer, twist_basis
-from camtorque.laws.sensor import sensor_transfer
+from camtorque.laws.sensor import (
+    BESSEL,
+    BUTTERWORTH,
+    LEAST_DAMPING,
+    STEEP,
+    STEEPEST,
+    low_pass,
+    poles_of,
+    sensor_transfer,
+)
 from laws_cases import chain_input, start_values
 from rigs.cycles import as_cycles, nominal_times
 from rigs.families import bare
 from rigs.rig import simulate
 from rigs.sense import trigger_edges
 from rigs.truth import RigTruth, TorqueSensor, change
+from scipy import signal
 
 N = 3600
 RPM = 900.0
@@ -94,6 +104,24 @@ def test_low_pass_has_its_cut_off_and_no_delay_at_low_frequency():
         assert abs(np.angle(slow[0])) < 1e-6
         late = sensor_transfer(np.array([2.0 * np.pi * 5.0]), 1000.0, damping, 1e-3)[0]
         assert np.angle(late[0]) == pytest.approx(-2.0 * np.pi * 5.0 * 1e-3, rel=1e-4)
+
+
+@pytest.mark.parametrize("order", range(STEEP, STEEPEST + 1))
+@pytest.mark.parametrize("kind", [BUTTERWORTH, BESSEL])
+def test_a_steep_low_pass_is_that_of_scipy_without_its_delay(order, kind):
+    design = signal.butter(order, 1.0, analog=True, output="zpk") if kind == BUTTERWORTH else signal.bessel(
+        order, 1.0, analog=True, norm="mag", output="zpk")  # fmt: skip
+    x = np.linspace(0.0, 4.0, 41)
+    expected = signal.freqs_zpk(*design, worN=x)[1]
+    slow = signal.freqs_zpk(*design, worN=[1e-4])[1][0]
+    found = low_pass(2.0 * np.pi * 400.0 * x, order, 400.0, kind, 0.0)[0]
+    assert found == pytest.approx(expected * np.exp(-1j * x * np.angle(slow) / 1e-4), abs=1e-6)
+
+
+def test_the_poles_stay_to_the_left_down_to_the_least_damping():
+    for order in range(STEEP, STEEPEST + 1):
+        poles, way = poles_of(order)
+        assert np.max((poles + way * (LEAST_DAMPING - BUTTERWORTH)).real) < -0.03
 
 
 def test_shift_is_zero_at_the_trigger_edge():

@@ -142,7 +142,7 @@ SHEET_KEYS = (
     Key("accuracy_percent_fs", "number", "percent of the range", default=None, band=ACCURACY),
     Key("cutoff_hz", "number", "-3 dB frequency of the low-pass", "hz", None,
         Band(1.0, 1e8, "low-passes of amplifiers"), attribute="cutoff_hz"),
-    Key("filter", "text", 'kind and order, such as "low-pass, 2nd order"', default=""),
+    Key("filter", "text", 'kind and order, such as "low-pass, 4th order, Bessel"', default=""),
     Key("natural_frequency_hz", "number", "of the sensing element", "hz", None,
         Band(1.0, 1e9, "of any sensor"), attribute="natural_frequency_hz"),
     Key("group_delay_s", "number", "total delay of sensor and amplifier, low-pass included", "s", None,

@@ -14,6 +14,7 @@ from camtorque.laws.fuels import fuel_temperature, modulus_prior, viscosity_rati
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
+from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, STEEP
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
 from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal, SensorCalibration
@@ -32,6 +33,8 @@ CORRELATION = 6.0
 """Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
 FIRST_ORDER = 5.0
 """Damping ratio at which two poles are one of first order: the other lies at a hundred times its frequency."""
+NO_INERTIA = 1.0e-9
+"""Standard uncertainty of the inertia of what is stated not to roll: a hundredth of a small roller's [kg m^2]."""
 TURNING_SHARE = 1.5e-3
 """Torque that turns with the transducer, over its nominal torque: bending and shear within their limits show as up to
 0.3 %, say mounting instructions of torque transducers."""
@@ -133,7 +136,9 @@ def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
         _set(rows, "roller_inertia", start=disk, prior=(2.0 * disk, 2.0 * disk), lower=0.3 * disk, upper=12.0 * disk,
              step=disk)  # fmt: skip
     else:
-        _set_prior(rows, "roller_inertia", roller.inertia, 0.05 * roller.inertia, "roller of the sheet")
+        _set_prior(
+            rows, "roller_inertia", roller.inertia, max(0.05 * roller.inertia, NO_INERTIA), "roller of the sheet"
+        )
 
 
 def _set_bridge(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
@@ -158,6 +163,8 @@ def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> Non
     elif np.isfinite(torque.filter_damping):
         ratio = torque.filter_damping
         _set(rows, "filter_damping", start=ratio, prior=(ratio, 0.05), source="kind of low-pass on the sheet")
+    if torque.filter_order >= STEEP:
+        _set(rows, "filter_damping", start=max(rows["filter_damping"].start, BUTTERWORTH), lower=LEAST_DAMPING)
 
 
 def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:
@@ -315,7 +322,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
         deviation=on_grid(np.asarray(turned), FIT_GRID) if measured else np.zeros(0),
         theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(means.pressure, FIT_GRID),
         shaft_torque=on_grid(means.torque, FIT_GRID), trigger_angle=config.trigger.nominal_angle, pump=config.pump,
-        law=law, offset=config.pump.follower_offset * config.rotation,
+        law=law, offset=config.pump.follower_offset * config.rotation, low_pass_order=torque_sheet.filter_order,
     )  # fmt: skip
     centred = binned_at_centres(means.torque)
     return FitData(config.id, chain, centred, bin_weights(centred, means.scatter_of_mean), "land", rows, basis)

@@ -32,8 +32,6 @@ CERTIFICATE_DAYS = 366
 """A certificate older than this is reported; sensors are calibrated once a year."""
 MILLIVOLTS = 0.1
 """A zero is noted in volts below this; millivolts written as volts lie above [V]."""
-LOW_PASS_DELAYS = {1: 1.0, 2: 1.41421, 3: 2.0, 4: 2.61313}
-"""Order of a Butterworth low-pass -> its delay at low frequency times its corner [rad]; Bessel ones are near."""
 FIRST_STAMP = 946_684_800.0
 """2000-01-01: a logger that says an earlier date has no clock [s since 1970]."""
 
@@ -251,9 +249,9 @@ def _refuse_millivolts(
 def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
     """Refuse a total delay that is shorter than that of the low-pass which it includes."""
     cutoff, order = sheet["cutoff_hz"], max(sheet.filter_order, 1)
-    if cutoff is None or order not in LOW_PASS_DELAYS:
+    if cutoff is None:
         return
-    least = LOW_PASS_DELAYS[order] / (2.0 * math.pi * cutoff)
+    least = 1.0 / math.sin(0.5 * math.pi / order) / (2.0 * math.pi * cutoff)  # Butterworth; Bessel ones are near
     if delay < 0.5 * least:
         raise Refusal(
             f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "

@@ -17,7 +17,8 @@ from camtorque.records import Finding, Refusal
 
 DEFAULTS = {key.attribute: key.default for key in SHEET_KEYS}
 PERCENT = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)\s*%")
-ORDER = re.compile(r"(\d{1,2})(?:st|nd|rd|th)?[- ]?order", re.IGNORECASE)
+ORDER = re.compile(r"(\d{1,2})(?:st|nd|rd|th|\.)?[- ]?(?:order|pole|ordnung)", re.IGNORECASE)
+ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
 KINDS = {"bessel": 0.866, "butterworth": 0.7071}
 """Damping ratio of a low-pass of second order by the kind that a sheet names."""
 
@@ -59,7 +60,10 @@ class Sheet:
     @property
     def filter_order(self) -> int:
         """Order of the low-pass as the sheet names it, 0 where it does not."""
-        found = ORDER.search(self.values["filter"])
+        named = self.values["filter"].lower()
+        for number, word in enumerate(ORDINALS, 1):
+            named = named.replace(f"{word}-order", f"{number}-order").replace(f"{word} order", f"{number}-order")
+        found = ORDER.search(named)
         return int(found[1]) if found and self.values["cutoff_hz"] is not None else 0
 
     @property

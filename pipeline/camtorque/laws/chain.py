@@ -65,7 +65,7 @@ class ChainInput(ReadOnly):
     speed : mean cam speed [rad/s]
     line_pressure : (n,) mean cycle [Pa]
     shaft_torque : (n,) mean cycle that twists the shaft [N m]
-    trigger_angle : nominal [rad]
+    trigger_angle, low_pass_order : nominal [rad]; of the transducer, of second order below `sensor.STEEP`
     pump, law : catalogue data; lift law with ``derivatives(theta, highest)``
     offset : follower offset as the cam sees it in its direction of running [m]
     uses_chamber : False feeds the line pressure to the plunger, as the source paper does
@@ -84,6 +84,7 @@ class ChainInput(ReadOnly):
     law: Any
     offset: float
     uses_chamber: bool = True
+    low_pass_order: int = 0
     substeps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     deviation: Array = field(default_factory=lambda: np.zeros(0))
     twist: driveline.TwistBasis = field(init=False)
@@ -214,7 +215,7 @@ def transfer(
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     both = drive_response(data, values, False, n_points) if response is None else response
     shaft, shaft_d = driveline.shaft_transfer(omega, values, both)
-    measured, measured_d = sensor.sensor_transfer(omega, *(values[name] for name in SENSOR_NAMES))
+    measured, measured_d = sensor.low_pass(omega, data.low_pass_order, *(values[name] for name in SENSOR_NAMES))
     return shaft, measured, shaft_d, measured_d
 
 
@@ -234,9 +235,8 @@ def chamber_of(
     """
     n = data.theta.size
     if not data.uses_chamber:
-        by = None
-        if tangents:
-            by = np.zeros((n, chamber.N + len(SHIFT_NAMES)))
+        by = np.zeros((n, chamber.N + len(SHIFT_NAMES))) if tangents else None
+        if by is not None:
             by[:, chamber.NAMES.index("pressure_zero")] = -1.0
         return data.line_pressure - values["pressure_zero"], by, np.zeros((n, 3)), np.zeros((n, 4)), NO_PATH
     vector = np.array([values[name] for name in chamber.NAMES]) * chamber.UNITS

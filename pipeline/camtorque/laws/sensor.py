@@ -4,15 +4,34 @@
 small error of the declared delay is fitted under its prior. So the delay is counted once::
 
     H = exp(i w 2 zeta / w_c) / (1 - (w/w_c)^2 + 2 i zeta w/w_c) * exp(-i w d)
+
+A low-pass of higher order has as many poles p_k as its sheet says, with x = w / (2 pi f_c)::
+
+    H = exp(i x T) / prod_k (1 - i x / p_k) * exp(-i w d),   T = sum_k Re(-1 / p_k)
+
+The damping ratio is that of the second-order filter of its kind: it leads the poles on straight lines from Butterworth
+(0.71) to Bessel (0.87), whose -3 dB frequency is f_c.
 """
 
 from __future__ import annotations
 
+import math
+from functools import cache
+
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.compiled import njit
 from camtorque.laws.driveline import inverse
 from camtorque.laws.rows import parameter
+from camtorque.records import Array
+
+BUTTERWORTH, BESSEL = math.sqrt(0.5), math.sqrt(0.75)
+"""Damping ratios of second-order filters of these kinds."""
+STEEP, STEEPEST = 3, 10
+"""Order from which a low-pass has poles of its own here, and the highest: steeper ones are alike at what a fit sees."""
+LEAST_DAMPING = 0.69
+"""Damping ratio that keeps the poles of `STEEPEST` to the left."""
 
 ROWS = (
     parameter("gain_error", "g_T", "%", 0.01, (0.0, -3.0, 3.0, 0.1), (0.0, 0.25),
@@ -52,3 +71,48 @@ def sensor_transfer(omega, cutoff_hz, damping, delay_error):  # type: ignore[no-
         derivatives[k, 1] = by_damping + by_x * (x * ratio_by_damping / ratio)
         derivatives[k, 2] = -1j * omega[k] * transfer[k]
     return transfer, derivatives
+
+
+def low_pass(
+    omega: Array, order: int, cutoff_hz: float, damping: float, delay_error: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return what `sensor_transfer` does for a low-pass of any order."""
+    if order < STEEP:
+        found: tuple[NDArray[np.complex128], NDArray[np.complex128]]
+        found = sensor_transfer(omega, cutoff_hz, damping, delay_error)
+        return found
+    poles, way = poles_of(min(order, STEEPEST))
+    poles = poles + way * (damping - BUTTERWORTH)
+    x = omega / (2.0 * np.pi * cutoff_hz)
+    over = 1.0 / (1.0 - 1j * x[:, None] / poles)
+    delay, delay_by_damping = np.sum((-1.0 / poles).real), np.sum((way / poles**2).real)
+    transfer = np.asarray(np.exp(1j * (x * delay - omega * delay_error)) * np.prod(over, axis=1), dtype=np.complex128)
+    by_x = 1j * delay + over @ (1j / poles)
+    by_damping = 1j * x * delay_by_damping - 1j * x * (over @ (way / poles**2))
+    derivatives = np.stack([by_x * (-x / cutoff_hz), by_damping, -1j * omega], axis=1) * transfer[:, None]
+    return transfer, np.asarray(derivatives, dtype=np.complex128)
+
+
+@cache
+def poles_of(order: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return the poles of a Butterworth low-pass, and their way to Bessel ones per damping ratio; -3 dB at 1 rad/s.
+
+    Sources: Butterworth, Wireless Engineer 7 (1930); Thomson, Proc. IEE 96 (1949): the poles of a Bessel low-pass are
+    the roots of the reverse Bessel polynomial.
+    """
+    butterworth = np.exp(0.5j * np.pi * (2.0 * np.arange(order) + order + 1.0) / order)
+    powers = [
+        math.factorial(2 * order - k) / (2 ** (order - k) * math.factorial(k) * math.factorial(order - k))
+        for k in range(order, -1, -1)
+    ]
+    signs = (-1.0) ** np.arange(order, -1, -1)
+    size = np.polymul(powers, powers * signs)[::2] * (-1.0) ** np.arange(
+        order, -1, -1
+    )  # |theta(iw)|^2 by powers of w^2
+    size[-1] -= 2.0 * powers[-1] ** 2
+    corner = math.sqrt(
+        next(root.real for root in np.roots(size) if abs(root.imag) < 1e-9 * abs(root) and root.real > 0)
+    )
+    bessel = np.roots(powers) / corner
+    first, last = (np.asarray(p[np.argsort(p.imag)], dtype=np.complex128) for p in (butterworth, bessel))
+    return first, (last - first) / (BESSEL - BUTTERWORTH)
