@@ -260,8 +260,10 @@ def report(result: RunResult, out: Path | str) -> Path:
 
     Raises
     ------
-    Refusal : ``out`` holds something else or cannot be written to
+    Refusal : ``out`` holds something else or cannot be written to; ``result`` is none
     """
+    if not isinstance(result, RunResult):
+        raise Refusal(f"report: found a {type(result).__name__}, expected what `camtorque.fit` returns")
     folder = Path(out)
     with output_folder(folder, "result.json") as partial:
         write_run(result, partial)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.config.pump import PumpConfig
+from camtorque.ingest.plausibility import check_loads
 from camtorque.ingest.pump_file import read_pump
 from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.sensors import usual_delay
@@ -76,8 +77,12 @@ def recording_from_arrays(
     Raises
     ------
     Refusal : an array that is missing, empty, not of one dimension, not of real or finite numbers; arrays of different
-        lengths at one rate; a rate or speed that is not positive; an angle of the trigger beyond a turn
+        lengths at one rate; a rate or speed that is not positive; an angle of the trigger beyond a turn; a sensor of
+        another name; torque and pressure that cannot come from this pump
     """
+    strange = [key for key in sensors if key not in ("torque", "pressure")]
+    if strange:
+        raise Refusal(f"sensors: found {strange[0]!r}, expected 'torque' and 'pressure' as keys")
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
     _positive(mark.speed_rpm, "speed_rpm")
     if not abs(mark.angle_deg) <= WHOLE_TURN_DEG:
@@ -99,7 +104,8 @@ def recording_from_arrays(
         *notes,
         *(_assumed(channel) for channel in channels if channel.quantity not in sensors and channel.calibration),
     )
-    return Recording(_config(config, channels, mark, name), channels, _table(config), (), findings)
+    recording = Recording(_config(config, channels, mark, name), channels, _table(config), (), findings)
+    return replace(recording, findings=(*findings, *check_loads(recording)))
 
 
 def _checked(values: ArrayLike, quantity: str) -> Array:

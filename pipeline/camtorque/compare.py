@@ -27,13 +27,12 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
 from camtorque.report.document import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import NAME, read_document, recording_of
+from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_of
 from camtorque.run import now
 from camtorque.units import RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.compare/1"
-CAMPAIGN = "campaign.json"
 GAIN_CHANGE, GAIN_LEFT = 0.02, 0.02
 """A torque is another one times a gain: this far from 1, but for this share of the squares of their difference."""
 
@@ -111,7 +110,7 @@ def _recordings(path: Path) -> list[Path]:
     """Return the recordings that a path names: one, its report's, those of a campaign's report, or those below it."""
     campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
     if campaign.is_file():
-        rows = read_document(campaign, "camtorque.campaign/1", "what `camtorque campaign` writes")["recordings"]
+        rows = read_campaign(campaign)["recordings"]
         return [recording_path(campaign.parent / row["folder"]) for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
         below = [item.parent for item in sorted(path.rglob(RECORDING_FILE))]

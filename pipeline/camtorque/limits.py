@@ -119,6 +119,8 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
         told = f"in {unit}" if unit else "without a unit"
         return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
     error = group.get("stderr") if last == "value" else None
+    if error is not None and not document.get("explained", True):
+        return Verdict(limit, float(value), float(error), CANNOT_TELL, "the model leaves the recording unexplained")
     return _compared(limit, float(value), None if error is None else float(error))
 
 

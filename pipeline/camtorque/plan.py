@@ -29,7 +29,7 @@ from camtorque.laws import ROWS
 from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Refusal
-from camtorque.results import NAME, read_result
+from camtorque.results import CAMPAIGN, NAME, read_campaign, read_result
 from camtorque.units import BAR, DECIMAL, RPM, did_you_mean
 from camtorque.version import __version__
 
@@ -91,9 +91,9 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     loads = _loads(known)
     known = known.only([item.id for item in (*loads, _fastest(known))])
     shared = [name for name in known.names if name in ROWS and ROWS[name].role == "shared"]
-    name, size, relative = wanted_number(target, [CHAMBER_PEAK, *shared])
+    wanted = wanted_number(target, [CHAMBER_PEAK, *shared])
     reports = {row["id"]: folder / row["folder"] for row in rows}
-    goal = _target(known, reports, name, size, relative)
+    goal = _target(known, folder, reports, wanted)
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
     points = []
@@ -124,9 +124,10 @@ def _scatter(report: Path) -> float:
         return float(np.sqrt(np.mean(np.asarray(file["mean/torque_std"]) ** 2)))
 
 
-def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float, relative: bool) -> Target:
+def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: tuple[str, float, bool]) -> Target:
+    name, size, relative = wanted
+    item = _fastest(known)
     if name == CHAMBER_PEAK:
-        item = _fastest(known)
         chain = chain_of(rig_of(reports[item.id], None, None), item.speed, curve_of(reports[item.id], item.speed))
         value, gradient = chamber_peak(known, chain, item)
         of, unit, per = item.id, "bar", BAR
@@ -134,19 +135,21 @@ def _target(known: KnownFit, reports: Mapping[str, Path], name: str, size: float
         gradient = np.eye(len(known.names))[known.names.index(name)]
         of, unit, per = "", ROWS[name].unit, ROWS[name].per_unit
         value = float(known.values[known.names.index(name)])
-    number = Number(gradient, rest_of(known, reports, name, per, float(np.sqrt(gradient @ known.matrix @ gradient))))
+    fitted = float(np.sqrt(gradient @ known.matrix @ gradient))
+    number = Number(gradient, rest_of(folder, reports[item.id], name, per, fitted))
     if relative:
         need_size(name, value / per, number.std(known.matrix) / per, unit)
-    wanted = size / 100.0 * abs(value) if relative else size * per
-    return Target(name, of, unit, value, per, wanted, number)
+    std = size / 100.0 * abs(value) if relative else size * per
+    return Target(name, of, unit, value, per, std, number)
 
 
-def rest_of(known: KnownFit, reports: Mapping[str, Path], name: str, per: float, fitted: float) -> float:
-    """Return what the report of a recording states beyond the covariance of its fit [SI]; none of a joint fit."""
-    if len(known.recordings) > 1:
-        return 0.0
-    document = read_result(next(iter(reports.values())) / NAME)
-    row = (document["chamber"] or {}).get("peak_bar") if name == CHAMBER_PEAK else document["parameters"].get(name)
+def rest_of(folder: Path, report: Path, name: str, per: float, fitted: float) -> float:
+    """Return what a report states beyond the covariance of its fit [SI]; that of a joint fit states no chamber peak."""
+    if (folder / CAMPAIGN).is_file():
+        row = read_campaign(folder / CAMPAIGN)["shared_parameters"].get(name)
+    else:
+        document = read_result(report / NAME)
+        row = (document["chamber"] or {}).get("peak_bar") if name == CHAMBER_PEAK else document["parameters"].get(name)
     stated = ((row or {}).get("stderr") or 0.0) * per
     return float(np.sqrt(max(stated**2 - fitted**2, 0.0)))
 

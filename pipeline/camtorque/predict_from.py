@@ -7,7 +7,6 @@ found.items[0].torque, found.items[0].torque_std
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from camtorque.align import align
 from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.design.fitted import FRICTION_NAMES
+from camtorque.fit.clearance import leakage_factor, refuse_leaky
 from camtorque.fit.draws import Load
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
@@ -27,7 +27,14 @@ from camtorque.fit.ends import load_for
 from camtorque.fit.firm_end import END_OF
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.load_file import curve_through, refuse_other_load, top_range
+from camtorque.fit.load_file import (
+    curve_through,
+    refuse_below_line,
+    refuse_other_load,
+    rise_angle,
+    rise_range,
+    top_range,
+)
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
 from camtorque.ingest import read_recording
@@ -46,17 +53,17 @@ from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.report.forecast_page import forecast_document
 from camtorque.report.forecast_texts import (
-    CLEARANCE,
     assumptions,
     beyond_text,
     constant_text,
+    elsewhere_text,
     end_text,
     ending_text,
     load_text,
     step_text,
 )
 from camtorque.results import read_document, read_result, recording_of
-from camtorque.units import DECIMAL, RPM
+from camtorque.units import RPM
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
@@ -99,6 +106,11 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
             "fit; make the report again"
         )
     doc = read_document(file, SCHEMA, "a report of `camtorque run`, or make it again")
+    if not any(row["explained"] for row in doc["recordings"]):
+        raise Refusal(
+            f"{file}: its model leaves {', '.join(row['id'] for row in doc['recordings'])} unexplained, expected a fit "
+            "whose intervals can be relied on; mend what the report names and make it again"
+        )
     strange = [name for name in doc["names"] if name.split(SEPARATOR)[0] not in ROWS]
     if strange:
         raise Refusal(
@@ -172,23 +184,6 @@ def file_curve(path: Path) -> Curve:
     return curve_through(read_pressure_curve(path), str(path))
 
 
-def leakage_factor(text: str) -> float:
-    """Return by how much a change of clearance such as ``+1um`` or ``3um+1um`` multiplies the leakage.
-
-    Raises
-    ------
-    Refusal : not such a text, or no clearance is left
-    """
-    match = re.fullmatch(rf"(?:({DECIMAL})\s*um)?\s*([+-]{DECIMAL})\s*um", text.replace("µ", "u").strip())
-    if match is None:
-        raise Refusal(f"--clearance: found {text!r}, expected a change such as +1um, or 3um+1um from a known clearance")
-    base = float(match[1]) * 1e-6 if match[1] else CLEARANCE
-    factor = 1.0 + float(match[2]) * 1e-6 / base
-    if factor <= 0.0:
-        raise Refusal(f"--clearance: {text} leaves no clearance of {base * 1e6:g} um; give a smaller change")
-    return factor**3
-
-
 def predict_from(
     fit: Path | str,
     speeds_rpm: Sequence[float],
@@ -219,7 +214,7 @@ def predict_from(
     known, folder, rows = read_fit(Path(fit))
     known = known if pump is None and cam is None else replace(known, lift=None)  # it belongs to the fitted cam
     factor = leakage_factor(clearance) if clearance else 1.0
-    _refuse_leaky(known, clearance, factor)
+    refuse_leaky(known, clearance, factor)
     name, given = _given(pressure, load_of)
     asked = Asked(
         given, name, ending or own_ending(known, name if load_of else ""), pump, cam, clearance,
@@ -238,17 +233,6 @@ def predict_from(
     items, forces = [item for item, _ in runs], [force for _, force in runs]
     origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
     return Found(tuple(items), forecast_document(items, forces, origin))
-
-
-def _refuse_leaky(known: KnownFit, clearance: str, factor: float) -> None:
-    """Refuse a clearance whose leakage no pump has."""
-    row = ROWS["leakage"]
-    leak = factor * float(known.values[known.names.index(row.name)]) if row.name in known.names else 0.0
-    if leak > row.upper and factor > 1.0:
-        raise Refusal(
-            f"--clearance: {clearance} makes a leakage of {leak / row.per_unit:.3g} {row.unit}, expected "
-            f"{row.upper / row.per_unit:g} or less; give a smaller change"
-        )
 
 
 @dataclass(frozen=True)
@@ -291,12 +275,18 @@ def _at_speed(
 
     runs = [run(source) for source in sources]
     item = runs[0][0]
+    if given is not None:
+        refuse_below_line(given, item.pressure, asked.name)
     if len(runs) > 1:
         item = either(item, runs[1][0])
     elif given is not None and not asked.ending and item.ending in END_OF:
         item = replace(item, other=if_it_ended_so(item, run(the_other(known, sources[0], speed))[0]))
     load = load_text(sources[0], asked.name, given, speed)
-    beyond = () if given is None else beyond_text(float(np.max(given.pressure)), top_range(templates.values()))
+    beyond: tuple[str, ...] = ()
+    if given is not None:
+        beyond = beyond_text(float(np.max(given.pressure)), top_range(templates.values()))
+        if asked.pump is None and asked.cam is None:
+            beyond += elsewhere_text(rise_angle(given), rise_range(templates.values()))
     texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)

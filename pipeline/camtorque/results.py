@@ -11,8 +11,8 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest
 from camtorque.records import Refusal
 
-NAME = "result.json"
-SCHEMA = "camtorque.result/1"
+NAME, CAMPAIGN = "result.json", "campaign.json"
+SCHEMA, CAMPAIGN_SCHEMA = "camtorque.result/1", "camtorque.campaign/1"
 
 
 def find_results(path: Path) -> list[Path]:
@@ -40,6 +40,16 @@ def read_result(path: Path) -> dict[str, Any]:
     Refusal : it cannot be read, is no JSON, or not of this product
     """
     return read_document(path, SCHEMA, "a result of `camtorque run`")
+
+
+def read_campaign(path: Path) -> dict[str, Any]:
+    """Return the content of one campaign.json.
+
+    Raises
+    ------
+    Refusal : as `read_result`
+    """
+    return read_document(path, CAMPAIGN_SCHEMA, "what `camtorque campaign` writes")
 
 
 def read_document(path: Path, schema: str, what: str) -> dict[str, Any]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from align_truth import Rig, Samples, Shaft, angle_error_deg, calibration, make, pressure_of, torque_of
 from camtorque.align import AlignOptions, align
 from camtorque.align.quality import CUTS
+from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Recording, Refusal
-from camtorque.signal.damage import damage_of_each
+from camtorque.signal.damage import clipped_samples, damage_of, damage_of_each
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
 PULSES = RIG.pulse_times()
@@ -179,6 +181,20 @@ def test_clipped_cycles_are_cut(quantity: str) -> None:
         return volts
 
     assert lost(align(edited(quantity, clip_half))) == {f"{quantity}_clipped": 16}
+
+
+def test_two_clipped_humps_as_far_apart_as_they_are_long_are_clipped() -> None:
+    rise, flat = np.linspace(0.0, 4.0, 400, endpoint=False), np.full(30, 4.0)
+    dip = np.r_[np.linspace(3.9, 2.5, 15), np.linspace(2.5, 3.9, 15)]
+    volts = np.r_[np.zeros(20), rise, flat, dip, flat, rise[::-1], np.zeros(20)]
+    assert damage_of(volts, -10.0, 10.0)[3] == 30
+    assert clipped_samples(volts, 4.0) == 60
+
+
+@pytest.mark.parametrize("name", ["A_0300rpm", "A_0500rpm", "A_0750rpm", "A_1000rpm", "A_1250rpm"])
+def test_a_trigger_that_pulses_as_long_as_all_logs_run_did_not_fall_silent(name: str) -> None:
+    recording = read_recording(Path(__file__).resolve().parents[2] / "raw_examples" / name)
+    assert "trigger_silent" not in {finding.code for finding in align(recording).findings}
 
 
 def test_end_of_the_output_range_is_clipping() -> None:

@@ -63,6 +63,19 @@ def recording(pump_file: Path, arrays: dict[str, np.ndarray], **changes: object)
     return camtorque.Recording.from_arrays(pump_file, **given)  # type: ignore[arg-type]
 
 
+def test_arrays_in_another_unit_and_sensors_of_another_name_are_told(
+    pump_file: Path, arrays: dict[str, np.ndarray]
+) -> None:
+    with pytest.raises(camtorque.Refusal, match=r"the largest torque is .* N m, the largest pressure of .* bar gives"):
+        recording(pump_file, {**arrays, "torque": 1e3 * arrays["torque"]})
+    low = recording(pump_file, {**arrays, "pressure": 1e-5 * arrays["pressure"]})
+    assert [row.severity for row in low.findings if row.code == "torque_without_pressure"] == ["error"]
+    with pytest.raises(camtorque.Refusal, match="sensors: found 'Torque', expected 'torque' and 'pressure'"):
+        recording(pump_file, arrays, sensors={"Torque": KNOWN["torque"]})
+    with pytest.raises(camtorque.Refusal, match="report: found a Recording, expected what"):
+        camtorque.report(recording(pump_file, arrays), "nowhere")  # type: ignore[arg-type]
+
+
 def test_importing_the_package_loads_nothing() -> None:
     assert in_fresh_python("import sys, camtorque; print('numpy' in sys.modules, camtorque.__version__)") == (
         f"False {camtorque.__version__}"

@@ -56,6 +56,13 @@ def test_a_value_and_its_band(changes: dict[str, object], verdict: str, reason: 
     assert reason in why
 
 
+def test_a_fitted_value_of_an_unexplained_recording_cannot_be_judged() -> None:
+    limits = [Limit("parameters.leakage.value", None, 0.45), Limit("metrics.fitted.rms_nm", None, 1.0)]
+    fitted, measured = judge({**DOCUMENT, "explained": False}, limits)
+    assert (fitted.verdict, measured.verdict) == ("cannot tell", "pass")
+    assert "unexplained" in fitted.reason
+
+
 def test_the_worst_verdict_counts() -> None:
     limit = Limit("metrics.fitted.rms_nm", None, 1.0)
     good, bad, open_ = (judge(DOCUMENT, [replace(limit, max=m, guard=g)])[0] for m, g in ((1, 0), (0.1, 0), (1, 2)))

@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import campaign_cases
+import numpy as np
 import pytest
 from campaign_cases import make
 from camtorque import cli
@@ -315,6 +316,7 @@ def test_a_page_of_hundreds_has_no_pictures(
         (["a P", "b Q"], "found pumps P, Q,"),
         (["a P", "b P", "a P"], "found recording ids that repeat: a,"),
         (["a P", "b P"], None),
+        (["a P", "b P", "c P"], "b and c hold the same cycles"),
     ],
 )
 def test_one_pump_and_one_id_per_recording_are_fitted_together(
@@ -322,9 +324,12 @@ def test_one_pump_and_one_id_per_recording_are_fitted_together(
 ) -> None:
     monkeypatch.setattr(joint, "HeldOnce", lambda: lambda item: item.name)
     monkeypatch.setattr(joint, "fit_joint", lambda known, read, threads: known)
-    inputs = [SimpleNamespace(**dict(zip(("name", "pump_id"), item.split(), strict=True))) for item in items]
+    inputs = [
+        SimpleNamespace(name=item[0], pump_id=item[2], measured=np.full(4, float(min(k, 1))))
+        for k, item in enumerate(items)
+    ]
     fitted, findings = joint.joint_fit(len(inputs), inputs.__getitem__, 1)
-    assert fitted == (["a", "b"] if reason is None else None)
+    assert fitted == ([item[0] for item in items] if reason is None or "same cycles" in reason else None)
     assert [reason in finding.text for finding in findings] == [True] * (reason is not None)
 
 

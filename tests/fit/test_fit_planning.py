@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,11 +101,15 @@ def test_what_no_run_tells_stays() -> None:
 def test_a_plan_begins_with_the_uncertainty_that_the_report_states(tmp_path: Path) -> None:
     stated = {"chamber": {"peak_bar": {"stderr": 13.0}}, "parameters": {"leakage": {"stderr": 0.5}}}
     (tmp_path / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", **stated}), encoding="utf-8")
-    peak = rest_of(KNOWN, {"a": tmp_path}, CHAMBER_PEAK, 1e5, 12e5)
+    peak = rest_of(tmp_path, tmp_path, CHAMBER_PEAK, 1e5, 12e5)
     assert Number(np.array([12e5, 0.0]), peak).std(KNOWN.matrix) == pytest.approx(13e5)
-    assert rest_of(KNOWN, {"a": tmp_path}, "leakage", 1.0, 0.6) == 0.0
-    both = replace(KNOWN, recordings=2 * KNOWN.recordings)
-    assert rest_of(both, {"a": tmp_path}, CHAMBER_PEAK, 1e5, 12e5) == 0.0, "the report is not of the joint fit"
+    assert rest_of(tmp_path, tmp_path, "leakage", 1.0, 0.6) == 0.0
+    joint = {"schema": "camtorque.campaign/1", "shared_parameters": {"leakage": {"stderr": 0.7}}}
+    (tmp_path / "campaign.json").write_text(json.dumps(joint), encoding="utf-8")
+    assert rest_of(tmp_path, tmp_path / "runs", "leakage", 1.0, 0.6) == pytest.approx(np.sqrt(0.7**2 - 0.6**2))
+    assert rest_of(tmp_path, tmp_path / "runs", CHAMBER_PEAK, 1e5, 12e5) == 0.0, (
+        "a report of one is not of the joint fit"
+    )
 
 
 def test_a_second_tooth_is_paid_for_once() -> None:

@@ -140,6 +140,14 @@ def test_nuisances_pulled_off_their_sheet_are_told(record):
     assert finding.where == "cutoff"
 
 
+@pytest.mark.parametrize(("pull", "stderr", "told"), [(2.4, 0.1, True), (1.8, 0.1, False), (2.4, 0.5, False),
+                                                       (2.6, 0.5, True)])  # fmt: skip
+def test_a_trigger_beyond_its_mounting_tolerance_is_told(record, pull, stderr, told):
+    row = next(row for row in record.parameters if row.name == "trigger_offset")
+    mean, std = row.prior
+    assert bool(prior_findings([replace(row, value=mean + pull * std, stderr=stderr * std)])) == told
+
+
 def test_values_that_are_unusual_together_are_told(record):
     assert implausible_findings(record.parameters, True) == ()
     rows = [row for row in record.parameters if row.prior is not None]

@@ -17,18 +17,19 @@ from camtorque.commands.predict import execute
 from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.clearance import leakage_factor
 from camtorque.fit.draws import Load, draws
 from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, load_for, taught_by, width_of
 from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
-from camtorque.fit.load_file import refuse_other_load
+from camtorque.fit.load_file import refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
-from camtorque.predict_from import Found, file_curve, leakage_factor, read_fit
+from camtorque.predict_from import Found, file_curve, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of
-from camtorque.report.forecast_texts import assumptions, beyond_text, step_text
+from camtorque.report.forecast_texts import assumptions, beyond_text, elsewhere_text, step_text
 from report_cases import run_result
 
 
@@ -348,6 +349,24 @@ def test_a_load_beyond_the_fitted_ones_is_told() -> None:
     assert "reaches 350 bar, those of the fitted recordings 200 to 300 bar" in text
 
 
+def test_a_load_that_rises_elsewhere_than_the_fitted_ones_is_told() -> None:
+    curve = Curve(THETA, np.where((THETA > 0.4) & (THETA < 1.6), 2e7, 0.0), 50.0)
+    assert rise_angle(curve) == pytest.approx(0.4, abs=0.01)
+    turned = replace(curve, pressure=np.roll(curve.pressure, -round(0.5 / (THETA[1] - THETA[0]))))
+    assert rise_angle(turned) == pytest.approx(2.0 * np.pi - 0.1, abs=0.01), "a rise across the zero is one rise"
+    fitted = rise_range([curve, replace(curve, pressure=np.roll(curve.pressure, 3))])
+    assert elsewhere_text(rise_angle(curve), fitted) == ()
+    (text,) = elsewhere_text(rise_angle(curve) - np.radians(5.0), fitted)
+    assert "before its angle is checked: it begins to rise at 17.8 deg" in text
+
+
+def test_a_line_pressure_that_the_chamber_does_not_reach_is_refused() -> None:
+    curve = Curve(THETA, np.where((THETA > 0.4) & (THETA < 1.6), 2e7, 0.0), 50.0)
+    refuse_below_line(curve, 0.9 * curve.pressure, "p.csv")
+    with pytest.raises(Refusal, match=r"p\.csv: with a line pressure of up to 200 bar .* reaches 140 bar only"):
+        refuse_below_line(curve, 0.7 * curve.pressure, "p.csv")
+
+
 def test_assumptions_stand_in_the_order_of_the_runs() -> None:
     runs = [SimpleNamespace(assumed=("Laws.", "At 900 rpm.")), SimpleNamespace(assumed=("Laws.", "At 1400 rpm."))]
     assert assumed_of(runs) == ["Laws.", "At 900 rpm.", "At 1400 rpm."]  # type: ignore[arg-type]
@@ -397,6 +416,12 @@ def test_the_lift_correction_goes_with_the_fitted_cam_and_with_no_other(
     assert (taken[0].lift is lift) == kept
     texts = assumptions(taken[0], FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)
     assert any("corrected by up to 2 µm, as all fitted recordings ask for" in text for text in texts) == kept
+
+
+def test_a_fit_that_leaves_its_recording_unexplained_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "fit.json").write_text(json.dumps(run_fit_document(run_result(explained=False))), encoding="utf-8")
+    with pytest.raises(Refusal, match=r"its model leaves .* unexplained, expected a fit whose intervals"):
+        read_fit(tmp_path)
 
 
 def test_a_fit_of_another_version_is_refused(tmp_path: Path) -> None:

@@ -34,8 +34,9 @@ def silence_findings(base: TimeBase, channels: Mapping[str, Channel]) -> tuple[F
         return ()
     clock = base.clocks[channel.logger]
     spans = [_span(trigger.channel, base.clocks[logger]) for logger, trigger in base.triggers.items()]
+    spans += [_span(one, base.clocks[one.logger]) for one in channels.values()]
     own = _span(channel, clock)
-    logged = max(own[0], min(span[0] for span in spans)), min(own[1], max(span[1] for span in spans))
+    logged = max(span[0] for span in spans), min(span[1] for span in spans)  # no turn is used that a log lacks
     where = next(iter(base.triggers.values())).channel.where
     found = []
     for name, edge, inside, end in (

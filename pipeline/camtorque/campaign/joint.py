@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 from camtorque.fit.joint import CampaignFit, fit_joint
 from camtorque.fit.joint_input import HeldOnce, JointInput, Known
@@ -26,9 +26,11 @@ def joint_fit(
     if count < 2:
         return _none(f"{count} usable recordings, a joint fit needs at least 2")
     held, known, names, pumps = HeldOnce(), list[Known](), Counter[str](), set[str]()
+    same: dict[bytes, list[str]] = {}
     for item in map(read, range(count)):
         names[item.name] += 1
         pumps.add(item.pump_id)
+        same.setdefault(item.measured.tobytes(), []).append(item.name)
         if len(pumps) > 1:
             known.clear()
         else:
@@ -40,9 +42,18 @@ def joint_fit(
             what = f"recording ids that repeat: {', '.join(repeated)}"
         return _none(f"no joint fit: found {what}, expected one pump and one id per recording")
     try:
-        return fit_joint(known, read, threads), ()
+        return fit_joint(known, read, threads), _repeated(same.values())
     except Refusal as refusal:
         return _none(str(refusal))
+
+
+def _repeated(same: Iterable[Sequence[str]]) -> tuple[Finding, ...]:
+    """Return a warning on recordings that hold the same cycles under several ids."""
+    return tuple(
+        Finding("recording_repeated", "warning", f"{' and '.join(names)} hold the same cycles: what one tells counts "
+                "more than once, intervals are too narrow and each is predicted from itself; leave the copies out")
+        for names in same if len(names) > 1
+    )  # fmt: skip
 
 
 def _none(text: str) -> tuple[None, tuple[Finding, ...]]:

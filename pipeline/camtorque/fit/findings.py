@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from camtorque.fit.minima import Candidate
-from camtorque.fit.problem import STRUCTURES
+from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ChainInput, ChainOutput
 from camtorque.mechanism.outliers import outlying_points
@@ -20,6 +20,9 @@ RARE = 3.0902
 """Standard deviations that a normal number stays below in 999 of 1000 cases."""
 PULLED = 2.5
 """A nuisance pulled this many standard deviations off its prior is told."""
+MOUNTING, EDGE, BEYOND = "trigger_offset", math.sqrt(3.0), 2.0
+"""A mounting tolerance is a rectangle whose edge lies at so many standard deviations: what lies so many of its own
+standard uncertainties beyond is told."""
 
 
 def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
@@ -29,7 +32,8 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
         if row.prior is None:
             continue
         pull = (row.value - row.prior[0]) / row.prior[1]
-        if abs(pull) > PULLED:
+        mounted = EDGE + BEYOND * row.stderr / row.prior[1] if row.name.split(SEPARATOR)[0] == MOUNTING else PULLED
+        if abs(pull) > min(mounted, PULLED):
             text = (
                 f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}"
                 f"{', at its bound,' if row.at_bound else ','} "
@@ -89,7 +93,8 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     if outliers.size:
         where = ", ".join(f"{angle / DEGREE:.1f}" for angle in table.theta[outliers[:5]])
         text = (
-            f"{outliers.size} points of the lift table stick out of their neighbours; torque and stress are wrong there"
+            f"points of the lift table that stick out of their neighbours: {outliers.size}; torque and stress are "
+            "wrong there"
         )
         result.append(Finding("lift_outlier", "warning", text, f"{where} deg"))
     scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)

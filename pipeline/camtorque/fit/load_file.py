@@ -22,6 +22,11 @@ BETWEEN = 0.5
 seen on recordings thinned to 1 to 3 degrees."""
 MOST_GUESSED = 0.1
 """Uncertainty between the points, as a share of the highest pressure, above which a file is refused."""
+RISEN = 0.25
+"""Share of its swing at which a line pressure has begun to rise: within a campaign at angles that are 1 to 4 degrees
+apart."""
+BELOW = 0.8
+"""A chamber that stays below this share of the line pressure cannot have made it."""
 WIDEST_STEP = np.radians(6.0)
 """Distance of points under load above which nothing tells what the points missed."""
 
@@ -77,6 +82,36 @@ def top_range(fitted: Iterable[Curve]) -> tuple[float, float]:
     """Return the least and the greatest of the highest line pressures of fitted recordings [Pa]."""
     tops = [float(np.max(one.pressure)) for one in fitted]
     return min(tops), max(tops)
+
+
+def rise_angle(curve: Curve) -> float:
+    """Return the cam angle at which a line pressure begins its rise to the highest value [rad]."""
+    pressure = np.roll(curve.pressure, -int(np.argmax(curve.pressure)))
+    low = float(np.min(pressure))
+    below = np.flatnonzero(pressure < low + RISEN * (float(pressure[0]) - low))
+    return float(np.roll(curve.theta, -int(np.argmax(curve.pressure)))[below[-1]])
+
+
+def rise_range(fitted: Iterable[Curve]) -> tuple[float, float]:
+    """Return the least and the greatest cam angle at which line pressures of fitted recordings rise [rad]."""
+    angles = [rise_angle(one) for one in fitted]
+    return min(angles), max(angles)
+
+
+def refuse_below_line(curve: Curve, chamber: Array, name: str) -> None:
+    """Refuse a line pressure that the plunger does not make: the chamber's (n,) stays below it [Pa].
+
+    Raises
+    ------
+    Refusal : see above
+    """
+    top, made = float(np.max(curve.pressure)), float(np.max(chamber))
+    if made < BELOW * top:
+        raise Refusal(
+            f"{name}: with a line pressure of up to {top / BAR:.4g} bar at these angles the chamber reaches "
+            f"{made / BAR:.4g} bar only, expected more than the line; its cam angle has to count as that of the lift "
+            "table does, or it is the load of another pump"
+        )
 
 
 def between_points(file: PressureCurve) -> Array:

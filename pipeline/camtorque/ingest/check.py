@@ -115,9 +115,7 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
         text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"
         return [*found, Finding("channel_constant", "error", text, where)]
     if scan.isolated:
-        text = (
-            f"{scan.isolated} isolated samples stand out from both neighbours, the first is no. {scan.first_isolated}"
-        )
+        text = f"samples that stand out from both neighbours: {scan.isolated}, the first is no. {scan.first_isolated}"
         found.append(Finding("isolated_samples", "warning", text, where))
     found += _range_findings(channel, scan, where)
     return found

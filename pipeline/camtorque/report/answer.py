@@ -225,7 +225,7 @@ def left_out_text(blocks: Sequence[float]) -> str:
 def known_text(rows: Collection[Document]) -> str:
     """Return how many parameters the data tell something about, and what."""
     counts = [sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE]
-    limits = f"{counts[1]} have an upper limit (zero is not excluded), " if counts[1] else ""
+    limits = f"{counts[1]} have an upper limit (as little as is possible is not excluded), " if counts[1] else ""
     return f"{counts[0]} are measured, {limits}{counts[2]} narrowed"
 
 
@@ -242,9 +242,9 @@ def alternatives_text(doc: Document) -> str:
     """Return the other structures that the data leave possible."""
     rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY and _differs(row, doc)]
     named = "; ".join(
-        f"{_structure(row, doc)} ({num(100.0 * row['probability'], 2)} %), trigger then at "
+        f"{_structure(k, rows, doc)} ({num(100.0 * row['probability'], 2)} %), trigger then at "
         f"{num(row['trigger_angle_deg'], 4)} deg, chamber peak {num(row['chamber_peak_bar'], 4)} bar"
-        for row in rows
+        for k, row in enumerate(rows)
     )
     return f" Not ruled out: {named}." if named else ""
 
@@ -260,9 +260,12 @@ def _differs(row: Document, doc: Document) -> bool:
     )  # fmt: skip
 
 
-def _structure(row: Document, doc: Document) -> str:
-    """Return the name of a structure; a second minimum of the chosen one is named as such."""
-    return "a second minimum of the same structure" if row["name"] == doc["alternatives"][0]["name"] else row["name"]
+def _structure(place: int, rows: Sequence[Document], doc: Document) -> str:
+    """Return the name of a structure; a further minimum of the chosen one, or of one named before, as such."""
+    name = rows[place]["name"]
+    if name == doc["alternatives"][0]["name"]:
+        return "a second minimum of the same structure"
+    return f"another minimum of '{name}'" if any(row["name"] == name for row in rows[:place]) else str(name)
 
 
 def next_text(doc: Document) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from camtorque.fit.clearance import CLEARANCE
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER
 from camtorque.fit.forecast import Forecast
@@ -16,10 +17,11 @@ from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Estimate
 from camtorque.units import BAR, DEGREE, RPM
 
-CLEARANCE = 4.0e-6
-"""Clearance that a change is counted from where none is given [m]."""
 SAME_LOAD = 1.1
 """Factor beyond the highest line pressures of the fitted recordings that is still a fitted load."""
+SAME_PLACE, SPREAD = 2.0 * DEGREE, 4.0 * DEGREE
+"""A line pressure that rises so far beyond those of fitted recordings has another zero of its angle, or is of another
+pump; within a campaign they rise up to 4 degrees apart, which one or two recordings do not show [rad]."""
 NOT_TOLD = "A line pressure does not tell whether a land or a spill ended delivery"
 ENDED_BY = {"land": "a land", "spill": "spill"}
 """Structure -> what ends delivery."""
@@ -53,6 +55,19 @@ def beyond_text(top: float, fitted: tuple[float, float]) -> tuple[str, ...]:
         f"The load lies beyond the fitted ones: its line pressure reaches {top / BAR:.4g} bar, those of the fitted "
         f"recordings {low / BAR:.4g} to {high / BAR:.4g} bar. The bands hold what left-out recordings, each with its "
         "own load, were off, and no more.",
+    )
+
+
+def elsewhere_text(angle: float, fitted: tuple[float, float]) -> tuple[str, ...]:
+    """Return that a load rises at another cam angle than the fitted ones, where it does [rad]."""
+    low, high = fitted
+    margin = max(SAME_PLACE, SPREAD - (high - low))
+    if low - margin < angle < high + margin:
+        return ()
+    return (
+        f"Do not build on this load before its angle is checked: it begins to rise at {angle / DEGREE:.1f} deg of cam "
+        f"angle, those of the fitted recordings at {low / DEGREE:.1f} to {high / DEGREE:.1f} deg; it has to count from "
+        "the zero of the lift table. Each degree moves end of delivery and chamber, beyond these bands.",
     )
 
 

@@ -94,10 +94,15 @@ def _are_clipped(volts: Array, runs: NDArray[np.int64], ends: NDArray[np.int64])
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(volts))
         step = np.min(change, where=change > 0.0, initial=np.inf)
-        run, end = runs[long], ends[long]
-        before, after = np.abs(volts[end] - volts[end - 2 * run + 1]), np.abs(volts[end] - volts[end + run])
-    long[long] = np.where(after < before, after, before) > STEPS_BESIDE_FLAT * step
+        falls = [_least_fall(volts, run, end) for run, end in zip(runs[long], ends[long], strict=True)]
+    long[long] = np.array(falls) > STEPS_BESIDE_FLAT * step
     return long
+
+
+def _least_fall(volts: Array, run: int, end: int) -> float:
+    """Return by how much the signal leaves a flat run within its length, on the side where it leaves it less."""
+    before, after = volts[end - 2 * run + 1 : end - run + 1], volts[end + 1 : end + run + 1]
+    return float(min(np.max(np.abs(volts[end] - side)) for side in (before, after)))
 
 
 def clips_below(calibration: SensorCalibration | None) -> bool:
