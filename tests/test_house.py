@@ -45,7 +45,6 @@ LONG = {
 }
 """Functions and files beyond these lines, without their docstrings, and why they are not parted."""
 ONLY_WRITTEN = {
-    "scan": "`check --json` writes a summary whole",
     "seen": "where a range of plausible values comes from",
     "section_torque": "tests hold the balance of every lobe by it",
     "identifiable": "result.json holds a parameter whole",

@@ -38,6 +38,16 @@ def test_steps_of_a_coarse_converter_are_not_isolated_samples():
     assert isolated_samples(0.01 * counts).tolist() == [20_000]
 
 
+@pytest.mark.parametrize(("turns", "told"), [((4, 5, 7), False), ((5,), True)])
+def test_what_the_signal_does_at_that_angle_in_other_turns_is_no_isolated_sample(tmp_path: Path, turns, told):
+    log = clean_log(revolutions=9.0)
+    volts = log.volts["pressure"].copy()
+    for turn in turns:
+        volts[round((turn + 0.6) * 0.1 * log.rate)] += 0.4
+    recording = read_recording(write_folder(tmp_path, [log.with_volts("pressure", volts)], Plan("hdf5")))
+    assert ("isolated_samples" in {row.code for row in summarise(recording).findings}) == told
+
+
 def test_edges_of_pulses_are_not_isolated_samples():
     square = (np.arange(10_000) % 500 < 40).astype(float) + 1e-3 * np.random.default_rng(6).standard_normal(10_000)
     assert isolated_samples(square).size == 0
@@ -79,7 +89,7 @@ def test_an_isolated_sample_beside_the_border_of_two_blocks_is_found(tmp_path: P
     ]
     monkeypatch.setattr(scan, "BLOCK", 5000)
     found = scan_channel(channel)
-    assert (found.isolated, found.first_isolated) == (1, 5001)
+    assert (found.isolated, found.isolated_at) == (1, (5001,))
 
 
 @settings(deadline=None, max_examples=200)

@@ -12,7 +12,7 @@ from camtorque.config import RecordingConfig
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.pickup import find_pulses
-from camtorque.signal.scan import Scan, scan_channel
+from camtorque.signal.scan import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.units import BAR, RPM
 
 VACUUM = -1.5 * BAR
@@ -24,6 +24,8 @@ SPEED_TOLERANCE = 0.1
 PERIOD_TOLERANCE = 0.3
 """A pulse period that differs by this share from the usual one is a missed or an extra pulse."""
 MUCH_CLIPPED = 1.0e-4
+SAME_ANGLE, OTHER_TURNS, LEAST_TURNS = 1.5 / 360.0, (-3, -2, -1, 1, 2, 3), 3
+"""A sample is held against what the signal does so near to it [turns] in so many other turns."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def summarise(recording: Recording, pulses: Mapping[str, Array] = MappingProxyTy
     """Look at every sample and sum up; ``pulses`` are those that `CamCycles` knows: others are looked for."""
     config: RecordingConfig = recording.config
     findings = list(recording.findings)
-    summaries, speeds = [], []
+    summaries, speeds, trains = [], [], {}
     first_triggers = {channel.logger: channel for channel in reversed(recording.of("trigger"))}
     for channel in recording.channels:
         scan = scan_channel(channel)
@@ -70,7 +72,10 @@ def summarise(recording: Recording, pulses: Mapping[str, Array] = MappingProxyTy
             times, more = _pulses(channel, config, known)
             findings += more
             speeds.append(_speed(times, config))
+            trains[channel.logger] = times
         summaries.append(_summary(channel, scan, times.size))
+    for channel, row in zip(recording.channels, summaries, strict=True):
+        findings += _isolated(channel, row.scan, trains, config)
     findings += _swapped(recording, summaries)
     speed = float(np.nanmedian(speeds)) / RPM if np.isfinite(speeds).any() else float("nan")
     return RecordingSummary(config.id, config.file_format, tuple(summaries), speed, tuple(findings))
@@ -114,11 +119,43 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
     if scan.is_constant:
         text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"
         return [*found, Finding("channel_constant", "error", text, where)]
-    if scan.isolated:
-        text = f"samples that stand out from both neighbours: {scan.isolated}, the first is no. {scan.first_isolated}"
-        found.append(Finding("isolated_samples", "warning", text, where))
     found += _range_findings(channel, scan, where)
     return found
+
+
+def _isolated(
+    channel: Channel, scan: Scan, trains: Mapping[str, Array], config: RecordingConfig
+) -> list[Finding]:  # fmt: skip
+    """Return a warning on samples that stand out, but for where the signal bends like that at any turn."""
+    times = trains.get(channel.logger, next(iter(trains.values()), np.empty(0)))
+    pulses = times[:: max(round(_expected(config)), 1)]
+    at = [place for place in scan.isolated_at if not _bends_there(channel, place, pulses)]
+    if not at:
+        return []
+    count = scan.isolated - len(scan.isolated_at) + len(at)
+    text = f"samples that stand out from both neighbours: {count}, the first is no. {at[0]}"
+    return [Finding("isolated_samples", "warning", text, f"{channel.path.name} {channel.name}")]
+
+
+def _bends_there(channel: Channel, place: int, pulses: Array) -> bool:
+    """Tell whether a channel bends as it does at a sample at the same angle of turns before and after, too."""
+    if pulses.size < LEAST_TURNS:
+        return False
+    pulses = np.r_[2.0 * pulses[0] - pulses[1], pulses, 2.0 * pulses[-1] - pulses[-2]]  # a log goes on beyond them
+    turn = np.interp(channel.start_time + place / channel.sample_rate, pulses, np.arange(pulses.size))
+    turns = turn + np.array(OTHER_TURNS)
+    turns = turns[(turns >= 0.0) & (turns <= pulses.size - 1.0)]
+    times = np.interp(turns[:, None] + np.array([-SAME_ANGLE, SAME_ANGLE]), np.arange(pulses.size), pulses)
+    ends = np.round((times - channel.start_time) * channel.sample_rate).astype(np.int64)
+    usual = max((_largest_bend(channel, first, last) for first, last in ends), default=0.0)
+    return _largest_bend(channel, place, place) < float(SPIKE_TIMES_BESIDE) * usual
+
+
+def _largest_bend(channel: Channel, first: int, last: int) -> float:
+    """Return how far a sample from ``first`` to ``last`` lies off the middle of its neighbours, at most [V]."""
+    volts = channel.read_volts(max(first - 1, 0), min(last + 2, channel.n_samples))
+    bends = np.abs(volts[1:-1] - 0.5 * (volts[:-2] + volts[2:]))
+    return float(np.max(bends[np.isfinite(bends)], initial=0.0))
 
 
 def _range_findings(channel: Channel, scan: Scan, where: str) -> list[Finding]:

@@ -36,6 +36,7 @@ SPIKE_SHAPE = Threshold(
     "The two samples beside it bend by minus half of that, but for this part of it."
 )  # fmt: skip
 LEAST_SWING_VOLTS = 1.0e-9
+LISTED = 300
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class Scan:
     ----------
     missing, longest_missing : samples that are no voltages, and the longest run of them
     clipped_low, clipped_high : samples in clipped runs at the lowest and highest value, see `signal.damage`
-    isolated : samples that stand out from both neighbours as no signal does (flipped bits, glitches)
+    isolated, isolated_at : samples that stand out from both neighbours as no signal does (flipped bits, glitches), and
+        the places of the first `LISTED`
     """
 
     n_samples: int
@@ -57,7 +59,7 @@ class Scan:
     clipped_low: int
     clipped_high: int
     isolated: int
-    first_isolated: int
+    isolated_at: tuple[int, ...]
 
     @property
     def is_constant(self) -> bool:
@@ -84,7 +86,7 @@ def scan_channel(channel: Channel) -> Scan:
     # a block whose own extreme is not the channel's has no sample there
     clipped = [sum(n for end, n in ends if end == extreme) for ends, extreme in ((lows, low), (highs, high))]
     low, high = (low, high) if np.isfinite(low) else (np.nan, np.nan)
-    found = isolated.size, int(np.r_[isolated, -1][0])
+    found = isolated.size, tuple(isolated[:LISTED].tolist())
     return Scan(channel.n_samples, low, high, missing, longest, clipped[0], clipped[1], *found)
 
 
