@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import camtorque
 import h5py
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from camtorque import cli
 from camtorque.campaign.find import search
 from camtorque.fit.metrics import metrics
 from camtorque.records import Refusal
+from camtorque.rehearsal import rigid_torque
 from camtorque.report.figures import FIGURES
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
@@ -73,6 +76,14 @@ def test_metrics_and_causes_come_out_of_the_files_again(report: Path) -> None:
         assert file.attrs["configuration"] == (EXAMPLES / "A_1000rpm" / "recording.toml").read_text(encoding="utf-8")
     for key, value in doc["metrics"]["fitted_held_out_cycles"].items():
         assert value == pytest.approx(getattr(again, key), rel=1e-9), key  # the same numbers, summed in another order
+
+
+def test_a_pressure_that_no_line_can_hold_is_refused_before_the_model() -> None:
+    recording = camtorque.read(EXAMPLES / "A_1000rpm")
+    cycles = camtorque.align(recording)
+    turned = replace(cycles, pressure=-np.asarray(cycles.pressure))
+    with pytest.raises(Refusal, match=r"A_1000rpm: the mean cycle of the line pressure goes down to -8\d\d bar gauge"):
+        rigid_torque(recording, turned)
 
 
 @pytest.mark.slow

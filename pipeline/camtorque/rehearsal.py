@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.ingest.check import least_pressure
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.load_check import load_findings
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
+from camtorque.units import BAR
 
 
 def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
@@ -21,6 +25,12 @@ def rigid_torque(recording: Recording, cycles: CamCycles) -> RigidTorque:
             'does not); add a [[channels]] entry with quantity = "pressure"'
         )
     pressure = cycles.mean_pressure
+    if np.min(pressure) < least_pressure(recording):
+        raise Refusal(
+            f"{config.id}: the mean cycle of the line pressure goes down to {np.min(pressure) / BAR:.3g} bar gauge, "
+            "expected what a line can hold; turn the sign of its sensitivity, or exchange torque and pressure: see "
+            "`camtorque check`"
+        )
     mounting = Mounting(rotation=config.rotation)
     return solve_rigid(config.pump, law, cycles.theta, pressure, cycles.mean_speed, mounting=mounting)
 

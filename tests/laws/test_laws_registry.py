@@ -12,6 +12,7 @@ from camtorque.laws.causes import (
     LOSS_GROUPS,
     ON_BRIDGE_ALONE,
     cam_torques,
+    drive_work,
     measured_torques,
     work_per_revolution,
 )
@@ -110,7 +111,7 @@ def test_work_of_the_causes_is_the_work_of_the_shaft():
     data, values = chain_input(), start_values()
     output = evaluate(data, values)
     parts = cam_torques(data, values, output, COEFFICIENTS, np.zeros(THETA.size))
-    work = work_per_revolution(data, output, parts)
+    work = work_per_revolution(data, values, output, parts)
     assert set(work) == {*LOSS_GROUPS, "driveline"}
     torque = np.sum([part for name, part in parts.items() if name not in ON_BRIDGE_ALONE], axis=0)
     advance = output.motion.rate / data.speed * 2.0 * np.pi / THETA.size
@@ -118,6 +119,27 @@ def test_work_of_the_causes_is_the_work_of_the_shaft():
     assert without == pytest.approx(float(np.sum(torque * advance)), rel=1e-12)
     assert work["friction"] > 0.0
     assert work["damping"] > 0.0
+
+
+def test_a_drive_that_gives_way_is_no_loss_of_shaft_and_coupling():
+    data = chain_input()
+    gives_way = {**start_values(), "shaft_compliance": 0.0, "coupling_compliance": 0.0, "drive_admittance": 8.0}
+    soft = {**gives_way, "shaft_compliance": 2e-4, "shaft_damping_ratio": 0.2}
+
+    def works(values):
+        output = evaluate(data, values)
+        parts = cam_torques(data, values, output, COEFFICIENTS, np.zeros(THETA.size))
+        swing = output.motion.rate / data.speed - 1.0
+        taken = float(np.sum(data.shaft_torque * swing)) * 2.0 * np.pi / THETA.size
+        return work_per_revolution(data, values, output, parts)["driveline"], drive_work(data, values), taken
+
+    lost, given, taken = works(gives_way)
+    assert given < -0.01, "a drive that slows down under load gives less than mean torque times a turn"
+    assert given == pytest.approx(taken, rel=1e-9)
+    assert abs(lost) < 1e-9 * abs(given)
+    lost, same, _ = works(soft)
+    assert same == given
+    assert lost > 1e-4, "what the shaft's damping takes"
 
 
 @pytest.mark.parametrize("offset", [0.0, 2e-3, -3e-3])

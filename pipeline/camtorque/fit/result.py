@@ -32,7 +32,7 @@ from camtorque.fit.uncertainty import (
 )
 from camtorque.fit.work import sureness
 from camtorque.laws import ROWS
-from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, measured_torques, work_per_revolution
+from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, drive_work, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism.friction import Friction
@@ -277,10 +277,12 @@ def _metrics(means: MeanCycles, fitted: Array, held: Array, rigid: RigidTorque) 
 
 def _losses(fit: Fit, index: int, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
     """Return work per revolution by cause [J], the input and how well they close."""
-    work = work_per_revolution(fitted.chain, fitted.output, fitted.cam)
+    work = work_per_revolution(fitted.chain, fitted.values, fitted.output, fitted.cam)
     _, coefficients = fit.problem.values(fit.solution.z, index)
     felt = sum(float(np.mean(fitted.cam[name])) for name in ON_BRIDGE_ALONE)
-    total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]) - felt)
+    total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]) - felt) + drive_work(
+        fitted.chain, fitted.values
+    )
     return {**work, "input": total, "closure_percent": 100.0 * (total - sum(work.values())) / total}
 
 

@@ -35,7 +35,7 @@ class Sureness:
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
     """Return the work of each loss at values of the nonlinear and (15,) of the linear parameters [J per revolution]."""
-    return _work(chain, *_caused(chain, values, coefficients))
+    return _work(chain, values, *_caused(chain, values, coefficients))
 
 
 def sureness(fit: Fit, index: int, rigid: RigidTorque, measured: Array) -> Sureness:
@@ -87,8 +87,10 @@ def _caused(
     return output, cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))
 
 
-def _work(chain: ChainInput, output: ChainOutput, torques: Mapping[str, Array]) -> dict[str, float]:
-    work = work_per_revolution(chain, output, torques)
+def _work(
+    chain: ChainInput, values: Mapping[str, float], output: ChainOutput, torques: Mapping[str, Array]
+) -> dict[str, float]:
+    work = work_per_revolution(chain, values, output, torques)
     return {**work, TOGETHER: sum(work[name] for name in APART)}
 
 
@@ -101,7 +103,7 @@ def _both(
     slope = np.interp(output.motion.theta, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi)
     angle = chain.line_pressure * chain.pump.plunger_area * slope
     curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}
-    return _work(chain, output, torques), {name: parts @ curve for name, curve in curves.items()}
+    return _work(chain, values, output, torques), {name: parts @ curve for name, curve in curves.items()}
 
 
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:

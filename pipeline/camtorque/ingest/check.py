@@ -217,17 +217,17 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
     return found
 
 
-def _range(recording: Recording) -> float:
-    """Return the range of the pressure sensor [Pa], 0 where nothing tells it."""
+def least_pressure(recording: Recording) -> float:
+    """Return the gauge pressure that no line goes below, with room for the errors of the sensor [Pa]."""
     ends = [channel.calibration.range_max for channel in recording.of("pressure") if channel.calibration is not None]
-    return max((end for end in ends if np.isfinite(end)), default=0.0)
+    return VACUUM - VACUUM_SHARE * max((end for end in ends if np.isfinite(end)), default=0.0)
 
 
 def _swapped(recording: Recording, summaries: list[ChannelSummary]) -> list[Finding]:
     """Find swapped torque and pressure: a line has no deep vacuum, and a cam drives back."""
     by_quantity = {summary.quantity: summary for summary in summaries}
     torque, pressure = by_quantity.get("torque"), by_quantity.get("pressure")
-    if pressure is None or pressure.low > VACUUM - VACUUM_SHARE * _range(recording):
+    if pressure is None or pressure.low > least_pressure(recording):
         return []
     where = f"{pressure.file} {pressure.name}"
     text = f"pressure goes down to {pressure.low / BAR:.3g} bar gauge, which no line can hold"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, cause_of
-from camtorque.laws.chain import ChainInput, ChainOutput, filtered, transfer
+from camtorque.laws.chain import ChainInput, ChainOutput, drive_response, filtered, transfer
 from camtorque.laws.torque import cam_torque
 from camtorque.records import Array
 
@@ -80,18 +80,30 @@ def filtered_out_torque(data: ChainInput, values: Mapping[str, float], torques: 
     return filtered(total, shaft * (1.0 - measured))
 
 
-def work_per_revolution(data: ChainInput, output: ChainOutput, torques: Mapping[str, Array]) -> dict[str, float]:
+def work_per_revolution(
+    data: ChainInput, values: Mapping[str, float], output: ChainOutput, torques: Mapping[str, Array]
+) -> dict[str, float]:
     """Return the work of each group over the true cam angle [J per revolution]."""
     advance = output.motion.rate / data.speed * (2.0 * np.pi / data.theta.size)
     work = {name: float(np.sum(torque * advance)) for name, torque in torques.items()}
     groups = {group: sum(work[name] for name in names) for group, names in LOSS_GROUPS.items()}
-    return {**groups, "driveline": _driveline_loss(data, output)}
+    return {**groups, "driveline": _driveline_loss(data, output) + drive_work(data, values)}
 
 
 def _driveline_loss(data: ChainInput, output: ChainOutput) -> float:
-    """Return the work that shaft and coupling damping take between drive and cam [J per revolution].
-
-    Twist and drive turn the cam against the uniform angle by psi: the torque does the work ``-T dpsi`` on them.
-    """
+    """Return what the torque does on all that turns the cam against the uniform angle, -T dpsi [J per revolution]."""
     swing = output.motion.rate / data.speed - 1.0
     return -float(np.sum(data.shaft_torque * swing)) * 2.0 * np.pi / data.theta.size
+
+
+def drive_work(data: ChainInput, values: Mapping[str, float]) -> float:
+    """Return the work of the torque on the swing of the transducer's drive side, T dpsi_drive [J per revolution].
+
+    Mean torque times 2 pi is the work past a transducer that turns evenly. Where drive and coupling give way under load
+    it is less by this, which nothing between transducer and cam takes. By Parseval, with psi_k = -C_k T_k of the two.
+    """
+    alone = dict.fromkeys(("shaft_compliance", "half_inertia"), 0.0)
+    spectrum = data.twist.spectrum
+    yielding = drive_response(data, {**values, **alone}, tangents=False)[: spectrum.size, 0]
+    order = np.arange(spectrum.size)
+    return 4.0 * np.pi / data.theta.size**2 * float(np.sum(order * np.abs(spectrum) ** 2 * yielding.imag))
