@@ -31,7 +31,14 @@ def test_the_example():
     assert table.theta.size == 360
     assert table.resolution == pytest.approx(1e-6)
     assert table.lift.max() == pytest.approx(8e-3, rel=1e-3)
-    assert [finding.code for finding in findings] == ["lift_negative"]
+    assert [(finding.code, finding.severity) for finding in findings] == [("lift_negative", "info")]
+
+
+def test_a_table_far_below_its_base_circle_is_a_warning(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(ANGLES, np.where((ANGLES > 100.0) & (ANGLES < 130.0), -0.1, LIFT)))
+    findings = read_cam_table(pump(file))[1]
+    assert [finding.severity for finding in findings if finding.code == "lift_negative"] == ["warning"]
 
 
 def test_a_repeated_end_is_dropped_and_resolution_comes_from_the_decimals(tmp_path: Path):

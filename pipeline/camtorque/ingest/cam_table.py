@@ -14,6 +14,8 @@ from camtorque.units import BORDER_UNITS, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
+SMALL_DIP = 5.0e-3
+"""Share of the lift below the base circle that is runout or noise of a measured table."""
 SAME_ANGLE = 0.01
 """Share of a step within which two angles are one: 2 pi is written 6.28318531."""
 ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
@@ -53,7 +55,8 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     _check_angles(table, theta)
     if np.min(lift) < -2.0 * resolution:
         text = f"lift goes down to {1e6 * np.min(lift):.3g} um, below the base circle by more than the resolution"
-        findings.append(Finding("lift_negative", "warning", text, where))
+        severity = "info" if np.min(lift) > -SMALL_DIP * np.ptp(lift) else "warning"
+        findings.append(Finding("lift_negative", severity, text, where))
     if np.ptp(lift) <= 2.0 * resolution:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
     findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
