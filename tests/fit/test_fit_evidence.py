@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, prior_of, savage_dickey, where_unexplained
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.residual import explains
 from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift, switching_std
+from camtorque.fit.solver import solve
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import covariance
-from camtorque.records import AngleError
+from camtorque.records import EITHER, AngleError
 from fit_cases import bridged, quick
 
 
@@ -76,6 +78,22 @@ def test_losses_that_are_not_there_are_not_claimed(scenes):
     assert scenes["chamber_only"]["driveline"].size < 0.1
     verdicts = [row.verdict for row in scenes["chamber_only"].values()]
     assert "not needed" in verdicts
+
+
+def test_a_constant_torque_is_friction_or_damping_and_nobody_knows_which(scenes):
+    assert EITHER not in scenes["chamber_only"], "nothing is told of losses that are not there"
+    key = ("chamber_only", 0, 1000.0)
+    found = quick(key)
+    data = [replace(item, torque=item.torque + 1.0) for item in found.problem.data]
+    problem = build_problem(data)
+    solution = solve(problem, found.solution.z, Effort(25), found.solution.lifts)
+    odd_even = mean_cycles(bridged(key)[1]).odd_even
+    rows = {row.name: row for row in loss_evidence(problem, solution, covariance(problem, solution), odd_even)}
+    assert {rows["friction"].verdict, rows["damping"].verdict} == {"cannot tell"}
+    assert rows[EITHER].verdict == "needed"
+    assert rows[EITHER].two_ln_bayes_factor > NEEDED
+    assert rows[EITHER].size == pytest.approx(1.0, abs=0.1)
+    assert rows[EITHER].text.startswith("the data need friction or damping (")
 
 
 def test_what_an_unexplained_recording_does_not_need_may_be_what_is_missing(scenes):

@@ -30,7 +30,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
         )
     lines.append(f"{'measured':22}{'':32}{metrics['rigid']['return_min_measured_nm']:13.2f} N m")
     trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
-    lines += ["", f"effects   {', '.join(doc['effects']) or 'none'}"]
+    lines += ["", f"effects   {', '.join(map(words, doc['effects'])) or 'none'}"]
     lines.append(f"trigger   {_value(trigger, 'deg', doc)}, nominal {trigger['nominal']:.2f}")
     if chamber and chamber["peak_bar"]:
         lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar', doc)}")

@@ -17,6 +17,7 @@ Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -30,7 +31,7 @@ from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import Covariance, inverse, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.process.second_process import in_two
-from camtorque.records import Array, LossEvidence
+from camtorque.records import APART, EITHER, Array, LossEvidence
 
 NEEDED, NOT_NEEDED = 6.0, -10.0
 """Limits of 2 ln K (Kass & Raftery: 6 is strong, 10 very strong evidence; absence rests on widths of priors alone)."""
@@ -51,6 +52,9 @@ LOSSES: dict[str, tuple[str, ...]] = {
     "driveline": ("shaft_compliance", "drive_admittance", "coupling_compliance"),
 }
 """Loss -> parameters that vanish with it."""
+MEMBERS = {**LOSSES, EITHER: tuple(name for loss in APART for name in LOSSES[loss])}
+"""The same, and both together: told where one of them is needed and nobody knows which, as of a constant at one speed.
+"""
 
 
 def unbounded_mean(solution: Solution, cov: Covariance) -> Array:
@@ -98,30 +102,47 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
 
 
 def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
-    """Return the evidence for every loss of one recording's fit, the chamber's aside."""
+    """Return the evidence for every loss of one recording's fit, the chamber's aside, and for two together."""
     posterior = Gaussian(unbounded_mean(solution, cov), cov.matrix, *problem.bounds)
     prior = prior_of(problem, cov.prior_std)
     full = laplace(problem, solution, cov.inflation)
-    places = {name: np.array([k for k in map(problem.index, members) if k >= 0]) for name, members in LOSSES.items()}
-    quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
-    close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
-    refits = dict(zip(close, in_two(partial(_refitted, problem, solution, cov), close), strict=True))
-    result = []
-    for name, chosen in places.items():
-        quick, refit = quickly[name], refits.get(name, np.nan) - full
-        size, interval, unit = _size(problem, solution, posterior, chosen, name)
-        factor = refit if name == "driveline" and not np.isnan(refit) else quick
-        small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
-        limit = np.degrees(SMALL_ANGLE) if unit == "deg" else small
-        highest = quick if np.isnan(refit) else max(quick, refit)
-        verdict = "cannot tell"
-        if factor > NEEDED:
-            verdict = "needed"
-        elif LEAST_FACTOR < highest < NOT_NEEDED and interval[1] < limit:
-            verdict = "not needed"
-        text = _sentence(name, verdict, factor, size, interval, unit)
-        result.append(LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text))
-    return tuple(result)
+
+    def weighed(names: Sequence[str]) -> list[LossEvidence]:
+        places = {name: np.array([k for k in map(problem.index, MEMBERS[name]) if k >= 0]) for name in names}
+        quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
+        close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
+        refits = dict(zip(close, in_two(partial(_refitted, problem, solution, cov), close), strict=True))
+        return [
+            _judged(
+                problem, solution, posterior, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even
+            )
+            for name, at in places.items()
+        ]
+
+    found = weighed(tuple(LOSSES))
+    apart = any(row.verdict == "needed" for row in found if row.name in APART)
+    together = [] if apart else [row for row in weighed([EITHER]) if row.verdict == "needed"]
+    return (*found, *together)
+
+
+def _judged(
+    problem: Problem, solution: Solution, posterior: Gaussian, loss: tuple[str, Array], factors: tuple[float, float],
+    odd_even: float,
+) -> LossEvidence:  # fmt: skip
+    """Return the verdict on a loss (name, places of its parameters) by its factors: without and with a refit."""
+    (name, chosen), (quick, refit) = loss, factors
+    size, interval, unit = _size(problem, solution, posterior, chosen, name)
+    factor = refit if name == "driveline" and not np.isnan(refit) else quick
+    small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
+    limit = np.degrees(SMALL_ANGLE) if unit == "deg" else small
+    highest = quick if np.isnan(refit) else max(quick, refit)
+    verdict = "cannot tell"
+    if factor > NEEDED:
+        verdict = "needed"
+    elif LEAST_FACTOR < highest < NOT_NEEDED and interval[1] < limit:
+        verdict = "not needed"
+    text = _sentence(name, verdict, factor, size, interval, unit)
+    return LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text)
 
 
 def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
@@ -134,7 +155,7 @@ def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence,
 
 def _refitted(problem: Problem, solution: Solution, cov: Covariance, name: str) -> float:
     """Return -2 ln Z of the fit without a loss."""
-    fewer = build_problem(problem.data, dict.fromkeys(LOSSES[name], 0.0))
+    fewer = build_problem(problem.data, dict.fromkeys(MEMBERS[name], 0.0))
     kept = dict(zip(problem.names, solution.z, strict=True))
     start = np.array([kept[name] for name in fewer.names])
     try:
@@ -173,7 +194,7 @@ def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) ->
 
 
 def _sentence(name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str) -> str:
-    what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name)
+    what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name.replace("_", " "))
     span = f"between {interval[0]:.2g} and {interval[1]:.2g} {unit} rms"
     if verdict == "needed":
         return f"the data need {what} ({size:.2g} {unit} rms; 2 ln K = {factor:.0f})"

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from camtorque.records import APART, KNOWLEDGE, TOGETHER, Metrics
+from camtorque.records import APART, EITHER, KNOWLEDGE, TOGETHER, Metrics
 from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
@@ -173,8 +173,11 @@ def closing_text(doc: Document) -> str:
         )
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
         parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
+    evidence = doc["evidence"]
+    if EITHER in evidence:  # which of the two nobody knows
+        evidence = {name: row for name, row in evidence.items() if name not in APART}
     for verdict_word, text, then in SAID:
-        names = [words(name) for name, row in doc["evidence"].items() if row["verdict"] == verdict_word]
+        names = [words(name) for name, row in evidence.items() if row["verdict"] == verdict_word]
         if names:
             parts.append(f"{text} {', '.join(names)}{then}.")
     return " ".join(parts)
