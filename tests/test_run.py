@@ -81,6 +81,8 @@ def test_metrics_and_causes_come_out_of_the_files_again(report: Path) -> None:
 def test_a_pressure_that_no_line_can_hold_is_refused_before_the_model() -> None:
     recording = camtorque.read(EXAMPLES / "A_1000rpm")
     cycles = camtorque.align(recording)
+    undershot = replace(cycles, pressure=np.asarray(cycles.pressure) - 6.0e5)
+    assert rigid_torque(recording, undershot).torque.size == cycles.theta.size
     turned = replace(cycles, pressure=-np.asarray(cycles.pressure))
     with pytest.raises(Refusal, match=r"A_1000rpm: the mean cycle of the line pressure goes down to -8\d\d bar gauge"):
         rigid_torque(recording, turned)
