@@ -76,6 +76,18 @@ def test_a_lift_table_in_another_unit_is_refused(bench: Path, factor: float, mes
         read(bench)
 
 
+def test_a_crowned_foot_that_slides_is_no_roller_of_strange_size(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    edit(toml, "roller_radius_m = 0.008", "roller_radius_m = 0.09")
+    with pytest.raises(Refusal, match=r"roller radius over base circle radius is 4\.5"):
+        read(bench)
+    edit(toml, "roller_radius_m = 0.09", "roller_radius_m = 0.09\nroller_mass_kg = 0.0\nroller_inertia_kg_m2 = 0.0")
+    with pytest.raises(Refusal, match="curvature of its path") as caught:  # this cam's flanks are too hollow for it
+        read(bench)
+    assert "over base circle radius" not in str(caught.value)
+    assert "disc" not in str(caught.value)
+
+
 def test_a_turned_lift_table_is_refused(bench: Path):
     file = bench / "calibration" / "cam_A.csv"
     lines = file.read_text().splitlines()

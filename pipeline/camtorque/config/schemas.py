@@ -87,7 +87,9 @@ PUMP = TableSchema("[pump]", "catalogue values of the pump; `run` needs them, `a
     Key("poisson_ratio", "number", "of cam and roller", default=0.3, band=Band(0.05, 0.499, "of solids"), own=True),
     Key("roller_mass_kg", "number", "literature values are used where it is not given", "kg", None,
         Band(1e-6, 100.0, "a roller is lighter than its follower", or_zero=True), own=True),
-    Key("roller_inertia_kg_m2", "number", "about its pin; literature values where not given", "kg_m2", None,
+    Key("roller_inertia_kg_m2", "number",
+        "about its pin; literature values where not given; 0: a foot that slides, roller_radius_m is that of its crown",
+        "kg_m2", None,
         Band(1e-12, 5.0, "a ship's roller has less", or_zero=True), own=True),
 ), required=False)  # fmt: skip
 

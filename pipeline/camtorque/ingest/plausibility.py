@@ -134,6 +134,10 @@ PUMP_RATIOS: dict[str, Ratio] = {
 }  # fmt: skip
 
 
+OF_ROLLERS = frozenset({"roller", "roller_width", "roller_size", "follower_disc"})
+"""Ratios that say nothing of a foot that slides (roller_inertia_kg_m2 = 0), whose radius is that of its crown."""
+
+
 def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
     """Compare sizes of one pump with each other.
 
@@ -143,7 +147,10 @@ def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
     """
     problems, findings = Problems(), []
     where = f"{config.path} [pump]"
-    for ratio in PUMP_RATIOS.values():
+    foot = config.pump.roller_inertia == 0.0
+    for name, ratio in PUMP_RATIOS.items():
+        if foot and name in OF_ROLLERS:
+            continue
         value = ratio.value(config.pump, table)
         text = f"{ratio.what} is {short(value)}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; check {ratio.keys}"
         if not ratio.possible[0] <= value <= ratio.possible[1]:
