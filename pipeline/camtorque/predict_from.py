@@ -40,6 +40,7 @@ from camtorque.fit.problem import SEPARATOR
 from camtorque.ingest import read_recording
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.friction import Friction
@@ -83,12 +84,13 @@ class Found:
 
 @dataclass(frozen=True)
 class Rig:
-    """What sheets say of a pump: data, lift table, direction of running, nominal trigger angle [rad]."""
+    """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter."""
 
     pump: Any
     table: CamTable
     rotation: int
     trigger_angle: float
+    low_pass_order: int = 0
 
 
 def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
@@ -106,7 +108,8 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
             "fit; make the report again"
         )
     doc = read_document(file, SCHEMA, "a report of `camtorque run`, or make it again")
-    if not any(row["explained"] for row in doc["recordings"]):
+    rows = [row for row in doc["recordings"] if row["explained"]]
+    if not rows:
         raise Refusal(
             f"{file}: its model leaves {', '.join(row['id'] for row in doc['recordings'])} unexplained, expected a fit "
             "whose intervals can be relied on; mend what the report names and make it again"
@@ -120,7 +123,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
     values = np.array(doc["values"], dtype=np.float64)
     known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings, known_shown(doc), known_lift(doc))
-    return known, folder, doc["recordings"]
+    return known if len(rows) == len(recordings) else known.only([row["id"] for row in rows]), folder, rows
 
 
 def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
@@ -146,7 +149,9 @@ def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
     if cam is not None:
         data, table = replace(data, cam_table_path=cam), None
     table = read_cam_table(data)[0] if table is None else table
-    return Rig(data, table, rotation, config.trigger.nominal_angle)
+    torque = config.sensors.get("torque")
+    order = read_sheet(torque).filter_order if torque is not None else 0
+    return Rig(data, table, rotation, config.trigger.nominal_angle, order)
 
 
 def curve_of(report: Path, speed: float) -> Curve:
@@ -332,5 +337,5 @@ def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     return ChainInput(
         theta=theta, speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
-        offset=rig.pump.follower_offset * rig.rotation,
+        offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
     )  # fmt: skip

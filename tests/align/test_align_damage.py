@@ -189,6 +189,8 @@ def test_two_clipped_humps_as_far_apart_as_they_are_long_are_clipped() -> None:
     volts = np.r_[np.zeros(20), rise, flat, dip, flat, rise[::-1], np.zeros(20)]
     assert damage_of(volts, -10.0, 10.0)[3] == 30
     assert clipped_samples(volts, 4.0) == 60
+    volts[15 + 400] = np.nan  # a sample that is missing beside the first hump
+    assert clipped_samples(volts, 4.0) == 60
 
 
 @pytest.mark.parametrize("name", ["A_0300rpm", "A_0500rpm", "A_0750rpm", "A_1000rpm", "A_1250rpm"])

@@ -61,6 +61,9 @@ def test_a_fitted_value_of_an_unexplained_recording_cannot_be_judged() -> None:
     fitted, measured = judge({**DOCUMENT, "explained": False}, limits)
     assert (fitted.verdict, measured.verdict) == ("cannot tell", "pass")
     assert "unexplained" in fitted.reason
+    at_bound = {"parameters": {"leakage": {"value": 0.0, "stderr": None, "unit": ""}}, "losses": {"friction": 1.0}}
+    rows = judge({**at_bound, "explained": False}, [limits[0], Limit("losses.friction", None, 5.0)])
+    assert [row.verdict for row in rows] == ["cannot tell", "cannot tell"]
 
 
 def test_the_worst_verdict_counts() -> None:

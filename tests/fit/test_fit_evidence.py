@@ -15,7 +15,7 @@ from camtorque.fit.single import chamber_evidence, structure_probabilities, swit
 from camtorque.fit.solver import solve
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import covariance
-from camtorque.records import EITHER, AngleError
+from camtorque.records import EITHER_LOSS, AngleError
 from fit_cases import bridged, quick
 
 
@@ -81,7 +81,7 @@ def test_losses_that_are_not_there_are_not_claimed(scenes):
 
 
 def test_a_constant_torque_is_friction_or_damping_and_nobody_knows_which(scenes):
-    assert EITHER not in scenes["chamber_only"], "nothing is told of losses that are not there"
+    assert EITHER_LOSS not in scenes["chamber_only"], "nothing is told of losses that are not there"
     key = ("chamber_only", 0, 1000.0)
     found = quick(key)
     data = [replace(item, torque=item.torque + 1.0) for item in found.problem.data]
@@ -90,10 +90,10 @@ def test_a_constant_torque_is_friction_or_damping_and_nobody_knows_which(scenes)
     odd_even = mean_cycles(bridged(key)[1]).odd_even
     rows = {row.name: row for row in loss_evidence(problem, solution, covariance(problem, solution), odd_even)}
     assert {rows["friction"].verdict, rows["damping"].verdict} == {"cannot tell"}
-    assert rows[EITHER].verdict == "needed"
-    assert rows[EITHER].two_ln_bayes_factor > NEEDED
-    assert rows[EITHER].size == pytest.approx(1.0, abs=0.1)
-    assert rows[EITHER].text.startswith("the data need friction or damping (")
+    assert rows[EITHER_LOSS].verdict == "needed"
+    assert rows[EITHER_LOSS].two_ln_bayes_factor > NEEDED
+    assert rows[EITHER_LOSS].size == pytest.approx(1.0, abs=0.1)
+    assert rows[EITHER_LOSS].text.startswith("the data need friction or damping (")
 
 
 def test_what_an_unexplained_recording_does_not_need_may_be_what_is_missing(scenes):

@@ -8,7 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit import minima
-from camtorque.fit.findings import implausible_findings, largest_chi_square, light_cam_findings, prior_findings
+from camtorque.fit.findings import (
+    implausible_findings,
+    largest_chi_square,
+    light_cam_findings,
+    mounting_findings,
+    prior_findings,
+)
 from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.next_run import proposals
@@ -141,11 +147,15 @@ def test_nuisances_pulled_off_their_sheet_are_told(record):
 
 
 @pytest.mark.parametrize(("pull", "stderr", "told"), [(2.4, 0.1, True), (1.8, 0.1, False), (2.4, 0.5, False),
-                                                       (2.6, 0.5, True)])  # fmt: skip
+                                                       (-2.4, 0.1, True)])  # fmt: skip
 def test_a_trigger_beyond_its_mounting_tolerance_is_told(record, pull, stderr, told):
     row = next(row for row in record.parameters if row.name == "trigger_offset")
     mean, std = row.prior
-    assert bool(prior_findings([replace(row, value=mean + pull * std, stderr=stderr * std)])) == told
+    moved = replace(row, value=mean + pull * std, stderr=stderr * std)
+    assert prior_findings([moved]) == ()
+    texts = [finding.text for finding in mounting_findings([moved])]
+    assert [f"beyond its mounting tolerance of +-{1.7320508 * std:.3g} deg" in text for text in texts] == [True] * told
+    assert mounting_findings([replace(moved, value=2.6 * std)]) == (), "told as pulled then"
 
 
 def test_values_that_are_unusual_together_are_told(record):

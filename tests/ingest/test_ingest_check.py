@@ -48,6 +48,15 @@ def test_what_the_signal_does_at_that_angle_in_other_turns_is_no_isolated_sample
     assert ("isolated_samples" in {row.code for row in summarise(recording).findings}) == told
 
 
+@pytest.mark.parametrize("turn", [0, 1, 5, 8])
+def test_a_glitch_is_told_in_the_first_and_last_turns_too(tmp_path: Path, turn):
+    log = clean_log(revolutions=9.9, start=0.09)
+    volts = log.volts["pressure"].copy()
+    volts[round((turn + 0.7) * 1000)] += 0.4
+    recording = read_recording(write_folder(tmp_path, [log.with_volts("pressure", volts)], Plan("hdf5")))
+    assert "isolated_samples" in {row.code for row in summarise(recording).findings}
+
+
 def test_edges_of_pulses_are_not_isolated_samples():
     square = (np.arange(10_000) % 500 < 40).astype(float) + 1e-3 * np.random.default_rng(6).standard_normal(10_000)
     assert isolated_samples(square).size == 0

@@ -54,6 +54,7 @@ def test_gain_is_the_line_through_all_points():
 @pytest.mark.parametrize(
     ("stated", "order"),
     [("low-pass, 4th order, Bessel", 4), ("Fourth-order Butterworth", 4), ("6-pole Bessel", 6), ("Bessel", 0),
+     ("Butterworth, order 4", 4),
      ("Tiefpass 4. Ordnung", 4)],
 )  # fmt: skip
 def test_the_order_of_a_low_pass_is_read_as_sheets_write_it(papers: Path, stated: str, order: int):
@@ -191,6 +192,20 @@ def test_a_point_that_the_other_points_contradict_is_a_finding(papers: Path, wro
     assert [finding.code for finding in sensor.findings] == ["certificate_point"] * told
     if told:
         assert re.search(r"point 5 .* 2\.4 % of the range .* moves the sensitivity by \+0\.56", sensor.findings[0].text)
+
+
+@pytest.mark.parametrize(
+    ("loads", "wrong"), [((0, 25, 50, 75, 100), 2), ((0, 20, 40, 80, 160), 1), ((0, 0, 0, 0, 200), -1)]
+)
+def test_a_slip_beside_the_only_far_load_is_found_and_repeated_zeros_are_no_slip(papers: Path, loads, wrong):
+    scatter = np.array([0.5, -0.5, 0.3, -0.4, 0.2]) * 1e-5
+    volts = 0.025 * np.array(loads) + scatter + 0.15 * (np.arange(5) == wrong)
+    rows = "".join(f"{load},{volt:.6f}\n" for load, volt in zip(loads, volts, strict=True))
+    head = "# certificate torque transducer T22-40117, k=2 uncertainty 0.05 % of nominal\napplied_torque_Nm,output_V\n"
+    (papers / "torque_T22-40117.csv").write_text(head + rows)
+    found = [row for row in read_sensor(reference(papers)).findings if row.code == "certificate_point"]
+    assert len(found) == (wrong >= 0)
+    assert all(f"point {wrong + 1} of the certificate" in row.text for row in found)
 
 
 def test_header_only_certificate_is_refused(papers: Path):

@@ -13,6 +13,7 @@ from camtorque.laws.sensor import (
     BESSEL,
     BUTTERWORTH,
     LEAST_DAMPING,
+    MOST_DAMPING,
     STEEP,
     STEEPEST,
     low_pass,
@@ -118,10 +119,14 @@ def test_a_steep_low_pass_is_that_of_scipy_without_its_delay(order, kind):
     assert found == pytest.approx(expected * np.exp(-1j * x * np.angle(slow) / 1e-4), abs=1e-6)
 
 
-def test_the_poles_stay_to_the_left_down_to_the_least_damping():
-    for order in range(STEEP, STEEPEST + 1):
-        poles, way = poles_of(order)
-        assert np.max((poles + way * (LEAST_DAMPING - BUTTERWORTH)).real) < -0.03
+@pytest.mark.parametrize("order", range(STEEP, STEEPEST + 1))
+def test_every_steep_low_pass_has_its_cut_off_and_is_stable(order):
+    first, line, corner = poles_of(order)
+    for damping in np.linspace(LEAST_DAMPING, MOST_DAMPING, 9):
+        apart = damping - BUTTERWORTH
+        assert np.max(((first + line * apart) * np.polyval(corner, apart)).real) < -0.1
+        at_cutoff = low_pass(np.array([2.0 * np.pi * 400.0]), order, 400.0, damping, 0.0)[0]
+        assert abs(at_cutoff[0]) == pytest.approx(np.sqrt(0.5), rel=0.01)
 
 
 def test_shift_is_zero_at_the_trigger_edge():

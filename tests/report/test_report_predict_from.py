@@ -358,6 +358,13 @@ def test_a_load_that_rises_elsewhere_than_the_fitted_ones_is_told() -> None:
     assert elsewhere_text(rise_angle(curve), fitted) == ()
     (text,) = elsewhere_text(rise_angle(curve) - np.radians(5.0), fitted)
     assert "before its angle is checked: it begins to rise at 17.8 deg" in text
+    steady = replace(curve, pressure=np.full(THETA.size, 2e7))
+    assert np.isnan(rise_angle(steady))
+    assert elsewhere_text(rise_angle(steady), fitted) == elsewhere_text(0.4, rise_range([steady])) == ()
+    around = rise_range([turned, replace(turned, pressure=np.roll(turned.pressure, 60))])
+    assert np.ptp(around) == pytest.approx(np.radians(12.0), abs=0.01), "across the zero"
+    assert elsewhere_text(0.02, around) == ()
+    assert elsewhere_text(3.0, around)
 
 
 def test_a_line_pressure_that_the_chamber_does_not_reach_is_refused() -> None:

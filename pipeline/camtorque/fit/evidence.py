@@ -31,7 +31,7 @@ from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import Covariance, inverse, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.process.second_process import in_two
-from camtorque.records import APART, EITHER, Array, LossEvidence
+from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
 
 NEEDED, NOT_NEEDED = 6.0, -10.0
 """Limits of 2 ln K (Kass & Raftery: 6 is strong, 10 very strong evidence; absence rests on widths of priors alone)."""
@@ -52,7 +52,7 @@ LOSSES: dict[str, tuple[str, ...]] = {
     "driveline": ("shaft_compliance", "drive_admittance", "coupling_compliance"),
 }
 """Loss -> parameters that vanish with it."""
-MEMBERS = {**LOSSES, EITHER: tuple(name for loss in APART for name in LOSSES[loss])}
+MEMBERS = {**LOSSES, EITHER_LOSS: tuple(name for loss in APART for name in LOSSES[loss])}
 """The same, and both together: told where one of them is needed and nobody knows which, as of a constant at one speed.
 """
 
@@ -121,7 +121,7 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
 
     found = weighed(tuple(LOSSES))
     apart = any(row.verdict == "needed" for row in found if row.name in APART)
-    together = [] if apart else [row for row in weighed([EITHER]) if row.verdict == "needed"]
+    together = [] if apart else [row for row in weighed([EITHER_LOSS]) if row.verdict == "needed"]
     return (*found, *together)
 
 

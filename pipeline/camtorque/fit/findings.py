@@ -32,8 +32,7 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
         if row.prior is None:
             continue
         pull = (row.value - row.prior[0]) / row.prior[1]
-        mounted = EDGE + BEYOND * row.stderr / row.prior[1] if row.name.split(SEPARATOR)[0] == MOUNTING else PULLED
-        if abs(pull) > min(mounted, PULLED):
+        if abs(pull) > PULLED:
             text = (
                 f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}"
                 f"{', at its bound,' if row.at_bound else ','} "
@@ -42,6 +41,23 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
                 "this one stands in for"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
+    return tuple(result)
+
+
+def mounting_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
+    """Return the finding on a trigger beyond its mounting tolerance, where `prior_findings` does not tell it."""
+    result = []
+    for row in parameters:
+        if row.name.split(SEPARATOR)[0] != MOUNTING or row.prior is None:
+            continue
+        edge = EDGE * row.prior[1]
+        if EDGE + BEYOND * row.stderr / row.prior[1] < abs(row.value) / row.prior[1] <= PULLED:
+            text = (
+                f"the trigger lies {short(abs(row.value) - edge)} {row.unit} beyond its mounting tolerance of +-"
+                f"{short(edge)} {row.unit}: measure where its mark is; nominal_angle_deg, or the edge that counts, may "
+                "be another"
+            )
+            result.append(Finding("trigger_beyond_tolerance", "warning", text, row.name))
     return tuple(result)
 
 

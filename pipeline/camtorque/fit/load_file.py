@@ -11,7 +11,7 @@ from camtorque.fit.end_shape import Curve
 from camtorque.fit.prepare import FIT_GRID
 from camtorque.mechanism.predict import pressure_at
 from camtorque.records import Array, Refusal
-from camtorque.units import BAR, DEGREE
+from camtorque.units import BAR, DEGREE, TURN
 
 LOADED = 0.1
 """Share of the highest line pressure above which the points of a file matter."""
@@ -85,17 +85,25 @@ def top_range(fitted: Iterable[Curve]) -> tuple[float, float]:
 
 
 def rise_angle(curve: Curve) -> float:
-    """Return the cam angle at which a line pressure begins its rise to the highest value [rad]."""
+    """Return the cam angle at which a line pressure begins its rise to the highest value [rad], nan of a steady one."""
     pressure = np.roll(curve.pressure, -int(np.argmax(curve.pressure)))
     low = float(np.min(pressure))
+    if float(pressure[0]) - low < LOADED * float(pressure[0]):
+        return float("nan")
     below = np.flatnonzero(pressure < low + RISEN * (float(pressure[0]) - low))
     return float(np.roll(curve.theta, -int(np.argmax(curve.pressure)))[below[-1]])
 
 
 def rise_range(fitted: Iterable[Curve]) -> tuple[float, float]:
-    """Return the least and the greatest cam angle at which line pressures of fitted recordings rise [rad]."""
-    angles = [rise_angle(one) for one in fitted]
-    return min(angles), max(angles)
+    """Return the least and the greatest cam angle at which line pressures of fitted recordings rise [rad].
+
+    Both lie within half a turn of the first; nan where all are steady.
+    """
+    angles = np.array([angle for angle in map(rise_angle, fitted) if np.isfinite(angle)])
+    if not angles.size:
+        return float("nan"), float("nan")
+    apart = np.remainder(angles - angles[0] + np.pi, TURN) - np.pi
+    return float(angles[0] + np.min(apart)), float(angles[0] + np.max(apart))
 
 
 def refuse_below_line(curve: Curve, chamber: Array, name: str) -> None:

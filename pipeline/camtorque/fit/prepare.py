@@ -14,7 +14,7 @@ from camtorque.laws.fuels import fuel_temperature, modulus_prior, viscosity_rati
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
-from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, STEEP
+from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, MOST_DAMPING, STEEP
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
 from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal, SensorCalibration
@@ -164,7 +164,8 @@ def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> Non
         ratio = torque.filter_damping
         _set(rows, "filter_damping", start=ratio, prior=(ratio, 0.05), source="kind of low-pass on the sheet")
     if torque.filter_order >= STEEP:
-        _set(rows, "filter_damping", start=max(rows["filter_damping"].start, BUTTERWORTH), lower=LEAST_DAMPING)
+        start = max(rows["filter_damping"].start, BUTTERWORTH)
+        _set(rows, "filter_damping", start=start, lower=LEAST_DAMPING, upper=MOST_DAMPING)
 
 
 def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:

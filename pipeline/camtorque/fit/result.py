@@ -12,6 +12,7 @@ from camtorque.fit.findings import (
     fit_findings,
     implausible_findings,
     light_cam_findings,
+    mounting_findings,
     prior_findings,
     table_findings,
 )
@@ -194,7 +195,7 @@ def fitted_torque(
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
         next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
         findings=(
-            *prior_findings(parameters), *implausible_findings(parameters, explained),
+            *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
             *fit_findings(fit, fitted.chain, fitted.output, None if explained else left),
         ),

@@ -97,15 +97,17 @@ def _fit(path: Path, applied: Array, volts: Array, relative: float) -> Certifica
 
 
 def _outlying(path: Path, applied: Array, volts: Array) -> tuple[Finding, ...]:
-    """Return a warning on the point that lies farthest off the line through all the others."""
+    """Return a warning on the point without which the others scatter least, where it lies far off their line."""
     found = []
     for place in range(applied.size if applied.size > LEAST_POINTS + 1 else 0):
         others = np.arange(applied.size) != place
+        if np.ptp(applied[others]) == 0.0:
+            continue  # the others are no line
         slope, zero = np.polyfit(applied[others], volts[others], 1)
         off = (volts - zero - slope * applied) / slope
         scatter = float(np.sqrt(np.sum(off[others] ** 2) / (applied.size - 3)))
-        found.append((abs(float(off[place])), scatter, place, float(slope)))
-    off, scatter, place, slope = max(found, default=(0.0, 0.0, 0, 1.0))
+        found.append((scatter, abs(float(off[place])), place, float(slope)))
+    scatter, off, place, slope = min(found, default=(0.0, 0.0, 0, 1.0))
     span = float(np.ptp(applied)) / 100.0
     if off <= max(STANDS_OUT * scatter, STANDS_OUT_PERCENT * span):
         return ()

@@ -129,10 +129,12 @@ def _isolated(
     """Return a warning on samples that stand out, but for where the signal bends like that at any turn."""
     times = trains.get(channel.logger, next(iter(trains.values()), np.empty(0)))
     pulses = times[:: max(round(_expected(config)), 1)]
-    at = [place for place in scan.isolated_at if not _bends_there(channel, place, pulses)]
+    at = list(scan.isolated_at)
+    if channel.quantity != "trigger":  # whose edges recur
+        at = [place for place in at if not _bends_there(channel, place, pulses)]
     if not at:
         return []
-    count = scan.isolated - len(scan.isolated_at) + len(at)
+    count = f"{len(at)}{' or more' if scan.isolated > len(scan.isolated_at) else ''}"
     text = f"samples that stand out from both neighbours: {count}, the first is no. {at[0]}"
     return [Finding("isolated_samples", "warning", text, f"{channel.path.name} {channel.name}")]
 
@@ -144,10 +146,10 @@ def _bends_there(channel: Channel, place: int, pulses: Array) -> bool:
     pulses = np.r_[2.0 * pulses[0] - pulses[1], pulses, 2.0 * pulses[-1] - pulses[-2]]  # a log goes on beyond them
     turn = np.interp(channel.start_time + place / channel.sample_rate, pulses, np.arange(pulses.size))
     turns = turn + np.array(OTHER_TURNS)
-    turns = turns[(turns >= 0.0) & (turns <= pulses.size - 1.0)]
     times = np.interp(turns[:, None] + np.array([-SAME_ANGLE, SAME_ANGLE]), np.arange(pulses.size), pulses)
     ends = np.round((times - channel.start_time) * channel.sample_rate).astype(np.int64)
-    usual = max((_largest_bend(channel, first, last) for first, last in ends), default=0.0)
+    inside = (turns >= 0.0) & (turns <= pulses.size - 1.0) & (ends[:, 0] > 0) & (ends[:, 1] < channel.n_samples - 1)
+    usual = max((_largest_bend(channel, first, last) for first, last in ends[inside]), default=0.0)
     return _largest_bend(channel, place, place) < float(SPIKE_TIMES_BESIDE) * usual
 
 

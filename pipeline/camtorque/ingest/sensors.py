@@ -251,7 +251,8 @@ def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
     cutoff, order = sheet["cutoff_hz"], max(sheet.filter_order, 1)
     if cutoff is None:
         return
-    least = 1.0 / math.sin(0.5 * math.pi / order) / (2.0 * math.pi * cutoff)  # Butterworth; Bessel ones are near
+    # that of a Bessel filter, nearly (Thomson, Proc. IEE 96 (1949)); a Butterworth one is slower
+    least = math.sqrt((2 * order - 1) * math.log(2.0)) / (2.0 * math.pi * cutoff)
     if delay < 0.5 * least:
         raise Refusal(
             f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
@@ -317,6 +318,9 @@ def _gain_std(sheet: Sheet, line: CertificateLine) -> tuple[float, list[Finding]
 def _delayed(sheet: Sheet, quantity: str) -> tuple[SensorCalibration, list[Finding]]:
     """Return delay and low-pass of a sensor; what its output means is not known yet."""
     delay, delay_std, findings = _delay(sheet, quantity)
+    if sheet["filter"] and sheet["cutoff_hz"] and not sheet.filter_order:
+        text = f"filter: {sheet['filter']!r} names no order; second order is taken (say '4th order, Bessel')"
+        findings = [*findings, Finding("filter_order_assumed", "info", text, sheet.place)]
     return SensorCalibration(
         quantity, sheet.serial, delay=delay, delay_std=delay_std, cutoff_hz=sheet["cutoff_hz"] or math.nan,
         filter_order=sheet.filter_order, filter_damping=sheet.filter_damping,

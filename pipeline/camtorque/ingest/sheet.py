@@ -17,8 +17,10 @@ from camtorque.records import Finding, Refusal
 
 DEFAULTS = {key.attribute: key.default for key in SHEET_KEYS}
 PERCENT = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)\s*%")
-ORDER = re.compile(r"(\d{1,2})(?:st|nd|rd|th|\.)?[- ]?(?:order|pole|ordnung)", re.IGNORECASE)
-ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
+ORDER = re.compile(
+    r"(\d{1,2}) ?(?:st|nd|rd|th|\.)?[- ]?(?:order|pol|ordnung)|(?:order|ordnung)[ :=]*(\d{1,2})", re.IGNORECASE
+)
+ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 KINDS = {"bessel": 0.866, "butterworth": 0.7071}
 """Damping ratio of a low-pass of second order by the kind that a sheet names."""
 
@@ -64,7 +66,7 @@ class Sheet:
         for number, word in enumerate(ORDINALS, 1):
             named = named.replace(f"{word}-order", f"{number}-order").replace(f"{word} order", f"{number}-order")
         found = ORDER.search(named)
-        return int(found[1]) if found and self.values["cutoff_hz"] is not None else 0
+        return int(found[1] or found[2]) if found and self.values["cutoff_hz"] is not None else 0
 
     @property
     def filter_damping(self) -> float:

@@ -103,7 +103,8 @@ def drive_work(data: ChainInput, values: Mapping[str, float]) -> float:
     it is less by this, which nothing between transducer and cam takes. By Parseval, with psi_k = -C_k T_k of the two.
     """
     alone = dict.fromkeys(("shaft_compliance", "half_inertia"), 0.0)
-    spectrum = data.twist.spectrum
-    yielding = drive_response(data, {**values, **alone}, tangents=False)[: spectrum.size, 0]
-    order = np.arange(spectrum.size)
-    return 4.0 * np.pi / data.theta.size**2 * float(np.sum(order * np.abs(spectrum) ** 2 * yielding.imag))
+    rolled = data.twist.spectrum
+    torque = np.fft.rfft(data.shaft_torque)[: rolled.size]
+    yielding = drive_response(data, {**values, **alone}, tangents=False)[: rolled.size, 0]
+    swing = -1j * np.arange(rolled.size) * rolled * yielding
+    return 4.0 * np.pi / data.theta.size**2 * float(np.sum((np.conj(torque) * swing).real))

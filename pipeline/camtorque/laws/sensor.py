@@ -10,7 +10,7 @@ A low-pass of higher order has as many poles p_k as its sheet says, with x = w /
     H = exp(i x T) / prod_k (1 - i x / p_k) * exp(-i w d),   T = sum_k Re(-1 / p_k)
 
 The damping ratio is that of the second-order filter of its kind: it leads the poles on straight lines from Butterworth
-(0.71) to Bessel (0.87), whose -3 dB frequency is f_c.
+(0.71) to Bessel (0.87), all of them scaled so that the -3 dB frequency is f_c.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from camtorque.records import Array
 
 BUTTERWORTH, BESSEL = math.sqrt(0.5), math.sqrt(0.75)
 """Damping ratios of second-order filters of these kinds."""
-STEEP, STEEPEST = 3, 10
+STEEP, STEEPEST = 3, 8
 """Order from which a low-pass has poles of its own here, and the highest: steeper ones are alike at what a fit sees."""
-LEAST_DAMPING = 0.69
-"""Damping ratio that keeps the poles of `STEEPEST` to the left."""
+LEAST_DAMPING, MOST_DAMPING = 0.70, 0.90
+"""Damping ratios of steep filters, which keep the poles of `STEEPEST` to the left."""
 
 ROWS = (
     parameter("gain_error", "g_T", "%", 0.01, (0.0, -3.0, 3.0, 0.1), (0.0, 0.25),
@@ -43,7 +43,7 @@ ROWS = (
     parameter("cutoff", "f_c", "Hz", 1.0, (1000.0, 300.0, 5000.0, 50.0), (1000.0, 50.0),
             "-3 dB frequency of the transducer's low-pass", "data sheet; tolerance assumed 5 %"),
     parameter("filter_damping", "zeta", "-", 1.0, (0.707, 0.45, 1.1, 0.03), (0.75, 0.09),
-            "damping ratio of the second-order low-pass", "Butterworth 0.71, Bessel 0.87"),
+            "kind of the low-pass, as its damping ratio at second order", "Butterworth 0.71, Bessel 0.87"),
 )  # fmt: skip
 
 
@@ -81,8 +81,10 @@ def low_pass(
         found: tuple[NDArray[np.complex128], NDArray[np.complex128]]
         found = sensor_transfer(omega, cutoff_hz, damping, delay_error)
         return found
-    poles, way = poles_of(min(order, STEEPEST))
-    poles = poles + way * (damping - BUTTERWORTH)
+    first, line, corner = poles_of(min(order, STEEPEST))
+    apart = damping - BUTTERWORTH
+    scale, slope = np.polyval(corner, apart), np.polyval(np.polyder(corner), apart)
+    poles, way = (first + line * apart) * scale, line * scale + (first + line * apart) * slope
     x = omega / (2.0 * np.pi * cutoff_hz)
     over = 1.0 / (1.0 - 1j * x[:, None] / poles)
     delay, delay_by_damping = np.sum((-1.0 / poles).real), np.sum((way / poles**2).real)
@@ -94,8 +96,10 @@ def low_pass(
 
 
 @cache
-def poles_of(order: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def poles_of(order: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array]:
     """Return the poles of a Butterworth low-pass, and their way to Bessel ones per damping ratio; -3 dB at 1 rad/s.
+
+    The last is a polynomial of the damping ratio less Butterworth's: what scales the poles between to -3 dB at 1 rad/s.
 
     Sources: Butterworth, Wireless Engineer 7 (1930); Thomson, Proc. IEE 96 (1949): the poles of a Bessel low-pass are
     the roots of the reverse Bessel polynomial.
@@ -115,4 +119,16 @@ def poles_of(order: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]
     )
     bessel = np.roots(powers) / corner
     first, last = (np.asarray(p[np.argsort(p.imag)], dtype=np.complex128) for p in (butterworth, bessel))
-    return first, (last - first) / (BESSEL - BUTTERWORTH)
+    line = (last - first) / (BESSEL - BUTTERWORTH)
+    apart = np.r_[np.linspace(LEAST_DAMPING, MOST_DAMPING, 27), BUTTERWORTH, BESSEL] - BUTTERWORTH
+    scales = [*(1.0 / _corner(first + line * one) for one in apart[:-2]), 1.0, 1.0]
+    exact = np.r_[np.ones(27), 1e6, 1e6]  # filters that sheets name
+    return first, line, np.polyfit(apart, scales, 8, w=exact)
+
+
+def _corner(poles: NDArray[np.complex128]) -> float:
+    """Return the highest frequency at which a low-pass of these poles lets -3 dB through [rad/s]."""
+    x = np.linspace(0.3, 2.5, 8001)
+    size = np.prod(np.abs(1.0 - 1j * x[:, None] / poles), axis=1)
+    last = int(np.flatnonzero(size < math.sqrt(2.0))[-1])
+    return float(np.interp(math.sqrt(2.0), size[last : last + 2], x[last : last + 2]))

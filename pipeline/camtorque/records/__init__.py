@@ -8,7 +8,7 @@ from camtorque.records.base import CONTROL, SEVERITIES, Array, Estimate, Finding
 from camtorque.records.cycles import AngleError, CamCycles, ClockFit, CutFlowRow
 from camtorque.records.fitted import (
     APART,
-    EITHER,
+    EITHER_LOSS,
     KNOWLEDGE,
     TOGETHER,
     VERDICTS,

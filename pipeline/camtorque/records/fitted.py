@@ -11,7 +11,7 @@ from camtorque.records.base import Array, Estimate, Finding, ReadOnly
 from camtorque.records.cycles import AngleError
 from camtorque.records.rigid import Forces
 
-APART, TOGETHER, EITHER = ("friction", "damping"), "friction_and_damping", "friction_or_damping"
+APART, TOGETHER, EITHER_LOSS = ("friction", "damping"), "friction_and_damping", "friction_or_damping"
 """Losses that one recording tells apart badly, and their sum, which it tells well."""
 KNOWLEDGE = ("measured", "upper limit", "narrowed", "from the sheet")
 """How far the data went beyond what was known of a parameter before; an amount that may be zero has an upper limit."""

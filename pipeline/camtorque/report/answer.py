@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from camtorque.records import APART, EITHER, KNOWLEDGE, TOGETHER, Metrics
+from camtorque.records import APART, EITHER_LOSS, KNOWLEDGE, TOGETHER, Metrics
 from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
@@ -174,7 +174,7 @@ def closing_text(doc: Document) -> str:
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
         parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
     evidence = doc["evidence"]
-    if EITHER in evidence:  # which of the two nobody knows
+    if EITHER_LOSS in evidence:  # which of the two nobody knows
         evidence = {name: row for name, row in evidence.items() if name not in APART}
     for verdict_word, text, then in SAID:
         names = [words(name) for name, row in evidence.items() if row["verdict"] == verdict_word]
@@ -228,7 +228,7 @@ def left_out_text(blocks: Sequence[float]) -> str:
 def known_text(rows: Collection[Document]) -> str:
     """Return how many parameters the data tell something about, and what."""
     counts = [sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE]
-    limits = f"{counts[1]} have an upper limit (as little as is possible is not excluded), " if counts[1] else ""
+    limits = f"{counts[1]} have an upper limit (its lower bound, mostly zero, is not excluded), " if counts[1] else ""
     return f"{counts[0]} are measured, {limits}{counts[2]} narrowed"
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # only named here: drawing a page does not load the fit
 
 SUSPICIONS = frozenset({"torque_against_model", "uneven_running"})
 """Warnings before the fit that friction and ringing of a sound pump raise too; a fit as expected tells them apart."""
-UNUSUAL = frozenset({"prior_pulled", "values_implausible", "cam_side_too_light"})
+OF_ODD_FITS = frozenset({"prior_pulled", "values_implausible", "cam_side_too_light"})
 """Findings of a fit that is not as expected."""
 
 
@@ -47,7 +47,7 @@ class RunResult:
 
 
 def _settled(found: tuple[Finding, ...], fitted: FittedTorque) -> tuple[Finding, ...]:
-    if not fitted.explained or any(row.code in UNUSUAL for row in fitted.findings):
+    if not fitted.explained or any(row.code in OF_ODD_FITS for row in fitted.findings):
         return found
     text = "{}; but the fitted model meets the recording with values as expected: nothing else speaks for that here"
     return tuple(

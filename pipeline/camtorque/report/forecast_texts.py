@@ -15,7 +15,7 @@ from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Estimate
-from camtorque.units import BAR, DEGREE, RPM
+from camtorque.units import BAR, DEGREE, RPM, TURN
 
 SAME_LOAD = 1.1
 """Factor beyond the highest line pressures of the fitted recordings that is still a fitted load."""
@@ -61,8 +61,9 @@ def beyond_text(top: float, fitted: tuple[float, float]) -> tuple[str, ...]:
 def elsewhere_text(angle: float, fitted: tuple[float, float]) -> tuple[str, ...]:
     """Return that a load rises at another cam angle than the fitted ones, where it does [rad]."""
     low, high = fitted
-    margin = max(SAME_PLACE, SPREAD - (high - low))
-    if low - margin < angle < high + margin:
+    margin, middle = max(SAME_PLACE, SPREAD - (high - low)), 0.5 * (low + high)
+    apart = abs(float(np.remainder(angle - middle + np.pi, TURN)) - np.pi)
+    if not apart > 0.5 * (high - low) + margin:  # nan: steady pressures have no angle
         return ()
     return (
         f"Do not build on this load before its angle is checked: it begins to rise at {angle / DEGREE:.1f} deg of cam "

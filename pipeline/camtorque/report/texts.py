@@ -105,7 +105,7 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     """Return the parameters by what the data added, each group with its rows in the order of the fit."""
     texts = (
         "The data determine the value; what was known before hardly matters.",
-        "The data tell how large it is at most: as little as is possible (its lower bound) is not excluded.",
+        "The data tell how large it is at most: its lower bound, mostly zero, is not excluded.",
         "The data narrowed what was known before.",
         "The data made these no surer than sheet, certificate or literature; the fit may lean on them within that.",
     )

@@ -102,7 +102,7 @@ def _are_clipped(volts: Array, runs: NDArray[np.int64], ends: NDArray[np.int64])
 def _least_fall(volts: Array, run: int, end: int) -> float:
     """Return by how much the signal leaves a flat run within its length, on the side where it leaves it less."""
     before, after = volts[end - 2 * run + 1 : end - run + 1], volts[end + 1 : end + run + 1]
-    return float(min(np.max(np.abs(volts[end] - side)) for side in (before, after)))
+    return float(min(np.fmax.reduce(np.abs(volts[end] - side)) for side in (before, after)))
 
 
 def clips_below(calibration: SensorCalibration | None) -> bool:

@@ -48,7 +48,7 @@ class Scan:
     missing, longest_missing : samples that are no voltages, and the longest run of them
     clipped_low, clipped_high : samples in clipped runs at the lowest and highest value, see `signal.damage`
     isolated, isolated_at : samples that stand out from both neighbours as no signal does (flipped bits, glitches), and
-        the places of the first `LISTED`
+        the places of up to `LISTED`, spread over the log
     """
 
     n_samples: int
@@ -86,7 +86,8 @@ def scan_channel(channel: Channel) -> Scan:
     # a block whose own extreme is not the channel's has no sample there
     clipped = [sum(n for end, n in ends if end == extreme) for ends, extreme in ((lows, low), (highs, high))]
     low, high = (low, high) if np.isfinite(low) else (np.nan, np.nan)
-    found = isolated.size, tuple(isolated[:LISTED].tolist())
+    spread = np.linspace(0, isolated.size - 1, min(isolated.size, LISTED)).astype(np.int64)
+    found = isolated.size, tuple(isolated[spread].tolist())
     return Scan(channel.n_samples, low, high, missing, longest, clipped[0], clipped[1], *found)
 
 
