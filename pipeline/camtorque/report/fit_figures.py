@@ -24,6 +24,9 @@ EVIDENCE_SHOWN = 30.0
 PAST_DOUBT = 100.0
 """Where the bars of evidence end, and from where on its number says no more."""
 
+NO_TORQUE = 1.0e-4
+"""A loss is drawn at least as large: rounding left at a bound would stretch the scale by ten decades [N m]."""
+
 
 def evidence(result: RunResult) -> Rows | None:
     """Show for each loss how strongly the data ask for it, and how large it is."""
@@ -45,7 +48,10 @@ def _evidence_text(value: float) -> str:
 def _sizes(rows: tuple[LossEvidence, ...], tones: tuple[str, ...]) -> RowPanel:
     """Return the size of each loss with its interval; an angle stands as text beside the torques."""
     torque = [row.unit == "N m" for row in rows]
-    pick = [(row.size, *row.size_ci95) if mine else (math.nan,) * 3 for row, mine in zip(rows, torque, strict=True)]
+    pick = [
+        (max(row.size, NO_TORQUE), *row.size_ci95) if mine else (math.nan,) * 3
+        for row, mine in zip(rows, torque, strict=True)
+    ]
     size, low, high = (tuple(float(item[k]) for item in pick) for k in range(3))
     notes = tuple("" if mine else size_text(row) for row, mine in zip(rows, torque, strict=True))
     marks = (Marks("", size, tones, "point", low, high),)
