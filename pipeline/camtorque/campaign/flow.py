@@ -35,6 +35,7 @@ from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
+from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
 
 MOST_THUMBNAILS = 200
@@ -156,7 +157,7 @@ def prune(folder: Path, out: Path, options: RunOptions) -> dict[str, int]:
 def _referred(out: Path) -> set[str]:
     """Return the keys of the results that the written index links to."""
     try:
-        doc = json.loads((out / "campaign.json").read_text(encoding="utf-8"))
+        doc = json.loads((out / CAMPAIGN).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return set()
     except ValueError as error:

@@ -21,6 +21,7 @@ from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.files import write_json
 from camtorque.report.folder import LOCK, check_writable, locked
+from camtorque.results import CAMPAIGN
 
 ENTRY, JOINT, THUMBNAIL = "entry.json", "joint.bin", "thumbnail.svg"
 SCHEMA = "camtorque.entry/1"
@@ -69,7 +70,7 @@ def prepare_folder(out: Path) -> Path:
     Refusal : ``out`` holds something else or cannot be written
     """
     check_writable(out)
-    if out.is_dir() and any(out.iterdir()) and not ((out / MARK).exists() or (out / "campaign.json").exists()):
+    if out.is_dir() and any(out.iterdir()) and not ((out / MARK).exists() or (out / CAMPAIGN).exists()):
         raise Refusal(
             f"--out {out}: found a folder with other files in it, expected a new one or an earlier campaign; "
             "choose another name"

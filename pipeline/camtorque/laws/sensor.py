@@ -104,21 +104,14 @@ def poles_of(order: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]
     Sources: Butterworth, Wireless Engineer 7 (1930); Thomson, Proc. IEE 96 (1949): the poles of a Bessel low-pass are
     the roots of the reverse Bessel polynomial.
     """
-    butterworth = np.exp(0.5j * np.pi * (2.0 * np.arange(order) + order + 1.0) / order)
+    turns = 0.5j * np.pi * (2.0 * np.arange(order) + order + 1.0) / order
+    butterworth = np.asarray(np.exp(turns), dtype=np.complex128)
     powers = [
         math.factorial(2 * order - k) / (2 ** (order - k) * math.factorial(k) * math.factorial(order - k))
         for k in range(order, -1, -1)
     ]
-    signs = (-1.0) ** np.arange(order, -1, -1)
-    size = np.polymul(powers, powers * signs)[::2] * (-1.0) ** np.arange(
-        order, -1, -1
-    )  # |theta(iw)|^2 by powers of w^2
-    size[-1] -= 2.0 * powers[-1] ** 2
-    corner = math.sqrt(
-        next(root.real for root in np.roots(size) if abs(root.imag) < 1e-9 * abs(root) and root.real > 0)
-    )
-    bessel = np.roots(powers) / corner
-    first, last = (np.asarray(p[np.argsort(p.imag)], dtype=np.complex128) for p in (butterworth, bessel))
+    bessel = np.asarray(np.roots(powers), dtype=np.complex128)
+    first, last = (poles[np.argsort(poles.imag)] for poles in (butterworth, bessel / _corner(bessel)))
     line = (last - first) / (BESSEL - BUTTERWORTH)
     apart = np.r_[np.linspace(LEAST_DAMPING, MOST_DAMPING, 27), BUTTERWORTH, BESSEL] - BUTTERWORTH
     scales = [*(1.0 / _corner(first + line * one) for one in apart[:-2]), 1.0, 1.0]
@@ -128,7 +121,7 @@ def poles_of(order: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]
 
 def _corner(poles: NDArray[np.complex128]) -> float:
     """Return the highest frequency at which a low-pass of these poles lets -3 dB through [rad/s]."""
-    x = np.linspace(0.3, 2.5, 8001)
+    x = np.linspace(0.3, 4.0, 12001)
     size = np.prod(np.abs(1.0 - 1j * x[:, None] / poles), axis=1)
     last = int(np.flatnonzero(size < math.sqrt(2.0))[-1])
     return float(np.interp(math.sqrt(2.0), size[last : last + 2], x[last : last + 2]))

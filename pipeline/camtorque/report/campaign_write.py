@@ -18,6 +18,7 @@ from camtorque.report.drawings import write_figures
 from camtorque.report.files import findings_document, write_json, write_page, write_rows
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import campaign_fit_document
+from camtorque.results import CAMPAIGN, CAMPAIGN_SCHEMA
 from camtorque.version import __version__
 
 JOINT_METRICS = ("fitted", "fitted_held_out_cycles")
@@ -35,7 +36,7 @@ def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = 
     fit = campaign_fit_document(result)
     if fit is not None:
         write_json(folder / FIT_NAME, fit, lines=False)
-    write_rows(folder / "campaign.json", doc)
+    write_rows(folder / CAMPAIGN, doc)
     return doc
 
 
@@ -44,7 +45,7 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
     joint = result.joint
     fitted = dict(zip(joint.names, joint.fitted, strict=True)) if joint else {}
     return jsonable({
-        "schema": "camtorque.campaign/1", "version": __version__, "created": result.created,
+        "schema": CAMPAIGN_SCHEMA, "version": __version__, "created": result.created,
         "n_refused": sum(entry.status != "ok" for entry in result.entries),
         "recordings": [_entry(entry, fitted.get(entry.id)) for entry in result.entries],
         "shared_parameters": parameters_document(joint.shared_parameters) if joint else {},
