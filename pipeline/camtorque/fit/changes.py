@@ -28,6 +28,7 @@ from camtorque.fit.difference import (
 )
 from camtorque.fit.pair import OWN_NAMES, Pair
 from camtorque.fit.uncertainty import LEAST_FREEDOM
+from camtorque.laws.fuels import shares_per_kelvin
 from camtorque.records import Array
 
 CHANGES: dict[str, tuple[str, ...]] = {
@@ -65,8 +66,6 @@ fall short of the best for it to be fitted."""
 OTHERS = 2
 """Other events that may have happened beside the one whose smallest visible change is asked for."""
 TEMPERATURE_STD = 10.0
-VISCOSITY_PER_KELVIN, MODULUS_PER_KELVIN = -0.024, -0.0045
-"""Test oils and diesel near 40 degrees: viscosity -2.4 % and bulk modulus -0.45 % per kelvin."""
 ALONE_ITERATIONS, START_ITERATIONS, ITERATIONS = 20, 8, 20
 RULED_OUT = 50.0
 """A set whose objective is so many times the least one is left where it is: its probability is nothing."""
@@ -163,8 +162,8 @@ def _unit(pair: Pair, name: str) -> Array:
 
 def temperature(names: Sequence[str], values: Array) -> Array:
     """Return what one kelvin does to each parameter, (k,) [SI/K]: thinner fluid, softer fluid."""
-    thinner = {"leakage": -VISCOSITY_PER_KELVIN, "bulk_modulus": MODULUS_PER_KELVIN}
-    thinner.update(dict.fromkeys(("shaft_viscous", "plunger_viscous"), VISCOSITY_PER_KELVIN))
+    viscosity, modulus = shares_per_kelvin()
+    thinner = {"leakage": -viscosity, "bulk_modulus": modulus, "shaft_viscous": viscosity, "plunger_viscous": viscosity}
     return np.array([thinner.get(name, 0.0) for name in names]) * values
 
 

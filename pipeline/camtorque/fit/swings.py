@@ -34,7 +34,7 @@ COUPLINGS = tuple(
     for ratio, count in ((0.07, 36), (0.3, 18)) for hertz in np.geomspace(30.0, 3000.0, count)
     for soft in (8.0e-6, 40.0e-6, 200.0e-6)
 )  # fmt: skip
-"""Couplings on which the hub behind the transducer swings."""
+"""Couplings on which the hub between drive and transducer swings."""
 HUBS = tuple(coupled(hertz, soft, 0.07) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Hubs that swing on a yielding coupling."""
 CAM_SIDES = (1.0, 1.4, 2.0, 3.0)

@@ -94,14 +94,21 @@ def _work(
     return {**work, TOGETHER: sum(work[name] for name in APART)}
 
 
+def line_pressure_torque(rigid: RigidTorque, angle: Array, force: Array) -> Array:
+    """Return the torque of a force on the plunger (n,) [N] at cam angles (n,) [rad], where the line pressure makes it.
+
+    The power balance of a frictionless mechanism makes it ``F y'`` whatever the offset is: no new solution is needed.
+    """
+    return np.asarray(force * np.interp(angle, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi))
+
+
 def _both(
     chain: ChainInput, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
 ) -> tuple[dict[str, float], dict[str, Array]]:
     """Return work by loss, and torque by cause averaged over parts (3, n) of the revolution, apart from a constant."""
     output, torques = _caused(chain, values, coefficients)
     curves = measured_torques(chain, values, torques, float(coefficients[-1]))
-    slope = np.interp(output.motion.theta, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi)
-    angle = chain.line_pressure * chain.pump.plunger_area * slope
+    angle = line_pressure_torque(rigid, output.motion.theta, chain.line_pressure * chain.pump.plunger_area)
     curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}
     return _work(chain, values, output, torques), {name: parts @ curve for name, curve in curves.items()}
 

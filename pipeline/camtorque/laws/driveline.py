@@ -12,7 +12,7 @@ w_t = (I_c C_t)^-1/2 with damping ratio zeta_t. The ringing tells w_t and zeta_t
 are the parameters: ``I_c = 1/(w_t^2 C_t)``, ``c_t = 2 zeta_t/(w_t C_t)``. The second is a drive of inertia
 J = 1/a on a speed controller with proportional gain
 ``K_p = J w_b``, integral gain ``K_i = K_p r`` and lag T_c; a flywheel or an induction machine over its slip is the
-same with w_b, r small. The third is a hub that swings behind the transducer on a yielding coupling; far below w_c it is
+same with w_b, r small. The third is a hub on a yielding coupling between drive and transducer; far below w_c it is
 more compliance.
 
 Before the transducer a coupling has a half of its own: with its inertia I_h a share h of the shaft's compliance lies
@@ -65,9 +65,9 @@ ROWS = (
 )  # fmt: skip
 COUPLING_ROWS = (
     parameter("coupling_compliance", "1/k_c", "urad/(N m)", 1.0e-6, (0.0, 0.0, 5000.0, 50.0), (0.0, 600.0),
-            "compliance of the coupling behind the transducer", "catalogues of elastic couplings: 500-50000 N m/rad"),
+            "compliance of the coupling between drive and transducer", "catalogues of couplings: 500-50000 N m/rad"),
     parameter("coupling_resonance", "w_c", "Hz", 2.0 * np.pi, (120.0, 12.0, 4000.0, 8.0), (120.0, 120.0),
-            "frequency at which the hub behind the transducer swings", "0.1-10 g m^2 on such a coupling"),
+            "frequency at which the hub on it swings", "0.1-10 g m^2 on such a coupling"),
     parameter("coupling_damping", "zeta_c", "-", 1.0, (0.1, 0.01, 1.5, 0.03), (0.1, 0.15),
             "damping ratio of that motion", "elastomer couplings: 0.05-0.15"),
     parameter("half_inertia", "I_h", "kg mm^2", 1.0e-6, (0.0, 0.0, 40000.0, 200.0), (0.0, 1000.0),

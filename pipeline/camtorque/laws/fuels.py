@@ -85,3 +85,9 @@ def viscosity_ratio(temperature: float) -> float:
     steep = (ends[0] - ends[1]) / math.log10(hot / cold)
     line = ends[0] - steep * math.log10(temperature / cold)
     return (10.0 ** (10.0**line) - 0.7) / thick
+
+
+def shares_per_kelvin() -> tuple[float, float]:
+    """Return by which share viscosity and bulk modulus of any fuel change per kelvin about 40 degrees [1/K]."""
+    thinner = math.log(viscosity_ratio(REFERENCE + 0.5) / viscosity_ratio(REFERENCE - 0.5))
+    return thinner, MODULUS_PER_KELVIN / ANY_MODULUS[0]

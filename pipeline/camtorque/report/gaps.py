@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.fit.metrics import parts_of_gap
-from camtorque.fit.work import ANGLE, CHAMBER
+from camtorque.fit.work import ANGLE, CHAMBER, line_pressure_torque
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 
@@ -46,8 +46,7 @@ class GapShare:
 def gap_curves(result: RunResult) -> dict[str, Array]:
     """Return cause -> (n_theta,) [N m]; they sum to the mean of all used cycles minus the rigid torque.
 
-    Pressure is split by its two reasons: the power balance of a frictionless mechanism makes its torque
-    ``p A y'`` whatever the offset is, so that line pressure at the true cam angle needs no new solution.
+    Pressure is split by its two reasons: that of the line at the true cam angle, and what the chamber's has beside it.
     """
     assert result.cycles.torque is not None
     fitted, rigid = result.fitted.by_cause, _grouped(result.rigid.by_cause, result.fitted.by_cause)
@@ -75,9 +74,8 @@ def _grouped(causes: Mapping[str, Array], names: Mapping[str, Array]) -> dict[st
 
 def _angle_part(result: RunResult) -> Array:
     rigid = result.rigid
-    slope = np.interp(result.fitted.true_angle, rigid.theta, rigid.lift_velocity, period=2.0 * np.pi)
-    load = result.cycles.mean_pressure * result.recording.config.pump.plunger_area
-    return load * (slope - rigid.lift_velocity)
+    force = result.cycles.mean_pressure * result.recording.config.pump.plunger_area
+    return line_pressure_torque(rigid, result.fitted.true_angle, force) - force * rigid.lift_velocity
 
 
 def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
