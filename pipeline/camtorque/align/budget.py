@@ -12,6 +12,7 @@ from camtorque.align.timebase import TimeBase
 from camtorque.config import TriggerSpec
 from camtorque.records import AngleError, Array, Channel, Finding
 from camtorque.signal.threshold import Threshold
+from camtorque.units import DEGREE
 
 HALF_WIDTH_OF_TYPICAL = Threshold(
     0.5, "1", "convention",
@@ -26,6 +27,11 @@ RESAMPLING_DEG = Threshold(
 UNKNOWN = float("nan")
 SWITCHING_DELAY = "trigger switching delay"
 """Row of the budget that the fit takes up in the trigger angle."""
+WANDERED = {
+    "pressure": "wandering of the pressure against the trigger",
+    "torque": "wandering of the torque against the pressure",
+}
+"""Quantity -> row of the budget on its clock."""
 TWIST = {
     "cam": "not corrected here: torque over stiffness, in the driveline effect",
     "motor": "the trigger sits on the motor's side: the cam lags its angle by torque over stiffness, in the driveline "
@@ -74,6 +80,21 @@ def angle_error_budget(
         *_wheel(base),
         AngleError("shaft twist", UNKNOWN, TWIST[spec.side]),
     )  # fmt: skip
+
+
+def wandered(wander: Mapping[str, float]) -> tuple[AngleError, ...]:
+    """Return the rows of channels that wandered; ``wander``: quantity -> half of that, signed [rad]."""
+    if not wander:
+        return ()
+    pressure = wander.get("pressure", 0.0)
+    text = "half of the drift over the recording: that the clocks were together at its beginning is supposed"
+    halves = {"pressure": pressure, "torque": wander.get("torque", 0.0) - pressure}
+    return tuple(AngleError(WANDERED[quantity], abs(half) / DEGREE, text) for quantity, half in halves.items())
+
+
+def wandered_std(errors: tuple[AngleError, ...], quantity: str) -> float:
+    """Return the standard uncertainty that wandering leaves [rad], 0 where nothing wandered; see `WANDERED`."""
+    return next((row.std_deg * DEGREE for row in errors if row.source == WANDERED[quantity]), 0.0)
 
 
 def _between_pulses(base: TimeBase, speed_change: float, unseen: str) -> tuple[AngleError, ...]:

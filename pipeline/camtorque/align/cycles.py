@@ -14,18 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.align.angle import CamAngle, cam_angle
-from camtorque.align.budget import angle_error_budget, ripple_unseen
+from camtorque.align.budget import angle_error_budget, ripple_unseen, wandered
 from camtorque.align.channels import AlignedChannel, align_channels, covered
 from camtorque.align.drift import drift_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.jitter import refuse_jitter
 from camtorque.align.jumps import EDGE_NOISES
+from camtorque.align.lags import settle_lags
 from camtorque.align.measured import CUT_BY, align_others, measured
 from camtorque.align.options import AlignOptions
 from camtorque.align.phase import settled_phase
 from camtorque.align.polarity import check_quantities
-from camtorque.align.quality import CycleTable, apply_cuts
+from camtorque.align.quality import CycleTable, apply_cuts, changed_running
 from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
@@ -56,14 +57,18 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     table = _table(angle, cycles, complete, aligned, options, base.edge_noise)
     checked = check_quantities(table.rows, table.undamaged, recording)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
+    begins = angle.time_at(cycles * TURN)
+    lags = settle_lags(table, begins)
+    table = replace(table, slipped=lags.slipped)
     used, cut_flow = apply_cuts(table)
+    running = (*lags.findings, *changed_running(table, begins))
     refuse_jitter(table, recording.config.id)
     if not used.any():
         raise _none_used(recording, int(complete.sum()), cut_flow)
     others, untied = align_others(channels.other, angle, cycles, base.clocks, options)
     silent = silence_findings(base, channels.main)
-    base = replace(base, findings=(*base.findings, *silent, *findings, *untied))
-    found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle)
+    base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
+    found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
     return replace(found, findings=(*found.findings, *_rare(found), *_at_rest(recording, found)))
 
 
@@ -123,6 +128,7 @@ def _table(
         complete=complete,
         unproven=unproven,
         clock_jump=jump,
+        slipped=np.zeros(cycles.size, dtype=bool),
         extremes={quantity: item.extremes for quantity, item in aligned.items()},
         rows={quantity: item.rows for quantity, item in aligned.items()},
         damage={quantity: item.damage for quantity, item in aligned.items()},
@@ -146,6 +152,7 @@ def _cam_cycles(
     aligned: Mapping[str, AlignedChannel],
     base: TimeBase,
     angle: CamAngle,
+    wander: Mapping[str, float],
 ) -> CamCycles:
     chosen, n_theta, spec = np.flatnonzero(used), table.options.n_theta, recording.config.trigger
     rows = {quantity: _compacted(item.rows, chosen) for quantity, item in aligned.items()}
@@ -163,7 +170,9 @@ def _cam_cycles(
         cycles_found=int(table.complete.sum()), duration=max(channel.duration for channel in recording.channels),
         speed_ripple_percent=float(100.0 * np.std(speed) / np.mean(speed)), cut_flow=cut_flow,
         clocks=tuple(clock.fit for clock in base.clocks.values()),
-        angle_errors=angle_error_budget(spec, channels, base, mean_speed, speed_change, mean_torque),
+        angle_errors=(
+            *angle_error_budget(spec, channels, base, mean_speed, speed_change, mean_torque), *wandered(wander),
+        ),
         trigger_jitter_s=base.edge_noise, findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
         details={**alignment_details(base, aligned), **_deviation(angle, theta)},

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.align.options import AlignOptions
-from camtorque.records import Array, CutFlowRow
+from camtorque.records import Array, CutFlowRow, Finding
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import distance_of
+from camtorque.units import short
 
 Mask = NDArray[np.bool_]
 
@@ -43,6 +44,8 @@ OUTLIER_FACTOR = Threshold(
     2.5, "1", "simulated rigs",
     "An outlier is also this much further from the robust mean cycle than the median cycle."
 )  # fmt: skip
+
+STRETCH = Count(4, "cycles", "convention", "Outliers in a row that are no disturbance any more.")
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class CycleTable:
     extremes: dict[str, Array]
     damage: dict[str, ChannelDamage]
     options: AlignOptions
+    slipped: Mask
     edge_change: float = 0.0
 
     @property
@@ -146,12 +150,21 @@ def _misfire(table: CycleTable) -> Mask:
     return weak
 
 
-def _outlier(table: CycleTable) -> Mask:
-    far = np.zeros(table.index.size, dtype=bool)
-    normal = table.undamaged & ~_misfire(table) & ~_start_stop(table) & ~_speed_outlier(table) & ~table.unproven
+def ordinary(table: CycleTable) -> Mask:
+    """Return the complete cycles that nothing is wrong with but, maybe, their shape or place."""
+    found = table.undamaged & ~_misfire(table) & ~_start_stop(table) & ~_speed_outlier(table)
+    found &= ~table.unproven & ~table.clock_jump
     for quantity in table.damage:
-        far |= _clipped(quantity)(table)
-    normal &= ~far
+        found &= ~_clipped(quantity)(table)
+    return found
+
+
+def _slipped(table: CycleTable) -> Mask:
+    return table.slipped
+
+
+def _outlier(table: CycleTable) -> Mask:
+    normal = ordinary(table) & ~table.slipped
     outlier = np.zeros(table.index.size, dtype=bool)
     if normal.sum() < 4:
         return outlier
@@ -193,8 +206,26 @@ CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
     "start_stop": (_start_stop, "the speed changes from one revolution to the next"),
     "speed_outlier": (_speed_outlier, "the speed lies outside the recording's steady band"),
     "misfire": (_misfire, "the pressure does not build up as in the other cycles"),
+    "samples_lost": (_slipped, "samples of a log were lost before the cycle: torque or pressure lies elsewhere"),
     "outlier": (_outlier, "the cycle lies far from the robust mean cycle"),
 }
+
+
+def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:
+    """Tell outliers that are one stretch of the recording: no disturbance, but another running.
+
+    ``time`` : (n_cycles,) when each cycle begins [s]
+    """
+    looked = np.flatnonzero(ordinary(table) & ~table.slipped)
+    far = np.flatnonzero(_outlier(table)[looked])
+    if far.size < STRETCH or np.ptp(far) + 1 != far.size:
+        return ()
+    begin, end = (short(float(time[looked[k]]), 4) for k in (far[0], far[-1]))
+    text = (
+        f"{far.size} of {looked.size} cycles, those from {begin} s to {end} s, are outliers and no other is: load, "
+        "speed or state changed there; this report is of the rest; record each running by itself"
+    )
+    return (Finding("running_changes", "warning", text, "cut-flow"),)
 
 
 def apply_cuts(table: CycleTable) -> tuple[Mask, tuple[CutFlowRow, ...]]:

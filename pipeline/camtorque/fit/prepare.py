@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camtorque.align.budget import wandered_std
 from camtorque.config import FluidSpec, PumpData, RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
@@ -106,7 +107,7 @@ def rig_rows(
     _set(rows, "gain_error", prior=(0.0, max(torque.gain_relative_std, 1e-5)))
     _set(rows, "torque_zero", prior=(0.0, max(torque.zero_std, 1e-4)))
     _set(rows, "pressure_zero", prior=(0.0, max(pressure.zero_std, 1e3)))
-    _set(rows, "delay_error", prior=(0.0, max(torque.delay_std, 1e-7)))
+    _set_delay(rows, float(np.hypot(torque.delay_std, wandered_std(cycles.angle_errors, "torque") / cycles.mean_speed)))
     _set_bridge(rows, torque)
     _set_filter(rows, torque)
     _set_size(rows, pump)
@@ -126,6 +127,11 @@ def rig_rows(
     _set_stated(rows, config)
     _set_gallery(rows, cycles)
     return rows
+
+
+def _set_delay(rows: dict[str, ParameterRow], std: float) -> None:
+    reach = max(rows["delay_error"].upper, 3.0 * std)
+    _set(rows, "delay_error", prior=(0.0, max(std, 1e-7)), lower=-reach, upper=reach)
 
 
 def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:

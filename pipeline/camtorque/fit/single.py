@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.align.budget import SWITCHING_DELAY
+from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unexplained
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, followed, with_its_lost_torque
@@ -211,8 +211,9 @@ def switching_shift(problem: Problem, angle: float) -> Array:
 
 
 def switching_std(cycles: CamCycles) -> float:
-    """Return the standard uncertainty of the trigger's switching delay as an angle [rad], 0 where none is known."""
-    return next((row.std_deg * DEGREE for row in cycles.angle_errors if row.source == SWITCHING_DELAY), 0.0)
+    """Return the standard uncertainty of the trigger's time as an angle [rad]: switching delay, and its clock's."""
+    switching = next((row.std_deg * DEGREE for row in cycles.angle_errors if row.source == SWITCHING_DELAY), 0.0)
+    return float(np.hypot(switching, wandered_std(cycles.angle_errors, "pressure")))
 
 
 def pressure_gain_std(recording: Recording) -> float:

@@ -1,0 +1,206 @@
+"""How late each cycle comes: samples that a log lost, and clocks that run apart though the sheet gives them one time.
+
+A channel whose logger has the time of the trigger passes the same cam angle in every cycle. Where samples are lost,
+all cycles behind lie elsewhere; where two clocks differ, they wander. Both show in the lag of the cycles against the
+typical one, to some hundredths of a degree, and neither shows in a mean cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.align.clocks import LARGEST_SKEW, robust_line
+from camtorque.align.quality import POINT_DEG, SAMPLED_CYCLES, CycleTable, ordinary, spread_choice
+from camtorque.records import Array, Finding
+from camtorque.signal.threshold import Count, Threshold
+from camtorque.stacks import pieces
+from camtorque.units import DEGREE, TURN, short
+
+FEWEST = Count(6, "cycles", "convention", "Cycles below which neither a step nor a drift is looked for.")
+BESIDE_STEP = Count(3, "cycles", "convention", "Cycles on either side of a step, at least.")
+LEAST_MOVE = Threshold(
+    0.2, "deg", "simulated rigs",
+    "Smallest step or drift of the lag that is told: sound runs reach 0.18 degrees, by the scatter of their loads."
+)  # fmt: skip
+SIGNIFICANT = Threshold(6.0, "1", "statistics", "Standard errors of a step or a drift of the lag, at least.")
+STEP_OVER_LINE = Threshold(
+    0.25, "1", "statistics",
+    "A step leaves less of the lag's variance than this part of what a straight line leaves."
+)  # fmt: skip
+SHIFTED_OVER_PLAIN = Threshold(
+    0.3, "1", "physics",
+    "What differs by a shift alone differs less than this part once shifted; a changed load or warmer fuel does not."
+)  # fmt: skip
+
+PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Parts of the recording, from its beginning on, in which a step is looked for."""
+
+
+@dataclass(frozen=True)
+class Lags:
+    """What the lags of the cycles tell.
+
+    Attributes
+    ----------
+    slipped : (n_cycles,) cycles behind lost samples
+    wander : quantity -> half of the cam angle by which it comes later at the end than at the beginning [rad]
+    """
+
+    slipped: NDArray[np.bool_]
+    wander: Mapping[str, float]
+    findings: tuple[Finding, ...]
+
+
+def settle_lags(table: CycleTable, time: Array) -> Lags:
+    """Find the cycles behind lost samples, and take off in place what a channel wanders, from the first cycle on.
+
+    Parameters
+    ----------
+    table : cycles before the cuts
+    time : (n_cycles,) when each begins [s]
+    """
+    slipped, wander = np.zeros(table.index.size, dtype=bool), dict[str, float]()
+    findings: list[Finding] = []
+    for quantity, rows in table.rows.items():
+        sound = np.flatnonzero(ordinary(table) & ~slipped)
+        lag = cycle_lags(rows, ordinary(table))
+        while (step := _first_step(rows, sound, lag)) is not None:
+            place, moved = step
+            first = max(place - 1, 0)
+            slipped[sound[first] :] = True
+            findings = [
+                *(finding for finding in findings if finding.code != "samples_lost"),
+                _lost(quantity, moved, time[sound[place]], table, sound[first]),
+            ]
+            sound = sound[:first]
+        drift = _drift(rows, sound, lag, time)
+        if drift:
+            wander[quantity] = drift * float(np.ptp(time[sound])) / 2.0
+            _shift(rows, -drift * (time - time[0]))
+            findings.append(_wandering(quantity, drift, time[sound], float(np.median(table.speed[sound]))))
+    return Lags(slipped, wander, tuple(findings))
+
+
+def cycle_lags(rows: Array, sound: NDArray[np.bool_]) -> Array:
+    """Return the cam angle by which each cycle comes later than the typical one, (n_cycles,) [rad]; nan: not sound.
+
+    It is the shift at which a cycle and the median of the sound ones are most alike, from their circular correlation.
+    """
+    lags = np.full(rows.shape[0], np.nan)
+    if not sound.any():
+        return lags
+    stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
+    typical = np.median(rows[spread_choice(sound, SAMPLED_CYCLES), ::stride], axis=0)
+    spectrum, n = np.conj(np.fft.rfft(typical - np.mean(typical))), typical.size
+    for piece in pieces(rows):
+        some = piece.start + np.flatnonzero(sound[piece])
+        alike = np.fft.irfft(np.fft.rfft(rows[some, ::stride], axis=1) * spectrum, n, axis=1)
+        lags[some] = _peak(alike) * (TURN / n)
+    return lags
+
+
+def _peak(alike: Array) -> Array:
+    """Return the place of each row's maximum, between points and from -n/2 to n/2."""
+    n, row = alike.shape[1], np.arange(alike.shape[0])
+    top = np.argmax(alike, axis=1)
+    before, here, after = alike[row, top - 1], alike[row, top], alike[row, (top + 1) % n]
+    bend = np.minimum(before - 2.0 * here + after, -1e-300)
+    return np.asarray((top + 0.5 * (before - after) / bend + n / 2) % n - n / 2)
+
+
+def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int, float] | None:
+    """Return the place among the sound cycles at which the lag steps, and by how much [rad].
+
+    Several steps look like a drift, so that the first parts of the recording are looked at by themselves too.
+    """
+    parts = (sound[: round(part * sound.size)] for part in PARTS)
+    return next((step for part in parts if (step := _clearest_step(rows, part, lag)) is not None), None)
+
+
+def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int, float] | None:
+    found = lag[sound]
+    n, own = found.size, int(BESIDE_STEP)
+    if n < max(FEWEST, 2 * own):
+        return None
+    places = np.arange(own, n - own + 1)
+    left = np.array([_variance(found[:k]) * k + _variance(found[k:]) * (n - k) for k in places])
+    place = int(places[np.argmin(left)])
+    moved = float(np.median(found[place:]) - np.median(found[:place]))
+    scatter = 1.4826 * float(np.median(np.abs(np.diff(found)))) / np.sqrt(2.0)
+    least = max(LEAST_MOVE * DEGREE, SIGNIFICANT * scatter * np.sqrt(1.0 / place + 1.0 / (n - place)))
+    line = np.polynomial.Polynomial.fit(np.arange(n), found, 1)(np.arange(n))
+    clear = np.min(left) < STEP_OVER_LINE * n * _variance(found - line)
+    if abs(moved) < least or not clear or not _shift_alone(rows, sound[:place], sound[place:], moved):
+        return None
+    return place, moved
+
+
+def _variance(values: Array) -> float:
+    """Return the mean square about the median, without the one farthest off: the cycle in which samples are lost."""
+    square = (values - np.median(values)) ** 2
+    return float((np.sum(square) - np.max(square)) / values.size)
+
+
+def _drift(rows: Array, sound: NDArray[np.int64], lag: Array, time: Array) -> float:
+    """Return by how much a channel wanders as one clock against another [rad/s], 0 where it does not."""
+    if sound.size < FEWEST:
+        return 0.0
+    line = robust_line(time[sound], lag[sound])
+    span, third = float(np.ptp(time[sound])), max(1, sound.size // 3)
+    if abs(line.slope) * span < LEAST_MOVE * DEGREE or abs(line.slope) < SIGNIFICANT * line.stderr_slope:
+        return 0.0
+    ends = sound[:third], sound[-third:]
+    moved = line.slope * float(np.mean(time[ends[1]]) - np.mean(time[ends[0]]))
+    return line.slope if _shift_alone(rows, *ends, moved) else 0.0
+
+
+def _shift_alone(rows: Array, before: NDArray[np.int64], after: NDArray[np.int64], moved: float) -> bool:
+    """Return whether the mean cycles of two groups differ by a shift alone."""
+    one, other = (np.mean(rows[group[:: -(-group.size // SAMPLED_CYCLES)]], axis=0) for group in (before, after))
+    one, other = one - np.mean(one), other - np.mean(other)
+    plain, shifted = (float(np.sum((turned - one) ** 2)) for turned in (other, _turned(other, -moved)))
+    return shifted < SHIFTED_OVER_PLAIN**2 * plain
+
+
+def _turned(row: Array, angle: Array | float) -> Array:
+    """Return cycles (..., n_theta) that come later by angles [rad]."""
+    spectrum = np.fft.rfft(row)
+    delayed = np.exp(-1j * np.arange(spectrum.shape[-1]) * np.asarray(angle)[..., None])
+    return np.asarray(np.fft.irfft(spectrum * delayed, row.shape[-1]))
+
+
+def _shift(rows: Array, angle: Array) -> None:
+    for piece in pieces(rows):
+        rows[piece] = _turned(rows[piece], angle[piece])
+
+
+def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: int) -> Finding:
+    kept = int(ordinary(table)[:first].sum())
+    return Finding(
+        "samples_lost", "warning",
+        f"from {short(moment, 4)} s on the {quantity} comes {short(abs(moved) / DEGREE)} degrees of cam angle "
+        f"({short(1e3 * abs(moved) / float(np.median(table.speed)), 3)} ms) {'later' if moved > 0.0 else 'earlier'} "
+        "than before, by a shift alone: a log lost samples there or its clock was set; "
+        f"the {kept} cycles before it are used, where the logs still have one time",
+        quantity,
+    )  # fmt: skip
+
+
+def _wandering(quantity: str, drift: float, time: Array, speed: float) -> Finding:
+    span = abs(drift) * float(np.ptp(time)) / DEGREE
+    ppm = 1e6 * abs(drift) / speed
+    clock = (
+        f"a clock that differs by {short(ppm, 2)} ppm from the trigger's" if ppm <= 1e6 * LARGEST_SKEW
+        else f"a sample rate {short(1e-4 * ppm, 2)} % off, or the trigger's"
+    )  # fmt: skip
+    return Finding(
+        "clock_wanders", "warning",
+        f"the {quantity} wanders by {short(span, 2)} degrees of cam angle over the recording, by a shift alone: "
+        f"{clock}; taken off as if both had started together, which is unsure by half of that; "
+        'write clock = "independent" and record the trigger on every logger, or correct sample_rate_hz',
+        quantity,
+    )  # fmt: skip

@@ -1,0 +1,119 @@
+"""Samples that a log lost, clocks that run apart, and running that changes: found from how late each cycle comes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.align import align
+from camtorque.align.lags import cycle_lags
+from camtorque.ingest import read_recording
+from camtorque.ingest.raw import ArraySource
+from camtorque.records import Array, CamCycles, Recording
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
+FULL = read_recording(EXAMPLES / "A_0500rpm")
+
+
+def changed(change, *quantities: str) -> Recording:
+    """Return the example with the samples of some channels changed."""
+    channels = tuple(
+        replace(item, source=ArraySource(change(item.read_volts()))) if item.quantity in quantities else item
+        for item in FULL.channels
+    )
+    return replace(FULL, channels=channels)
+
+
+def faster(ppm: float):
+    def change(volts: Array) -> Array:
+        place = np.arange(volts.size) / (1.0 + 1e-6 * ppm)
+        return np.interp(place[place <= volts.size - 1.0], np.arange(volts.size), volts)
+
+    return change
+
+
+def without(share: float, count: int):
+    def change(volts: Array) -> Array:
+        first = int(share * volts.size)
+        return np.delete(volts, slice(first, first + count))
+
+    return change
+
+
+def told(cycles: CamCycles) -> dict[str, str]:
+    codes = ("samples_lost", "clock_wanders", "running_changes")
+    return {f"{item.code} {item.where}": item.text for item in cycles.findings if item.code in codes}
+
+
+def wander(cycles: CamCycles) -> list[float]:
+    return [row.std_deg for row in cycles.angle_errors if row.source.startswith("wandering")]
+
+
+@pytest.fixture(scope="module")
+def sound() -> CamCycles:
+    return align(FULL)
+
+
+def test_a_lag_is_found_to_a_hundredth_of_a_degree() -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    lags = np.deg2rad([0.0, 0.05, -0.3, 2.0, -90.0, 0.0])
+    rows = np.array([np.exp(4.0 * np.cos(theta - 1.0 - lag)) for lag in lags])
+    sound = np.array([True, True, True, True, True, False])
+    found = cycle_lags(rows, sound)
+    assert np.isnan(found[-1])
+    assert np.degrees(np.ptp((found - lags)[:-1])) < 0.01
+
+
+def test_a_sound_recording_is_left_as_it_is(sound: CamCycles) -> None:
+    assert told(sound) == {}
+    assert wander(sound) == []
+
+
+@pytest.mark.parametrize(
+    ("quantities", "unsure"),
+    [(("torque",), [0.0, 0.84]), (("pressure",), [0.84, 0.84]), (("trigger",), [0.84, 0.0])],
+)
+def test_clocks_that_run_apart_are_told_taken_off_and_budgeted(
+    sound: CamCycles, quantities: tuple[str, ...], unsure: list[float]
+) -> None:
+    found = align(changed(faster(100.0), *quantities))
+    assert all("ppm from the trigger's" in text for text in told(found).values())
+    assert told(found)
+    assert wander(found) == pytest.approx(unsure, abs=0.03)
+    # both clocks began together here, so that the mean cycle is that of the sound recording
+    for one, other in ((found.mean_torque, sound.mean_torque), (found.mean_pressure, sound.mean_pressure)):
+        assert np.sqrt(np.mean((one - other) ** 2)) < 0.01 * np.ptp(other)
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure", "trigger"])
+@pytest.mark.parametrize("share", [0.2, 0.6])
+def test_behind_lost_samples_no_cycle_is_used(sound: CamCycles, quantity: str, share: float) -> None:
+    found = align(changed(without(share, 20), quantity))
+    assert any(key.startswith("samples_lost") for key in told(found))
+    assert "a log lost samples there" in "".join(told(found).values())
+    assert 0.2 * sound.index.size * share < found.index.size <= share * sound.index.size + 1.0
+    assert np.sqrt(np.mean((found.mean_torque - sound.mean_torque) ** 2)) < 0.01 * np.ptp(sound.mean_torque)
+    lost = next(row for row in found.cut_flow if row.reason == "samples_lost")
+    assert lost.cycles > 0
+
+
+def test_two_losses_leave_what_is_before_the_first() -> None:
+    found = align(changed(lambda volts: without(0.3, 8)(without(0.7, 8)(volts)), "torque"))
+    assert found.index[-1] < 0.31 * 50
+    assert len(told(found)) == 1
+
+
+def test_a_wrong_sample_rate_is_told_as_one() -> None:
+    assert "a sample rate 0.05 % off" in "".join(told(align(changed(faster(500.0), "torque"))).values())
+
+
+def test_another_load_is_told_as_another_running() -> None:
+    def loaded(volts: Array) -> Array:
+        return volts * np.where(np.arange(volts.size) > 0.7 * volts.size, 1.2, 1.0)
+
+    found = align(changed(loaded, "torque", "pressure"))
+    assert list(told(found)) == ["running_changes cut-flow"]
+    assert "load, speed or state changed there" in told(found)["running_changes cut-flow"]
+    assert found.index.size == pytest.approx(0.7 * 48, abs=2)
