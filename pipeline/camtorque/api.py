@@ -77,7 +77,7 @@ class Recording(records.Recording):
         ----------
         pump : pump file (docs/predict.md), or what `camtorque.ingest.pump_file.read_pump` returns
         trigger : (n,) one pulse per revolution, rising where the cam passes ``trigger_angle_deg``; any unit
-        pressure : (m,) pressure in the line at the pump, gauge [Pa]
+        pressure : (m,) pressure in the line at the pump, gauge [Pa]; masked samples are missing
         torque : (k,) drive torque, positive where it drives the cam [N m]; None to align only
         sample_rate : [Hz], one for all arrays or one by name; sample 0 of all was taken at the same time
         speed_rpm : nominal cam speed [rpm]
@@ -93,7 +93,8 @@ class Recording(records.Recording):
 
         Raises
         ------
-        Refusal : an array that is empty, not of one dimension or without a finite number; no positive rate or speed
+        Refusal : an array that is empty, not of one dimension or without a finite number; no positive rate or speed;
+            a delay, tolerance or uncertainty that none can be
 
         Examples
         --------

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +28,8 @@ WHOLE_TURN_DEG = 360.0
 WIDE_GAIN_STD, WIDE_ZERO_SHARE, WIDE_DELAY_STD = 0.01, 0.005, 5.0e-5
 """Of a sensor without a sheet: relative gain, zero as a share of the largest reading, delay [s]. A transducer of class
 1 with a certificate stays within half of the first two; the third is half a sample at 10 kHz."""
+MOST_GAIN_STD, MOST_DELAY, MOST_ORDER = 0.5, 0.1, 20
+"""Relative gain [-], delay [s] and order of a filter beyond which a number is a slip of unit."""
 TABLE_ANGLES = 720
 """Angles at which a cam that is given by sections is tabulated: every half degree."""
 
@@ -50,6 +54,15 @@ class Sensor:
     cutoff_hz: float = float("nan")
     filter_order: int = 0
 
+    def __post_init__(self) -> None:
+        _within(self.gain_std, 0.0, MOST_GAIN_STD, "Sensor gain_std")
+        _within(0.0 if self.zero_std is None else self.zero_std, 0.0, np.inf, "Sensor zero_std")
+        _within(0.0 if self.delay is None else self.delay, 0.0, MOST_DELAY, "Sensor delay [s]")
+        _within(self.delay_std, 0.0, MOST_DELAY, "Sensor delay_std [s]")
+        if not np.isnan(self.cutoff_hz):
+            _positive(self.cutoff_hz, "Sensor cutoff_hz")
+        _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
+
 
 @dataclass(frozen=True)
 class Mark:
@@ -62,6 +75,12 @@ class Mark:
     tolerance_deg: float
     delay: float
     speed_rpm: float
+
+    def __post_init__(self) -> None:
+        _positive(self.speed_rpm, "speed_rpm")
+        _within(self.angle_deg, -WHOLE_TURN_DEG, WHOLE_TURN_DEG, "trigger_angle_deg")
+        _within(self.tolerance_deg, 0.0, WHOLE_TURN_DEG / 2.0, "trigger_tolerance_deg")
+        _within(self.delay, 0.0, MOST_DELAY, "trigger_delay [s]")
 
 
 def recording_from_arrays(
@@ -84,11 +103,6 @@ def recording_from_arrays(
     if strange:
         raise Refusal(f"sensors: found {strange[0]!r}, expected 'torque' and 'pressure' as keys")
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
-    _positive(mark.speed_rpm, "speed_rpm")
-    if not abs(mark.angle_deg) <= WHOLE_TURN_DEG:
-        raise Refusal(
-            f"trigger_angle_deg: found {mark.angle_deg!r}, expected -{WHOLE_TURN_DEG:g} to {WHOLE_TURN_DEG:g}"
-        )
     values = {quantity: _checked(arrays[quantity], quantity) for quantity in QUANTITIES if quantity in arrays}
     every = {quantity: _rate(rates, quantity) for quantity in values}
     sizes = {quantity: array.size for quantity, array in values.items()}
@@ -109,10 +123,10 @@ def recording_from_arrays(
 
 
 def _checked(values: ArrayLike, quantity: str) -> Array:
-    given = np.asarray(values)
+    given: Any = np.ma.asanyarray(values)
     if given.dtype.kind not in "biuf":
         raise Refusal(f"{quantity}: found values of type {given.dtype}, expected real numbers in SI")
-    array = given.astype(np.float64)
+    array = np.ma.filled(given.astype(np.float64), np.nan)
     if array.ndim != 1 or array.size < 2:
         raise Refusal(
             f"{quantity}: found an array of shape {array.shape}, expected one dimension and 2 samples or more"
@@ -131,9 +145,14 @@ def _rate(rates: float | Mapping[str, float], quantity: str) -> float:
 
 
 def _positive(value: float, what: str) -> float:
-    if not (np.isfinite(value) and value > 0.0):
+    if not (isinstance(value, Real) and np.isfinite(value) and value > 0.0):
         raise Refusal(f"{what}: found {value!r}, expected a positive number")
     return float(value)
+
+
+def _within(value: float, low: float, high: float, what: str) -> None:
+    if not (isinstance(value, Real) and low <= value <= high):
+        raise Refusal(f"{what}: found {value!r}, expected a number from {low:g} to {high:g}")
 
 
 def _channel(quantity: str, values: Array, rate: float, sensor: Sensor | None) -> Channel:

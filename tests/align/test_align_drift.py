@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from camtorque import stacks
 from camtorque.align import align
-from camtorque.align.drift import FEWEST, drift_findings
+from camtorque.align.drift import FEWEST, drift_findings, level_drifts
 from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import Refusal
@@ -24,7 +24,9 @@ CYCLE = np.where(np.arange(N) < 60, 50.0, 0.0)
 def told(quantity: str, drift: float, cycles: int = 40, scatter: float = 0.05, size: float = 1.0) -> str:
     level = drift * np.linspace(0.0, 1.0, cycles) + np.random.default_rng(2).normal(0.0, scatter, cycles)
     rows = size * (CYCLE + level[:, None])
-    found = drift_findings(IDLE, {quantity: (rows, np.mean(rows, axis=0))}, np.arange(cycles))
+    mean = np.mean(rows, axis=0)
+    drifts = level_drifts(IDLE, {quantity: (rows, mean)}, np.arange(cycles))
+    found = drift_findings(drifts, {quantity: float(np.max(mean))})
     return found[0].text if found else ""
 
 
@@ -49,7 +51,7 @@ def test_a_long_stack_is_given_back_after_its_drift_is_sought(monkeypatch: pytes
     rows[:] = CYCLE
     assert isinstance(rows, np.memmap)
     assert resident_share(rows) > 0.9
-    drift_findings(IDLE, {"torque": (rows, CYCLE)}, np.arange(400))
+    level_drifts(IDLE, {"torque": (rows, CYCLE)}, np.arange(400))
     assert resident_share(rows) < 0.1
 
 

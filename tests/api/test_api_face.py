@@ -132,7 +132,7 @@ def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> No
         ({"pressure": np.full(9, np.nan)}, "pressure: found no finite number among 9 samples"),
         ({"torque": ["a", "b"]}, "torque: found values of type <U1, expected real numbers in SI"),
         ({"pressure": np.full(9, 1j)}, "pressure: found values of type complex128"),
-        ({"trigger_angle_deg": 4000.0}, "trigger_angle_deg: found 4000.0, expected -360 to 360"),
+        ({"trigger_angle_deg": 4000.0}, "trigger_angle_deg: found 4000.0, expected a number from -360 to 360"),
         ({"sample_rate": {"torque": 1e4}}, "found no entry 'pressure'|found no entry 'trigger'"),
         ({"sample_rate": 0.0}, "sample_rate: found 0.0, expected a positive number"),
         (
@@ -140,6 +140,11 @@ def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> No
             "arrays at one sample_rate: found .* 9 of pressure.* expected as many of each",
         ),
         ({"speed_rpm": -1.0}, "speed_rpm: found -1.0, expected a positive number"),
+        ({"sample_rate": "20e3"}, "sample_rate: found '20e3', expected a positive number"),
+        ({"trigger_tolerance_deg": -1.0}, "trigger_tolerance_deg: found -1.0, expected a number from 0 to 180"),
+        ({"trigger_tolerance_deg": np.nan}, "trigger_tolerance_deg: found nan"),
+        ({"trigger_delay": 1.0}, r"trigger_delay \[s\]: found 1.0, expected a number from 0 to 0.1"),
+        ({"trigger_delay": np.nan}, r"trigger_delay \[s\]: found nan"),
     ],
 )
 def test_arrays_that_cannot_be_used_are_refused(
@@ -147,6 +152,31 @@ def test_arrays_that_cannot_be_used_are_refused(
 ) -> None:
     with pytest.raises(camtorque.Refusal, match=text):
         recording(pump_file, arrays, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"gain_std": -0.01}, "Sensor gain_std: found -0.01, expected a number from 0 to 0.5"),
+        ({"zero_std": np.nan}, "Sensor zero_std: found nan"),
+        ({"delay": -4.5e-4}, r"Sensor delay \[s\]: found -0.00045, expected a number from 0 to 0.1"),
+        ({"delay_std": 1.0}, r"Sensor delay_std \[s\]: found 1.0"),
+        ({"cutoff_hz": 0.0}, "Sensor cutoff_hz: found 0.0, expected a positive number"),
+        ({"filter_order": "four"}, "Sensor filter_order: found 'four'"),
+    ],
+)
+def test_a_sensor_that_none_can_be_is_refused(changes: dict[str, object], text: str) -> None:
+    with pytest.raises(camtorque.Refusal, match=text):
+        camtorque.Sensor(**changes)  # type: ignore[arg-type]
+
+
+def test_masked_samples_are_missing(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    masked = np.ma.masked_inside(np.arange(arrays["torque"].size), 30000, 30100)
+    torque = np.ma.array(arrays["torque"], mask=masked.mask)
+    cycles = camtorque.align(recording(pump_file, {**arrays, "torque": torque}))
+    sound = camtorque.align(recording(pump_file, arrays))
+    assert next(row.cycles for row in cycles.cut_flow if row.reason == "drop_out") == 1
+    assert cycles.index.size == sound.index.size - 1
 
 
 def a_result() -> camtorque.Result:

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.align.budget import wandered
 from camtorque.config import FluidSpec
-from camtorque.fit.prepare import NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, fit_data, mean_cycles, rig_rows
+from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.fit.rig_rows import NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, rig_rows
 from camtorque.laws import ROWS
 from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
 from camtorque.laws.sensor import LEAST_DAMPING, sensor_transfer
@@ -36,6 +38,26 @@ def test_nothing_known_of_the_fuel_leaves_the_rows():
     rows = rows_of()
     for name in ("bulk_modulus", "leakage", "plunger_viscous", "feed_pressure"):
         assert rows[name] == ROWS[name]
+
+
+def test_levels_that_drift_and_clocks_that_wander_widen_zeros_and_delay():
+    recording, cycles, _ = bridged(KEY)
+    sheets = [recording.of(quantity)[0].calibration for quantity in ("torque", "pressure")]
+    law = spectral_law(recording.cam_table)
+    late = np.degrees(cycles.mean_speed * 50.0e-6)
+    moving = replace(
+        cycles,
+        level_drifts={"torque": -30.0, "pressure": 8.0e5},
+        angle_errors=(*cycles.angle_errors, *wandered({"torque": np.deg2rad(-late)})),
+    )
+    rows = rig_rows(recording.config, law, *sheets, moving)
+    assert rows["torque_zero"].prior[1] == pytest.approx(np.hypot(sheets[0].zero_std, 15.0))
+    assert rows["torque_zero"].upper > 45.0
+    assert rows["pressure_zero"].prior[1] == pytest.approx(np.hypot(sheets[1].zero_std, 4.0e5))
+    assert rows["delay_error"].prior[1] == pytest.approx(np.hypot(sheets[0].delay_std, 50.0e-6))
+    assert rows["delay_error"].lower < -150.0e-6
+    still = rig_rows(recording.config, law, *sheets, cycles)
+    assert still["torque_zero"].prior[1] == pytest.approx(max(sheets[0].zero_std, 1e-4))
 
 
 def test_a_warmer_fuel_is_softer_and_thinner():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_unseen, wandered
 from camtorque.align.channels import AlignedChannel, align_channels, covered
-from camtorque.align.drift import drift_findings
+from camtorque.align.drift import drift_findings, level_drifts
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.jitter import refuse_jitter
@@ -69,7 +69,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
-    return replace(found, findings=(*found.findings, *_rare(found), *_at_rest(recording, found)))
+    return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found))))
 
 
 def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow, ...]) -> Refusal:
@@ -93,19 +93,19 @@ def _rare(found: CamCycles) -> tuple[Finding, ...]:
     return (Finding("few_cycles_used", "warning", text, "cut-flow"),)
 
 
-def _at_rest(recording: Recording, found: CamCycles) -> tuple[Finding, ...]:
-    """Return what the base circle tells of hum on the torque, and of levels that drift."""
+def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
+    """Add what the base circle tells of hum on the torque, and of levels that drift."""
     table = recording.lift_table
     if table is None:
-        return ()
+        return found
     lift = np.interp(found.theta, table.theta, table.lift, period=TURN)
     rows = {} if found.torque is None else {"torque": (found.torque, found.mean_torque)}
     rows |= {"pressure": (found.pressure, found.mean_pressure)} if found.pressure.size else {}
-    drifts = drift_findings(idle_points(found.theta, lift), rows, found.index)
-    if found.torque is None:
-        return drifts
-    hum = hum_findings(found.theta, found.torque, found.mean_torque, found.speed, found.index, lift)
-    return (*hum, *drifts)
+    drifts = level_drifts(idle_points(found.theta, lift), rows, found.index)
+    told = drift_findings(drifts, {quantity: float(np.max(mean)) for quantity, (_, mean) in rows.items()})
+    if found.torque is not None:
+        told = (*hum_findings(found.theta, found.torque, found.mean_torque, found.speed, found.index, lift), *told)
+    return replace(found, findings=(*found.findings, *told), level_drifts=drifts)
 
 
 def _table(

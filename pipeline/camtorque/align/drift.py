@@ -1,7 +1,7 @@
 """Levels that move during a recording: the torque on the base circle, and the line pressure there.
 
 The mean cycle has one level of each. A transducer that drifts, or a pump that still warms up, gives every cycle another
-one, and what the fit then calls constant drag is half of that drift.
+one, and what the fit then calls constant drag is half of that drift: that half is added to the zero's uncertainty.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ DRIFTING: Mapping[str, Drifting] = {
 }  # fmt: skip
 
 
-def drift_findings(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any) -> tuple[Finding, ...]:
-    """Return what drifts between the first and the last used cycle.
+def level_drifts(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any) -> dict[str, float]:
+    """Return which levels drift, and by how much from the first to the last used cycle: quantity -> change [SI].
 
     Parameters
     ----------
@@ -65,26 +65,29 @@ def drift_findings(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: An
     index : (n_cycles,) cycle number
     """
     if index.size < FEWEST or not idle.size:
-        return ()
+        return {}
+    found = {}
+    for quantity, (values, mean) in rows.items():
+        share = np.zeros(values.shape[1])
+        share[idle] = 1.0 / idle.size
+        drift, stderr = _line(products_of(values, share), index - np.mean(index))
+        if abs(drift) >= max(SIGNIFICANT * stderr, DRIFTING[quantity].share * float(np.max(mean))):
+            found[quantity] = drift
+    return found
+
+
+def drift_findings(drifts: Mapping[str, float], peaks: Mapping[str, float]) -> tuple[Finding, ...]:
+    """Return what is told of drifting levels; ``peaks``: quantity -> largest value of the mean cycle [SI]."""
     return tuple(
-        Finding(f"{quantity}_drifts", "warning", text, quantity)
-        for quantity, kind in DRIFTING.items()
-        if quantity in rows and rows[quantity][0].size
-        for text in _told(kind, quantity, *rows[quantity], idle, index)
-    )
-
-
-def _told(kind: Drifting, quantity: str, values: Array, mean: Array, idle: Any, index: Any) -> list[str]:
-    share = np.zeros(values.shape[1])
-    share[idle] = 1.0 / idle.size
-    level, peak = products_of(values, share), float(np.max(mean))
-    drift, stderr = _line(level, index - np.mean(index))
-    if abs(drift) < max(SIGNIFICANT * stderr, kind.share * peak):
-        return []
-    return [
-        f"the {quantity} on the base circle drifts by {'+' * (drift > 0.0)}{short(drift / kind.size)} {kind.unit} "
-        f"({short(100.0 * abs(drift) / peak, 2)} % of the peak) during the recording: {kind.advice}"
-    ]
+        Finding(
+            f"{quantity}_drifts", "warning",
+            f"the {quantity} on the base circle drifts by {'+' * (drift > 0.0)}{short(drift / kind.size)} {kind.unit} "
+            f"({short(100.0 * abs(drift) / peaks[quantity], 2)} % of the peak) during the recording: {kind.advice}",
+            quantity,
+        )
+        for quantity, drift in drifts.items()
+        for kind in (DRIFTING[quantity],)
+    )  # fmt: skip
 
 
 def _line(level: Array, place: Array) -> tuple[float, float]:

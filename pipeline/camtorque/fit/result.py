@@ -252,11 +252,9 @@ def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak:
     solution, problem = fit.solution, fit.problem
     blocks = 100.0 / peak * block_cross_validation(problem, solution, fit.covariance, index)
     sheet = recording.of("torque")[0].calibration
-    absolute = float("nan")
-    if sheet is not None:
-        absolute = 100.0 * float(
-            np.hypot(sheet.gain_relative_std, np.hypot(sheet.zero_std, sheet.nonlinearity_std) / peak)
-        )
+    absolute, zero = float("nan"), problem.data[index].rows["torque_zero"].prior
+    if sheet is not None and zero is not None:
+        absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(zero[1], sheet.nonlinearity_std) / peak))
     spreads = dict(fit.shifts)
     return {
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,

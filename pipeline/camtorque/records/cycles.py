@@ -68,6 +68,7 @@ class CamCycles(ReadOnly):
     findings : everything odd about the alignment
     torque_delay : declared delay of the torque against the trigger with its uncertainty [s]
     details : further numbers of the alignment, for result.json
+    level_drifts : quantity -> by how much its level on the base circle drifts, where that is told [SI]
     pulses : logger -> times of the edges of its first trigger (or of what tells the angle) as found, on its clock [s]
     """
 
@@ -89,6 +90,7 @@ class CamCycles(ReadOnly):
     details: Mapping[str, Any] = field(default_factory=dict)
     channels: Mapping[str, Array] = field(default_factory=dict)
     pulses: Mapping[str, Array] = field(default_factory=dict)
+    level_drifts: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n_cycles = self.speed.size
