@@ -59,6 +59,18 @@ class Limit:
     guard: float = 0.0
     text: str = ""
 
+    def __post_init__(self) -> None:
+        ends = [end for end in (self.min, self.max) if end is not None]
+        if not ends:
+            raise Refusal(f"limit {self.quantity}: found neither min nor max, expected at least one of them")
+        if not all(np.isfinite((*ends, self.guard))) or self.guard < 0.0:
+            raise Refusal(
+                f"limit {self.quantity}: found {ends} with guard {self.guard:g}, expected finite ends and a guard of 0 "
+                "or more"
+            )
+        if ends[0] > ends[-1]:
+            raise Refusal(f"limit {self.quantity}: min {ends[0]:g} is above max {ends[-1]:g}; exchange them")
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -95,12 +107,10 @@ def _limit(table: Table, problems: Problems) -> Limit:
     table.only(LIMIT.names)
     values = read_keys(table, LIMIT, problems)
     problems.raise_any()
-    limit = Limit(**values)
-    if limit.min is None and limit.max is None:
-        raise Refusal(f"{table.where(limit.quantity)}: found neither min nor max, expected at least one of them")
-    if limit.min is not None and limit.max is not None and limit.min > limit.max:
-        raise Refusal(f"{table.where(limit.quantity)}: min {limit.min:g} is above max {limit.max:g}; exchange them")
-    return limit
+    try:
+        return Limit(**values)
+    except Refusal as refusal:
+        raise Refusal(f"{table.where('')}: {refusal}") from None
 
 
 def judge(document: Mapping[str, Any], limits: Sequence[Limit]) -> tuple[Verdict, ...]:
@@ -116,7 +126,7 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
     value = group.get(last) if isinstance(group, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
         return Verdict(limit, None, None, CANNOT_TELL, "the result holds no number of that name")
-    unit = group.get("unit") or _unit_of_name([last, *reversed(above)])
+    unit = _unit_of_name([last]) or group.get("unit") or _unit_of_name(list(reversed(above)))
     if limit.unit and _plain_unit(limit.unit) != _plain_unit(unit):
         told = f"in {unit}" if unit else "without a unit"
         return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
@@ -132,8 +142,8 @@ def _unit_of_name(names: Sequence[str]) -> str:
 
 
 def _plain_unit(unit: str) -> str:
-    """Return a unit without typography: a user may write mm^3 or mm³."""
-    return unit.replace("²", "^2").replace("³", "^3").replace("µ", "u").replace(" ", "")
+    """Return a unit without typography: a user may write mm^3 or mm³, and J for J per revolution."""
+    return unit.removesuffix(" per revolution").replace("²", "^2").replace("³", "^3").replace("µ", "u").replace(" ", "")
 
 
 def _compared(limit: Limit, value: float, stderr: float | None) -> Verdict:

@@ -13,8 +13,11 @@ with every parameter in the unit of the report. `lmfit.fit_report` and `lmfit.co
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +37,8 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.units import did_you_mean
 
 SCHEMA = "camtorque-parameters/1"
-KEYS = ("value", "min", "max", "vary", "expr")
-"""What a user may set of a parameter, as `lmfit.Parameter.set` takes it."""
+KEYS: Mapping[str, Any] = {"value": Real, "min": Real, "max": Real, "vary": bool, "expr": str}
+"""What a user may set of a parameter, as `lmfit.Parameter.set` takes it -> its type."""
 TIE_STEP = 1.0e-6
 """Relative step of the central difference through a tie (ties are short formulas, the chain itself is exact)."""
 
@@ -113,7 +116,14 @@ class OwnFit:
         """Return lmfit's minimizer of these parameters; ``minimize()`` fits, `lmfit.conf_interval` takes it.
 
         The weights hold the model error, so the covariance is not scaled by the residual.
+
+        Raises
+        ------
+        Refusal : a parameter of `parameters` is missing
         """
+        missing = [name for name in self.names if name not in parameters]
+        if missing:
+            raise Refusal(f"minimizer: found no parameter {missing[0]!r}, expected all of own.parameters()")
         return _WithinBounds(self.residual, parameters, scale_covar=False, jac=self.jacobian, x_scale="jac")
 
     def _si(self, parameters: lmfit.Parameters) -> Array:
@@ -195,7 +205,7 @@ def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:
     if not isinstance(changes, dict) or not all(isinstance(row, dict) for row in changes.values()):
         raise Refusal(f"{file}: expected tables [parameters.NAME]")
     for name, row in changes.items():
-        Table(row, file, f"[parameters.{name}]").only(KEYS)
+        Table(row, file, f"[parameters.{name}]").only(tuple(KEYS))
     return changes
 
 
@@ -204,12 +214,15 @@ def changed(parameters: lmfit.Parameters, changes: Mapping[str, Mapping[str, Any
 
     Raises
     ------
-    Refusal : a name that is not free in this recording, bounds without room, a tie that cannot be evaluated
+    Refusal : a name that is not free in this recording, a value of another type, bounds without room, a tie that
+        cannot be evaluated or goes in a circle, nothing left to vary
     """
     found = parameters.copy()
+    _refuse_circle(changes)
     for name, row in changes.items():
         if name not in found:
             raise Refusal(f"parameter {name!r}: not free here{did_you_mean(name, tuple(found))}; see result.json")
+        _refuse_other_types(name, row)
         try:
             found[name].set(**row)
             if not row.keys() & {"value", "expr"}:  # narrower bounds take the start along
@@ -220,4 +233,22 @@ def changed(parameters: lmfit.Parameters, changes: Mapping[str, Mapping[str, Any
         value = row.get("value", value)  # lmfit would move it into the bounds without a word
         if not (np.isfinite(value) and low <= value <= high):
             raise Refusal(f"parameter {name!r}: found {value:g}, expected a value from {low:g} to {high:g}")
+    if not any(item.vary for item in found.values()):
+        raise Refusal(f"parameters: all {len(found)} are fixed or tied, expected one to vary at least")
     return found
+
+
+def _refuse_circle(changes: Mapping[str, Mapping[str, Any]]) -> None:
+    ties = {name: set(re.findall(r"[A-Za-z_]\w*", str(row.get("expr", "")))) for name, row in changes.items()}
+    try:
+        TopologicalSorter({name: used & ties.keys() for name, used in ties.items()}).prepare()
+    except CycleError as error:
+        circle = " -> ".join(reversed(error.args[1]))
+        raise Refusal(f"parameters: the ties go in a circle, {circle}; expected a tie to other parameters") from None
+
+
+def _refuse_other_types(name: str, row: Mapping[str, Any]) -> None:
+    for key, value in row.items():
+        if not isinstance(value, KEYS[key]) or (isinstance(value, bool) and key != "vary"):
+            expected = {"vary": "true or false", "expr": "a text"}.get(key, "a number")
+            raise Refusal(f"parameter {name!r} {key}: found {value!r}, expected {expected}")

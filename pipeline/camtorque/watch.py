@@ -173,7 +173,7 @@ def look(
     drift, limit = _drift(pool.first, level)
     _remember(pool, cycles, rows)
     noise, wanted = _noise(pool, enough_percent)
-    rejected = memory.newly_rejected(name, cycles.cut_flow)
+    rejected = memory.newly_rejected(recording.config.id, cycles.cut_flow)
     speed = float(np.mean(cycles.speed[rows]))
     return Block(
         name, int(cycles.speed[rows].size), lost,
@@ -245,7 +245,8 @@ def watch(
                 return
         if clock() >= end:
             return
-        sleep(max(options.every, (clock() - start) * (1.0 / LOOK_SHARE - 1.0)))
+        pause = max(options.every, (clock() - start) * (1.0 / LOOK_SHARE - 1.0))
+        sleep(max(0.0, min(pause, end - clock())))
 
 
 Looks = Iterator[list[Block | Waiting]]

@@ -380,6 +380,8 @@ def test_ninety_five_percent_of_sound_cycles_are_used() -> None:
     ("options", "message"),
     [
         ({"n_theta": 10}, "n_theta is 10"),
+        ({"n_theta": "3600"}, "n_theta is '3600', expected a whole number"),
+        ({"steady_change": -1.0}, "steady_change is -1.0, expected a positive number"),
         ({"interpolation": "spline"}, "interpolation is 'spline'"),
         ({"block_samples": 10}, "block_samples is 10"),
     ],

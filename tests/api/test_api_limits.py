@@ -183,3 +183,28 @@ def test_limits_stand_in_the_result_of_a_run(tmp_path: Path) -> None:
     assert doc["limits"]["verdict"] == "fail"
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["limits"] == doc["limits"]
     assert "limits" not in write_run(run_result(), tmp_path)
+
+
+def test_a_loss_is_judged_in_joule_and_the_closure_in_percent() -> None:
+    document = {"explained": True, "losses": {"unit": "J per revolution", "friction": 3.0, "closure_percent": 0.5}}
+    limits = (
+        Limit("losses.friction", None, 4.0, "J"),
+        Limit("losses.friction", None, 4.0, "J per revolution"),
+        Limit("losses.closure_percent", -1.0, 1.0, "%"),
+    )
+    assert [row.verdict for row in judge(document, limits)] == ["pass"] * 3
+    assert judge(document, [Limit("losses.friction", None, 4.0, "%")])[0].verdict == "cannot tell"
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"min": 2.0, "max": 1.0}, "min 2 is above max 1; exchange them"),
+        ({"min": float("nan"), "max": None}, r"found \[nan\] with guard 0, expected finite ends"),
+        ({"min": None, "max": None}, "found neither min nor max"),
+        ({"min": 0.0, "max": None, "guard": -1.0}, "with guard -1, expected finite ends and a guard of 0 or more"),
+    ],
+)
+def test_a_band_that_is_none_is_refused(given, text: str) -> None:
+    with pytest.raises(Refusal, match=text):
+        Limit("losses.friction", **given)

@@ -140,11 +140,22 @@ def test_a_parameters_file_that_cannot_be_used(tmp_path: Path, text: str, told: 
         ({"leakge": {"max": 1.0}}, "parameter 'leakge': not free here, did you mean 'leakage'"),
         ({"leakage": {"expr": "2 * nothing"}}, "parameter 'leakage': .*nothing"),
         ({"leakage": {"min": 3.0, "max": 2.0}}, "parameter 'leakage'"),
+        ({"leakage": {"expr": "leakage*2"}}, "the ties go in a circle, leakage -> leakage"),
+        ({"leakage": {"vary": "false"}}, "parameter 'leakage' vary: found 'false', expected true or false"),
+        ({"leakage": {"min": "x"}}, "parameter 'leakage' min: found 'x', expected a number"),
+        ({"leakage": {"value": True}}, "parameter 'leakage' value: found True, expected a number"),
     ],
 )
 def test_changes_that_cannot_be_made(own: OwnFit, changes: dict[str, dict[str, object]], told: str) -> None:
     with pytest.raises(Refusal, match=told):
         changed(own.parameters(), changes)
+
+
+def test_a_fit_of_nothing_or_of_other_parameters_is_refused(own: OwnFit) -> None:
+    with pytest.raises(Refusal, match="are fixed or tied, expected one to vary at least"):
+        changed(own.parameters(), {name: {"vary": False} for name in own.names})
+    with pytest.raises(Refusal, match=r"found no parameter '.*', expected all of own.parameters"):
+        own.minimizer(type(own.parameters())())
 
 
 def test_the_command_tells_what_lmfit_tells(

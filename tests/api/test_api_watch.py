@@ -164,6 +164,16 @@ def test_the_base_circle_is_where_the_follower_rests(
     assert base_level(recording, replace(cycles, torque=None), slice(None)) is None
 
 
+def test_blocks_of_one_recording_tell_each_rejected_cycle_once(
+    aligned: tuple[camtorque.Recording, camtorque.CamCycles],
+) -> None:
+    recording, cycles = aligned
+    lossy = replace(cycles, cut_flow=(CutFlowRow("misfire", 3, "", 3),))
+    memory = Memory()
+    blocks = [look(f"block {k}", recording, lossy, slice(None), 3, memory, 0.1) for k in (1, 2)]
+    assert [block.reasons for block in blocks] == [("3 misfire",), ()]
+
+
 def test_a_growing_log_tells_each_rejected_cycle_once() -> None:
     memory = Memory()
     first = (CutFlowRow("pressure_clipped", 3, "", 3), CutFlowRow("missed_trigger", 0, ""))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from camtorque.config import SensorRef
 from camtorque.ingest import read_recording
+from camtorque.ingest.certificate import read_certificate
 from camtorque.ingest.sensors import certificate_age, read_sensor, zero_of_readings
 from camtorque.records import Refusal
 from camtorque.units import ATMOSPHERE
@@ -206,6 +207,21 @@ def test_a_slip_beside_the_only_far_load_is_found_and_repeated_zeros_are_no_slip
     found = [row for row in read_sensor(reference(papers)).findings if row.code == "certificate_point"]
     assert len(found) == (wrong >= 0)
     assert all(f"point {wrong + 1} of the certificate" in row.text for row in found)
+
+
+@pytest.mark.parametrize(
+    "comment", ["k=2 uncertainty 0.05 % of nominal", "U = 0.05 % (k = 2)", "expanded 0.05 % (k=2), 45 % r.h."]
+)
+def test_the_uncertainty_is_the_figure_beside_its_coverage_factor(papers: Path, comment: str):
+    rows = "".join(f"{load},{0.025 * load}\n" for load in (-200, 0, 200))
+    certificate = papers / "torque_T22-40117.csv"
+    certificate.write_text(f"# torque transducer T22-40117, {comment}\napplied_torque_Nm,output_V\n{rows}")
+    assert read_certificate(certificate, "torque", "T22-40117", "N m", "voltage").reference_relative_std == (
+        pytest.approx(2.5e-4)
+    )
+    certificate.write_text(f"# T22-40117 at k=2, 45 % r.h.\napplied_torque_Nm,output_V\n{rows}")
+    with pytest.raises(Refusal, match="an uncertainty of 45 %, expected at most 5 %"):
+        read_certificate(certificate, "torque", "T22-40117", "N m", "voltage")
 
 
 def test_header_only_certificate_is_refused(papers: Path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.stamp_texts import seconds_of_texts
 from camtorque.ingest.stamps import read_stamps
 from camtorque.records import Refusal
 from hypothesis import given, settings
@@ -97,3 +98,9 @@ def test_rates_that_contradict():
 def test_what_is_no_time_base_is_refused(times: np.ndarray, message: str):
     with pytest.raises(Refusal, match=message):
         read_stamps(ArraySource(times), 1000.0, "log")
+
+
+def test_a_first_number_above_twelve_is_a_day() -> None:
+    texts = ["05/12/2024 10:00:00", "25/12/2024 10:00:00"]
+    assert np.diff(seconds_of_texts(texts, "slashes")) == pytest.approx(20.0 * 86_400.0)
+    assert np.diff(seconds_of_texts(["05/12/2024 10:00:00", "05/13/2024 10:00:00"], "slashes")) == 86_400.0

@@ -270,3 +270,16 @@ def test_pressure_curve_with_gaps_is_told(theta_deg, bar, told):
     assert ("pressure_curve_coarse" in found) == told
     if told:
         assert "2 points and changes by 100 % of its swing within 180 degrees" in found["pressure_curve_coarse"]
+
+
+@pytest.mark.parametrize("n_theta", [0, 5, 35, "3600"])
+def test_a_grid_that_is_none_is_refused(n_theta) -> None:
+    with pytest.raises(Refusal, match="expected a whole number of 36 points or more"):
+        predict(read_pump(PAPER)[0], [1000.0 * RPM], n_theta=n_theta)
+
+
+def test_an_unknown_section_is_refused_with_its_file(tmp_path) -> None:
+    config, _ = read_pump(PAPER)
+    strange = replace(config, sections=(replace(config.sections[0], kind="dwel"), *config.sections[1:]))
+    with pytest.raises(Refusal, match=r"paper_pump.toml \[\[cam.sections\]\] kind: found 'dwel'.* dwell, tangent"):
+        cam_of(strange)

@@ -14,7 +14,7 @@ import pytest
 from camtorque import cli
 from camtorque.records import Refusal
 from camtorque.report.checksums import SUMS, Fault, verify, visible_files, write_checksums
-from camtorque.report.folder import output_folder
+from camtorque.report.folder import output_folder, seal
 from camtorque.report.provenance import CRATE
 
 DOC = {
@@ -123,6 +123,14 @@ def test_the_crate_names_inputs_by_content_and_every_output(written: Path) -> No
     assert {item["@id"] for item in action["result"]} == {"result.json", "figures/torque.svg"}
     assert graph[action["instrument"]["@id"]]["softwareVersion"] == "0.1.0"
     assert "Prüfstand" not in (written / CRATE).read_text(encoding="utf-8"), "where inputs lie is nobody's business"
+
+
+def test_a_folder_sealed_again_lists_no_seal_among_its_outputs(written: Path) -> None:
+    before = json.loads((written / CRATE).read_text(encoding="utf-8"))
+    seal(written, "again")
+    again = json.loads((written / CRATE).read_text(encoding="utf-8"))
+    ids = [item["@id"] for item in again["@graph"]]
+    assert len(ids) == len(set(ids)) == len(before["@graph"])
 
 
 VALIDATE = """

@@ -390,6 +390,8 @@ def test_clearance_changes_leakage_by_its_third_power() -> None:
     for text in ("1mm", "+1.2.3um", "+.um", "1..2um+1um"):
         with pytest.raises(Refusal, match="expected a change such as"):
             leakage_factor(text)
+    with pytest.raises(Refusal, match="expected a known clearance above 0 um"):
+        leakage_factor("0um+1um")
     with pytest.raises(Refusal, match="leaves no clearance"):
         leakage_factor("-5um")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from camtorque.records import Finding, Refusal
 
 LINEAR, CUBIC, AVERAGE = 0, 1, 2
@@ -39,8 +41,11 @@ class AlignOptions:
     notes: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.n_theta < 36:
-            raise Refusal(f"align: n_theta is {self.n_theta}, expected at least 36 points per revolution")
+        if not isinstance(self.n_theta, int | np.integer) or self.n_theta < 36:
+            raise Refusal(f"align: n_theta is {self.n_theta!r}, expected a whole number, at least 36 per revolution")
+        for name in ("steady_change", "steady_band", "outlier_z", "repaired_angle_deg"):
+            if not getattr(self, name) > 0.0:
+                raise Refusal(f"align: {name} is {getattr(self, name)!r}, expected a positive number")
         if self.interpolation not in INTERPOLATIONS:
             raise Refusal(f"align: interpolation is {self.interpolation!r}, expected one of {INTERPOLATIONS}")
         if self.block_samples < 1024:

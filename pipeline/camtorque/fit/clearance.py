@@ -24,6 +24,8 @@ def leakage_factor(text: str) -> float:
     if match is None:
         raise Refusal(f"--clearance: found {text!r}, expected a change such as +1um, or 3um+1um from a known clearance")
     base = float(match[1]) * 1e-6 if match[1] else CLEARANCE
+    if base <= 0.0:
+        raise Refusal(f"--clearance: found {text!r}, expected a known clearance above 0 um before the change")
     factor = 1.0 + float(match[2]) * 1e-6 / base
     if factor <= 0.0:
         raise Refusal(f"--clearance: {text} leaves no clearance of {base * 1e6:g} um; give a smaller change")

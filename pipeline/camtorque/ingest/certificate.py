@@ -12,7 +12,14 @@ from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Array, Finding, Refusal
 from camtorque.units import tidy_unit, unit_factor
 
-UNCERTAINTY = re.compile(r"k\s*=\s*(\d{1,9}(?:\.\d{1,9})?)\D{0,30}?(\d{1,9}(?:\.\d{1,9})?)\s*%", re.IGNORECASE)
+FIGURE = r"\d{1,9}(?:\.\d{1,9})?"
+UNCERTAINTY = (
+    re.compile(rf"(?P<percent>{FIGURE})\s*%[\s,;(]{{0,3}}k\s*=\s*(?P<k>{FIGURE})", re.IGNORECASE),
+    re.compile(rf"k\s*=\s*(?P<k>{FIGURE})\D{{0,30}}?(?P<percent>{FIGURE})\s*%", re.IGNORECASE),
+)
+"""How a certificate states its uncertainty: 0.05 % (k=2), or (k=2) 0.05 %."""
+MOST_UNCERTAIN = 5.0
+"""A larger percentage beside the coverage factor is not the uncertainty: humidity stands there too."""
 APPLIED = re.compile(r"^applied_(?P<quantity>[a-z]+)_(?P<unit>.+)$")
 LEAST_POINTS = 3
 STANDS_OUT, STANDS_OUT_PERCENT = 10.0, 0.2
@@ -66,11 +73,23 @@ def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str, ou
     over = f"/{table.units[volt_names[0]]}" if table.units.get(volt_names[0]) else ""
     volt_unit = volt_names[0].removeprefix("output_").replace("_per_", "/") + over
     volts = table.columns[volt_names[0]] * unit_factor(volt_unit, output, str(path))
-    stated = UNCERTAINTY.search(table.comment)
-    if stated and not float(stated[1]) > 0.0:
-        raise Refusal(f"{path}: states an uncertainty at k={stated[1]}; k has to be above 0, usually 2")
-    relative = float(stated[2]) / 100.0 / float(stated[1]) if stated else float("nan")
-    return _fit(path, applied, volts, relative)
+    return _fit(path, applied, volts, _stated(path, table.comment))
+
+
+def _stated(path: Path, comment: str) -> float:
+    """Return the relative standard uncertainty that a certificate states, nan where it states none."""
+    stated = next((found for pattern in UNCERTAINTY if (found := pattern.search(comment))), None)
+    if stated is None:
+        return float("nan")
+    factor, percent = float(stated["k"]), float(stated["percent"])
+    if not factor > 0.0:
+        raise Refusal(f"{path}: states an uncertainty at k={stated['k']}; k has to be above 0, usually 2")
+    if percent > MOST_UNCERTAIN:
+        raise Refusal(
+            f"{path}: found {stated[0]!r}, an uncertainty of {percent:g} %, expected at most {MOST_UNCERTAIN:g} %; "
+            'write it as "0.05 % (k=2)"'
+        )
+    return percent / 100.0 / factor
 
 
 def _check_serial(path: Path, comment: str, serial: str) -> None:

@@ -210,7 +210,8 @@ def _times(
         findings: tuple[Finding, ...] = ()
         if stated is not None:
             rate, findings = agreed_rate(stated, spec.sample_rate, where, 1e-9, "the header says")
-        return Stamps(spec.start_time or layout.start or 0.0, rate, findings=findings), None
+        begun = spec.start_time or 0.0 if layout.start is None else layout.start
+        return Stamps(begun, rate, findings=findings), None
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)

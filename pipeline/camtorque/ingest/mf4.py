@@ -39,7 +39,8 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     library = _library()
     check_mf4(path)
     with refusing(path, "MDF 4"), library.MDF(path) as mdf:
-        stamp = mdf.header.start_time.replace(tzinfo=UTC).timestamp()
+        begun = mdf.header.start_time
+        stamp = (begun if begun.tzinfo else begun.replace(tzinfo=UTC)).timestamp()
         return read_each(path, "MDF 4", specs, lambda spec: _channel(mdf, path, spec, stamp))
 
 

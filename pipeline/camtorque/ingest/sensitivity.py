@@ -17,6 +17,7 @@ VOLT_KEYS = {
     "sensitivity_V_per_unit": "sensitivity_V_per_unit",
     "zero": "zero_V",
     "output_range": "output_range_V",
+    "zero_tolerance": "zero_tolerance_V",
 }
 BRIDGE_KEYS = {
     "bridge_sensitivity": "sensitivity_mV_per_V",

@@ -20,6 +20,8 @@ DATES = {
 """Kind of a stamp -> its parts."""
 MONTHS = {name: f"{number:02d}" for number, name in enumerate(
     ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"), start=1)}  # fmt: skip
+MOST_MONTHS = 12
+"""A first number above it is a day."""
 LAST_COLON = r"(?P<clock>:\d\d:\d\d):(?P<part>\d+)$"
 """12:03:04:001, as some loggers write milliseconds."""
 
@@ -40,6 +42,8 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
         return pd.to_timedelta(clock, errors=errors) / pd.Timedelta(seconds=1)
     if kind != "iso":
         parts = texts.str.extract(DATES[kind])
+        if kind == "slashes" and (pd.to_numeric(parts["month"]) > MOST_MONTHS).any():
+            parts = parts.rename(columns={"month": "day", "day": "month"})
         parts["month"] = parts["month"].str.lower().replace(MONTHS)
         padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
         clock = _whole_day(parts["clock"], errors).str.replace(r"^(\d):", r"0\1:", regex=True)

@@ -56,8 +56,7 @@ def smoothing_law(table: CamTable) -> CamLaw:
     step = table.resolution
     if not step > 0.0:
         raise Refusal(
-            f"lift table: resolution is {step} m, expected a positive step; state the resolution of the table, "
-            "or choose the quintic law for an exact one"
+            f"lift table: resolution is {step} m, expected a positive step; state the resolution of the table"
         )
     theta, lift = _closed(table)
     knots, pieces = smoothing_spline(theta, lift, step)

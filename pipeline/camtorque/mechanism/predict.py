@@ -19,14 +19,14 @@ from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
 from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings, table_findings
-from camtorque.mechanism.sections import Section, dwell, flank, section_law, tangent_sections
+from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Finding, ReadOnly, Refusal, RigidTorque
 from camtorque.units import BAR, DEGREE, RPM
 
-SAMPLES = 3600
+SAMPLES, FEWEST_ANGLES = 3600, 36
 KEPT = 720
 """So many samples of a curve go into the document, at least where there are as many."""
 
@@ -76,6 +76,9 @@ def cam_of(config: PumpConfig) -> CamLaw:
         raise Refusal(f"{config.path}: its lift table has not been read; use camtorque.ingest.pump_file.read_pump")
     sections: list[Section] = []
     for spec in config.sections:
+        if spec.kind not in ("dwell", "tangent", *FLANKS):
+            known = ", ".join(("dwell", "tangent", *FLANKS))
+            raise Refusal(f"{config.path} [[cam.sections]] kind: found {spec.kind!r}, expected one of {known}")
         if spec.kind == "dwell":
             sections.append(dwell(spec.angle))
         elif spec.kind == "tangent":
@@ -121,9 +124,12 @@ def predict(
 
     Raises
     ------
-    Refusal : no speed, a speed that is not positive, a cam that cannot be built, friction with a frictionless method
+    Refusal : no speed, a speed that is not positive, a grid below 36 points, a cam that cannot be built, friction with
+        a frictionless method
     """
     speed = _positive(speeds)
+    if not (isinstance(n_theta, int) and n_theta >= FEWEST_ANGLES):
+        raise Refusal(f"predict: n_theta is {n_theta!r}, expected a whole number of {FEWEST_ANGLES} points or more")
     law, mounting = cam_of(config), mounting_of(config)
     theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
     friction = Friction(*config.friction)

@@ -19,6 +19,7 @@ from camtorque.records import (
     ParameterEstimate,
     ResidualBump,
 )
+from camtorque.report.answer import verdict
 from camtorque.report.bundle import RunResult
 from camtorque.report.files import findings_document, inputs_document
 from camtorque.report.gaps import gap_shares
@@ -66,7 +67,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "peak_memory_mb": result.peak_memory_mb,
         }
     )
-    doc = printed(doc)
+    doc = printed({**doc, "verdict": verdict(doc)})
     return {**doc, "limits": limits_document(judge(doc, result.limits))} if result.limits else doc
 
 

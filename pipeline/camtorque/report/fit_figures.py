@@ -37,7 +37,7 @@ def evidence(result: RunResult) -> Rows | None:
     values = tuple(float(np.clip(row.two_ln_bayes_factor, -EVIDENCE_SHOWN, EVIDENCE_SHOWN)) for row in rows)
     notes = tuple(f"{_evidence_text(row.two_ln_bayes_factor)}, {row.verdict}" for row in rows)
     factor = RowPanel("2 ln K for the loss", (Marks("", values, tones),), notes=notes,
-                      limits=(1.25 * min(min(values), -4.0), 1.9 * EVIDENCE_SHOWN))  # fmt: skip
+                      limits=(1.25 * min(-4.0, *filter(math.isfinite, values)), 1.9 * EVIDENCE_SHOWN))  # fmt: skip
     return Rows(tuple(words(row.name) for row in rows), (factor, _sizes(rows, tones)), WIDE)
 
 

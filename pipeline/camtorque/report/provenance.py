@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
+from camtorque.report.checksums import SUMS
 from camtorque.report.files import write_json
 
 CRATE = "ro-crate-metadata.json"
@@ -24,7 +25,10 @@ Entity = dict[str, Any]
 def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
     """Write ro-crate-metadata.json of a finished folder; ``doc``: its result.json or align.json."""
     inputs = [_input(item) for item in doc["inputs"]]
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+    files = sorted(
+        path for path in folder.rglob("*")
+        if path.is_file() and not path.name.startswith(".") and path not in (folder / CRATE, folder / SUMS)
+    )  # fmt: skip
     outputs = [_output(path, folder) for path in files]
     software, action = _software(doc), _action(doc, title, inputs, outputs)
     graph = [_descriptor(), _root(doc, title, [*inputs, *outputs], action), _profile(), _licence(), software, action]
@@ -38,7 +42,7 @@ def _descriptor() -> Entity:
 def _root(doc: Mapping[str, Any], title: str, parts: Sequence[Entity], action: Entity) -> Entity:
     return {
         "@id": "./", "@type": "Dataset", "name": title,
-        "description": f"Measured against modelled drive torque of {title}, computed by camtorque {doc['version']}",
+        "description": f"What camtorque {doc['version']} computed of {title}",
         "datePublished": doc["created"], "license": {"@id": LICENCE}, "conformsTo": {"@id": PROFILE},
         "hasPart": references(parts), "mentions": {"@id": action["@id"]},
     }  # fmt: skip
