@@ -128,10 +128,8 @@ def predict(
         a frictionless method
     """
     speed = _positive(speeds)
-    if not (isinstance(n_theta, int) and n_theta >= FEWEST_ANGLES):
-        raise Refusal(f"predict: n_theta is {n_theta!r}, expected a whole number of {FEWEST_ANGLES} points or more")
     law, mounting = cam_of(config), mounting_of(config)
-    theta = np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
+    theta = _grid(n_theta)
     friction = Friction(*config.friction)
     units = [PumpUnit(config.pump, law, phase, mounting, friction) for phase in config.phases]
     curve = PressureCurve(np.array([0.0, np.pi]), np.zeros(2)) if pressure is None else pressure
@@ -225,6 +223,12 @@ def _row(pump: RigidTorque, path: Kinematics, shaft_torque: Array, speed: float)
         "roller_speed_max_rpm": float(np.max(np.abs(path.roller_ratio))) * speed / RPM,
         "contact_lost": pump.contact_lost,
     }
+
+
+def _grid(n_theta: int) -> Array:
+    if not (isinstance(n_theta, int) and n_theta >= FEWEST_ANGLES):
+        raise Refusal(f"predict: n_theta is {n_theta!r}, expected a whole number of {FEWEST_ANGLES} points or more")
+    return np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
 
 
 def prediction_document(prediction: Prediction) -> dict[str, Any]:
