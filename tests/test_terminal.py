@@ -26,7 +26,7 @@ def document(explained: bool = True) -> dict[str, Any]:
     row = {"rms_nm": 0.02, "rms_percent_of_peak": 0.04, "forward_gap_percent": 0.0, "return_min_model_nm": -51.0,
            "return_min_measured_nm": -51.2}  # fmt: skip
     return {
-        "recording": {"name": "r", "speed_rpm": 1000.0, "cycles_used": 4, "cycles_found": 4},
+        "recording": {"name": "r", "speed_rpm": 1000.0, "cycles_used": 4, "cycles_found": 4, "cut_flow": []},
         "explained": explained,
         "bumps": [{"start_deg": 0.0, "stop_deg": 359.9, "phase": "delivery"}],
         "metrics": {"rigid": row, "fitted_held_out_cycles": row},
@@ -50,6 +50,9 @@ def test_the_parts_of_the_work_add_up() -> None:
 
 def test_no_interval_where_the_model_fails() -> None:
     assert "20.83 ± 0.21 deg" in run_table(document())
+    rows = [{"reason": name, "cycles": n} for name, n in (("incomplete", 2), ("samples_lost", 9), ("outlier", 0))]
+    recording = {**document()["recording"], "cut_flow": rows}
+    assert "cycles used (left out: 9 samples lost)" in run_table({**document(), "recording": recording})
     failed = run_table(document(explained=False))
     assert "±" not in failed
     assert "the model fails at all around (largest: delivery)" in failed

@@ -126,6 +126,15 @@ def test_a_report_stays_as_it_was_written(report: Path, tmp_path: Path, monkeypa
     assert (tmp_path / "tables" / "case_means.csv").is_file()
 
 
+def test_tables_do_not_go_into_a_finished_report(
+    report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "SHA256SUMS").touch()
+    assert cli.main(["export", str(report), "--out", str(tmp_path)]) == 2
+    assert "found a finished report, expected another folder" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.csv"))
+
+
 def test_reports_of_one_name_do_not_overwrite_each_other(
     report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

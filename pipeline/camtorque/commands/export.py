@@ -11,7 +11,8 @@ from typing import Any
 
 from camtorque.commands import Outcome, Tell
 from camtorque.export import report_tables, write_tables
-from camtorque.records import require
+from camtorque.records import Refusal, require
+from camtorque.report.checksums import SUMS
 from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
 from camtorque.results import read_results
@@ -31,6 +32,11 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "tables")
     documents = read_results(arguments.results)
     check_writable(arguments.out)
+    if (arguments.out / SUMS).exists():
+        raise Refusal(
+            f"--out {arguments.out}: found a finished report, expected another folder: tables in it would not be in "
+            f"its {SUMS}"
+        )
     with output_files(arguments.out) as folder:
         written = (
             _trend(arguments, documents, folder) if arguments.trend else _tables(arguments, documents, tell, folder)

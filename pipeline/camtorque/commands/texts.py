@@ -17,7 +17,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
     recording, metrics = doc["recording"], doc["metrics"]
     lines = [
         f"{recording['name']}  {recording['speed_rpm']:.1f} rpm, {recording['cycles_used']} of "
-        f"{recording['cycles_found']} cycles used",
+        f"{recording['cycles_found']} cycles used{_left_out(recording)}",
         *verdict_lines(doc),
         "",
         f"{'':22}{'RMS':>16}{'forward gap':>14}{'return minimum':>17}",
@@ -36,6 +36,13 @@ def run_table(doc: Mapping[str, Any]) -> str:
         lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar', doc)}")
     lines.append(f"work      {losses['input']:.2f} J/rev = {_work(doc)}")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
+
+
+def _left_out(recording: Mapping[str, Any]) -> str:
+    """Return what complete cycles were left out for; the incomplete ones are not among those found."""
+    rows = [row for row in recording["cut_flow"] if row["cycles"] and row["reason"] != "incomplete"]
+    texts = [f"{row['cycles']} {words(row['reason'])}" for row in rows]
+    return f" (left out: {', '.join(texts)})" if texts else ""
 
 
 def verdict_lines(doc: Mapping[str, Any]) -> list[str]:

@@ -205,7 +205,8 @@ def sureness_text(doc: Document) -> str:
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
             f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
-            f"certificate), which no residual shows."
+            f"certificate), which no residual shows; plunger, cam and spring are taken as the sheet has them: 1 % "
+            f"of the plunger's diameter is 2 % of the torque of pressure."
         )
     text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
