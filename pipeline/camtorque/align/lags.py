@@ -36,6 +36,7 @@ SHIFTED_OVER_PLAIN = Threshold(
     "What differs by a shift alone differs less than this part once shifted; a changed load or warmer fuel does not."
 )  # fmt: skip
 
+ALIKE = Threshold(0.2, "1", "convention", "Channels whose drifts differ by less than this share drift alike.")
 PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
 """Parts of the recording, from its beginning on, in which a step is looked for."""
 
@@ -81,7 +82,8 @@ def settle_lags(table: CycleTable, time: Array) -> Lags:
         if drift:
             wander[quantity] = drift * float(np.ptp(time[sound])) / 2.0
             _shift(rows, -drift * (time - time[0]))
-            findings.append(_wandering(quantity, drift, time[sound], float(np.median(table.speed[sound]))))
+    if wander:
+        findings += _wandering(wander, float(np.ptp(time[~slipped])), float(np.median(table.speed)))
     return Lags(slipped, wander, tuple(findings))
 
 
@@ -190,17 +192,22 @@ def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: 
     )  # fmt: skip
 
 
-def _wandering(quantity: str, drift: float, time: Array, speed: float) -> Finding:
-    span = abs(drift) * float(np.ptp(time)) / DEGREE
-    ppm = 1e6 * abs(drift) / speed
-    clock = (
-        f"a clock that differs by {short(ppm, 2)} ppm from the trigger's" if ppm <= 1e6 * LARGEST_SKEW
-        else f"a sample rate {short(1e-4 * ppm, 2)} % off, or the trigger's"
-    )  # fmt: skip
-    return Finding(
-        "clock_wanders", "warning",
-        f"the {quantity} wanders by {short(span, 2)} degrees of cam angle over the recording, by a shift alone: "
-        f"{clock}; taken off as if both had started together, which is unsure by half of that; "
-        'write clock = "independent" and record the trigger on every logger, or correct sample_rate_hz',
-        quantity,
-    )  # fmt: skip
+def _wandering(wander: Mapping[str, float], duration: float, speed: float) -> list[Finding]:
+    """Tell what wanders over a duration [s]; what does so alike, once: it is the trigger's clock then."""
+    halves = list(wander.values())
+    alike = len(halves) > 1 and abs(halves[0] - halves[1]) < ALIKE * abs(halves[0])
+    told = {" and ".join(wander): halves[0]} if alike else wander
+    findings = []
+    for names, half in told.items():
+        ppm = 2e6 * abs(half) / (duration * speed)
+        clock = f"clocks that differ by {short(ppm, 2)} ppm" if ppm <= 1e6 * LARGEST_SKEW else (
+            f"a sample rate {short(1e-4 * ppm, 2)} % off"
+        )  # fmt: skip
+        text = (
+            f"{names} wander{'' if alike else 's'} by {short(2.0 * abs(half) / DEGREE, 2)} degrees of cam angle over "
+            f"the recording against the trigger, by a shift alone: {clock}; taken off as if all had started together, "
+            'which is unsure by half of that; write clock = "independent" and record the trigger on every logger, or '
+            "correct sample_rate_hz"
+        )
+        findings.append(Finding("clock_wanders", "warning", text, names))
+    return findings
