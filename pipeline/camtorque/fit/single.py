@@ -30,7 +30,7 @@ RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
 QUICK = Effort(5)
 """Of structures that are far behind: they are compared, not used."""
-SWITCHING = "switching delay of the trigger"
+SWITCHING = "switching delay and clock of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
 MINIMA = 5
 """Minima that are compared at most."""
