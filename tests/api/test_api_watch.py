@@ -181,3 +181,8 @@ def test_a_growing_log_tells_each_rejected_cycle_once() -> None:
     assert memory.newly_rejected("a", first) == {}
     assert memory.newly_rejected("a", (replace(first[0], cycles_single=5), *first[1:])) == {"pressure_clipped": 2}
     assert memory.newly_rejected("b", first) == {"pressure_clipped": 3}
+
+
+def test_a_watch_ends_when_its_seconds_are_over(replay: Replay, bench: Path) -> None:
+    list(watch(bench, WatchOptions(every=600.0, seconds=2.0), replay.sleep, replay.clock))
+    assert replay.now == pytest.approx(2.0)

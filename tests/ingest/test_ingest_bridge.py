@@ -61,6 +61,7 @@ def test_a_zero_that_cannot_be_is_told_in_its_own_unit():
             "mV/V",
             "output_range_V: is about an output in V, the channel is in m",
         ),
+        (FULL | {"zero_tolerance": 0.1}, "mV/V", "zero_tolerance_V: is about an output in V, the channel is in mV/V"),
         (FULL, "V", "sensitivity_mV_per_V: is about an output in mV/V, the channel is in V; correct its unit"),
     ],
 )

@@ -275,6 +275,15 @@ def test_lvm_without_a_time_column_takes_start_and_step_of_its_header(tmp_path: 
     assert_is_the_log(recording(tmp_path / "r", Plan("lvm", writer_options={"x_columns": "No"})), 5.1e-7)
 
 
+@pytest.mark.parametrize("start", [0.0, 2.5])
+def test_a_start_that_recording_toml_states_holds_even_where_it_is_zero(tmp_path: Path, start: float):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("lvm", writer_options={"x_columns": "No"}))
+    sheet = folder / "recording.toml"
+    text = sheet.read_text(encoding="utf-8").replace("[[channels]]\n", f"[[channels]]\nstart_time_s = {start}\n")
+    sheet.write_text(text, encoding="utf-8")
+    assert {channel.start_time for channel in read_recording(folder).channels} == {start}
+
+
 def test_a_column_t_is_a_channel_where_a_time_stands_beside_it(tmp_path: Path):
     folder = write_folder(tmp_path / "r", [LOG], PLANS["csv"])
     toml, log = folder / "recording.toml", log_file(folder)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from camtorque.jsonable import clean
-from camtorque.records import ResidualBump
+from camtorque.records import LossEvidence, ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
 from camtorque.report.curves_svg import curves_svg
+from camtorque.report.fit_figures import evidence
 from camtorque.report.numbers import exponents, fixed, named, near, num, plus, plus_minus, typeset, unit_text
 from camtorque.report.payload import chart_data, packed, unpacked
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
 from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
-from report_cases import NASTY
+from report_cases import NASTY, run_result
 
 
 def path_points(text: str) -> np.ndarray:
@@ -177,3 +179,11 @@ def test_numbers_are_written_out_and_names_of_parameters_are_words() -> None:
     assert (num(120.4, 2), num(1.5e7, 2)) == ("120", "1.5·10⁷")
     assert (plus(0.0351), plus(-0.0064), plus(0.001), plus(None)) == ("+0.04", "−0.01", "0.00", "–")
     assert named("coupling_resonance drifts; set zero_before_V") == "coupling resonance drifts; set zero_before_V"
+
+
+def test_the_chart_of_evidence_has_limits_where_a_verdict_was_not_computed() -> None:
+    result = run_result()
+    row = LossEvidence("chamber", math.nan, "needed", False, math.nan, (math.nan, math.nan), "N m", "not compared")
+    rows = evidence(replace(result, fitted=replace(result.fitted, evidence=(row, *result.fitted.evidence))))
+    assert rows is not None
+    assert all(math.isfinite(end) for end in rows.panels[0].limits)

@@ -210,7 +210,7 @@ def _times(
         findings: tuple[Finding, ...] = ()
         if stated is not None:
             rate, findings = agreed_rate(stated, spec.sample_rate, where, 1e-9, "the header says")
-        begun = spec.start_time or 0.0 if layout.start is None else layout.start
+        begun = (layout.start or 0.0) if spec.start_time is None else spec.start_time
         return Stamps(begun, rate, findings=findings), None
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
