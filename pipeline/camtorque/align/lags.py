@@ -70,14 +70,14 @@ def settle_lags(table: CycleTable, time: Array) -> Lags:
         sound = np.flatnonzero(ordinary(table) & ~slipped)
         lag = cycle_lags(rows, ordinary(table))
         while (step := _first_step(rows, sound, lag)) is not None:
-            place, moved = step
-            first = max(place - 1, 0)
-            slipped[sound[first] :] = True
+            lost, moved = step
+            # samples lost where a cycle is flat do not move that cycle: the one before goes too
+            slipped[sound[lost - 1] :] = True
             findings = [
                 *(finding for finding in findings if finding.code != "samples_lost"),
-                _lost(quantity, moved, time[sound[place]], table, sound[first]),
+                _lost(quantity, moved, time[sound[lost]], table, sound[lost - 1]),
             ]
-            sound = sound[:first]
+            sound = sound[: lost - 1]
         drift = _drift(rows, sound, lag, time)
         if drift:
             wander[quantity] = drift * float(np.ptp(time[sound])) / 2.0
@@ -115,7 +115,7 @@ def _peak(alike: Array) -> Array:
 
 
 def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int, float] | None:
-    """Return the place among the sound cycles at which the lag steps, and by how much [rad].
+    """Return the place among the sound cycles of the one in which the lag steps, and by how much [rad].
 
     Several steps look like a drift, so that the first parts of the recording are looked at by themselves too.
     """
@@ -126,25 +126,27 @@ def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int,
 def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int, float] | None:
     found = lag[sound]
     n, own = found.size, int(BESIDE_STEP)
-    if n < max(FEWEST, 2 * own):
+    if n < max(FEWEST, 2 * own + 1):
         return None
-    places = np.arange(own, n - own + 1)
-    left = np.array([_variance(found[:k]) * k + _variance(found[k:]) * (n - k) for k in places])
-    place = int(places[np.argmin(left)])
-    moved = float(np.median(found[place:]) - np.median(found[:place]))
+    torn = np.arange(own, n - own, dtype=np.int64)
+    left = _squares(found, 0, torn) + _squares(found, torn + 1, n)
+    lost = int(torn[np.argmin(left)])
+    before, after = sound[:lost], sound[lost + 1 :]
+    moved = float(np.median(lag[after]) - np.median(lag[before]))
     scatter = 1.4826 * float(np.median(np.abs(np.diff(found)))) / np.sqrt(2.0)
-    least = max(LEAST_MOVE * DEGREE, SIGNIFICANT * scatter * np.sqrt(1.0 / place + 1.0 / (n - place)))
+    least = max(LEAST_MOVE * DEGREE, SIGNIFICANT * scatter * np.sqrt(1.0 / before.size + 1.0 / after.size))
     line = np.polynomial.Polynomial.fit(np.arange(n), found, 1)(np.arange(n))
-    clear = np.min(left) < STEP_OVER_LINE * n * _variance(found - line)
-    if abs(moved) < least or not clear or not _shift_alone(rows, sound[:place], sound[place:], moved):
+    clear = np.min(left) < STEP_OVER_LINE * np.sum((found - line) ** 2)
+    if abs(moved) < least or not clear or not _shift_alone(rows, before, after, moved):
         return None
-    return place, moved
+    return lost, moved
 
 
-def _variance(values: Array) -> float:
-    """Return the mean square about the median, without the one farthest off: the cycle in which samples are lost."""
-    square = (values - np.median(values)) ** 2
-    return float((np.sum(square) - np.max(square)) / values.size)
+def _squares(values: Array, begin: NDArray[np.int64] | int, end: NDArray[np.int64] | int) -> Array:
+    """Return the sums of squares about the mean of stretches of values."""
+    sums, squares = (np.r_[0.0, np.cumsum(item)] for item in (values, values**2))
+    total = sums[end] - sums[begin]
+    return np.asarray(squares[end] - squares[begin] - total**2 / (np.asarray(end) - begin))
 
 
 def _drift(rows: Array, sound: NDArray[np.int64], lag: Array, time: Array) -> float:
