@@ -109,7 +109,7 @@ class Recording(records.Recording):
     @classmethod
     def of_record(cls, record: records.Recording) -> Recording:
         """Return the same recording with this face."""
-        return cls(record.config, record.channels, record.cam_table, record.inputs, record.findings)
+        return cls(record.config, record.channels, record.lift_table, record.inputs, record.findings)
 
     def __repr__(self) -> str:
         channels = ", ".join(f"{c.quantity} {c.duration:.2f} s at {c.sample_rate:g} Hz" for c in self.channels)

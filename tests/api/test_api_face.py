@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass, replace
@@ -111,6 +112,20 @@ def test_arrays_align_as_their_files_do(pump_file: Path, arrays: dict[str, np.nd
     assert theirs.torque is not None
     np.testing.assert_allclose(ours.torque.mean(axis=0), theirs.torque.mean(axis=0), atol=1e-6)
     assert "sensor_assumed" not in {row.code for row in ours.findings}
+
+
+def test_a_recording_without_a_pump_is_read_and_aligned(tmp_path: Path) -> None:
+    folder = tmp_path / "raw" / "A"
+    shutil.copytree(EXAMPLE, folder)
+    shutil.copytree(ROOT / "calibration", tmp_path / "calibration")
+    toml = folder / "recording.toml"
+    text = toml.read_text(encoding="utf-8")
+    toml.write_text(re.sub(r"\[pump\].*?(?=\n\[trigger\])", "", text, flags=re.DOTALL), encoding="utf-8")
+    found = camtorque.read(folder)
+    assert found.lift_table is None
+    assert camtorque.align(found).index.size == camtorque.align(EXAMPLE).index.size
+    with pytest.raises(camtorque.Refusal, match=r"the table \[pump\] with its cam_table is missing"):
+        camtorque.fit(found)
 
 
 def test_what_is_assumed_of_a_sensor_is_told(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque.config import PumpData
 from camtorque.ingest import read_recording
 from camtorque.ingest.plausibility import PUMP_RATIOS
-from camtorque.records import Refusal
+from camtorque.records import CamTable, Refusal
 from damaged.logs import CALIBRATION
 
 EXAMPLE = CALIBRATION.parent / "raw_examples" / "A_1000rpm"
@@ -196,6 +197,10 @@ def test_the_curvature_of_the_path_is_that_of_its_points(bench: Path):
     recording = read(bench)
     pump, table = recording.config.pump, recording.lift_table
     assert table is not None
+    assert PUMP_RATIOS["undercut"].value(pump, table) == pytest.approx(largest_curvature(pump, table), rel=0.05)
+
+
+def largest_curvature(pump: PumpData, table: CamTable) -> float:
     angle = np.radians(np.arange(0.0, 360.0, 5.0))
     distance = np.sqrt((pump.base_circle_radius + pump.roller_radius) ** 2 - pump.follower_offset**2)
     out = distance + np.interp(angle, table.theta, table.lift, period=2.0 * np.pi)
@@ -205,8 +210,22 @@ def test_the_curvature_of_the_path_is_that_of_its_points(bench: Path):
     points = x + 1j * y
     a, b = points - np.roll(points, 1), np.roll(points, -1) - points
     signed = 2.0 * np.imag(np.conj(a) * b) / (np.abs(a) * np.abs(b) * np.abs(a + b))
-    largest = pump.roller_radius * np.max(np.abs(signed) * np.sign(signed * np.sign(np.sum(signed))))
-    assert PUMP_RATIOS["undercut"].value(pump, table) == pytest.approx(largest, rel=0.05)
+    return float(pump.roller_radius * np.max(np.abs(signed) * np.sign(signed * np.sign(np.sum(signed)))))
+
+
+def test_the_curvature_counts_the_offset_as_the_cam_sees_it(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    edit(toml, "base_circle_radius_m = 0.02", "base_circle_radius_m = 0.007")
+    told = []
+    for offset, rotation in ((2.0e-3, "positive"), (-2.0e-3, "negative"), (-2.0e-3, "positive")):
+        text = toml.read_text(encoding="utf-8")
+        text = re.sub(r"follower_offset_m = \S+", f"follower_offset_m = {offset}", text)
+        toml.write_text(re.sub(r'rotation = "\w+"', f'rotation = "{rotation}"', text), encoding="utf-8")
+        with pytest.raises(Refusal, match="curvature of its path") as refused:
+            read(bench)
+        told.append(re.search(r"curvature of its path .*? is (\S+),", str(refused.value)))
+    forward, backward, other = (found[1] for found in told if found)
+    assert forward == backward != other
 
 
 def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench: Path):

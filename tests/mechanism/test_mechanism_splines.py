@@ -76,6 +76,14 @@ def test_pieces_of_the_spectral_law_are_those_of_scipy():
     np.testing.assert_allclose(law.evaluate(fine, 2), expected(fine, 2), atol=1e-9)
 
 
+@pytest.mark.parametrize("size", [12, 24, 25])
+def test_a_table_of_few_even_points_has_a_law_for_torque(size):
+    theta = np.arange(size) * TURN / size
+    lift = 4e-3 * (1.0 - np.cos(theta))
+    law = spectral_law(CamTable(theta, lift, 1e-6))
+    np.testing.assert_allclose(law.evaluate(theta), lift, atol=1e-5)
+
+
 @pytest.mark.parametrize("root", [-57.3, -1.0, 0.25, 29.9])
 def test_root_is_found_however_flat_the_ends_are(root):
     assert _root(lambda x: float(np.tanh(0.5 * (x - root))), -60.0, 30.0) == pytest.approx(root, abs=1e-8)

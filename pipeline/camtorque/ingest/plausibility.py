@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -148,10 +148,12 @@ def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
     problems, findings = Problems(), []
     where = f"{config.path} [pump]"
     foot = config.pump.roller_inertia == 0.0
+    # the cam sees the offset on its other side where it runs backwards
+    pump = replace(config.pump, follower_offset=config.pump.follower_offset * config.rotation)
     for name, ratio in PUMP_RATIOS.items():
         if foot and name in OF_ROLLERS:
             continue
-        value = ratio.value(config.pump, table)
+        value = ratio.value(pump, table)
         text = f"{ratio.what} is {short(value)}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; check {ratio.keys}"
         if not ratio.possible[0] <= value <= ratio.possible[1]:
             problems.texts.append(f"{where}: {text}")

@@ -18,6 +18,8 @@ from camtorque.mechanism.smoothing import table_error
 from camtorque.records import Array, CamTable
 
 ORDER = 4
+LEAST_CORNER = 8.0
+"""Lowest corner harmonic that is tried: a table of three times as many points, or fewer, leaves nothing to choose."""
 PIECES_PER_HARMONIC = 8
 
 
@@ -31,7 +33,7 @@ def cross_validation_corner(lift: Array) -> float:
     spectrum = np.fft.rfft(lift)
     harmonic = np.arange(spectrum.size)
     weight = np.where((harmonic == 0) | (2 * harmonic == n), 1.0, 2.0)
-    corners = np.arange(8.0, n / 3.0)
+    corners = np.arange(LEAST_CORNER, n / 3.0)
     scores = []
     for corner in corners:
         kept = _attenuation(harmonic, corner)
@@ -41,10 +43,10 @@ def cross_validation_corner(lift: Array) -> float:
 
 
 def spectral_law(table: CamTable) -> CamLaw:
-    """Return the lift law for torque; a table of uneven steps goes to `smoothing_law`."""
+    """Return the lift law for torque; a table of uneven steps, or of few points, goes to `smoothing_law`."""
     theta = table.theta
     step = TURN / theta.size
-    if np.max(np.abs(np.diff(theta) - step)) > 1e-6 * step:
+    if theta.size <= 3.0 * LEAST_CORNER or np.max(np.abs(np.diff(theta) - step)) > 1e-6 * step:
         return smoothing_law(table)
     corner = cross_validation_corner(table.lift)
     spectrum = np.fft.rfft(table.lift)
