@@ -10,6 +10,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -256,7 +257,7 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
     """Yield what is new at each look at one recording that grows."""
     config, memory = load_recording_config(folder), Memory()
     sizes: tuple[int, ...] = ()
-    blocks, used, found = 0, 0, 0
+    blocks, told, found = 0, 0, 0
     while True:
         now = tuple(spec.path.stat().st_size if spec.path.is_file() else 0 for spec in config.channels)
         if now == sizes:
@@ -268,12 +269,15 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
         except Refusal as refusal:
             yield [Waiting(config.id, str(refusal))]
             continue
-        if cycles.index.size - used < options.block_cycles:
+        # by their numbers: what is usual changes as the log grows, and with it which earlier cycles are used
+        rows = slice(int(np.searchsorted(cycles.index, told)), cycles.index.size)
+        new = rows.stop - rows.start
+        if new < options.block_cycles:
             yield []
             continue
         blocks += 1
-        rows, lost = slice(used, cycles.index.size), cycles.cycles_found - found - (cycles.index.size - used)
-        used, found = cycles.index.size, cycles.cycles_found
+        lost = max(cycles.cycles_found - found - new, 0)
+        told, found = int(cycles.index[-1]) + 1, cycles.cycles_found
         yield [look(f"{config.id} block {blocks}", recording, cycles, rows, lost, memory, options.enough_percent)]
 
 
@@ -309,15 +313,23 @@ def _appearing(folder: Path, options: WatchOptions) -> Looks:
     memory, done, sizes = Memory(), set[Path](), dict[Path, int]()
     while True:
         items: list[Block | Waiting] = []
-        for config in sorted(folder.rglob(RECORDING_FILE), key=lambda path: (path.stat().st_mtime, path)):
-            block = config.parent
-            size = sum(file.stat().st_size for file in block.iterdir() if file.is_file())
+        for block, size in _by_age(folder):
             # a recording is finished when it has not grown since the look before
             finished, sizes[block] = sizes.get(block) == size, size
             if finished and block not in done:
                 done.add(block)
                 items.append(_finished(block.relative_to(folder).as_posix(), block, memory, options))
         yield items if done else [Waiting(folder.name, f"no finished recording below {folder} yet")]
+
+
+def _by_age(folder: Path) -> list[tuple[Path, int]]:
+    """Return the recordings below a folder with the size of their files, oldest first; one that is just moved is left."""
+    found = []
+    for config in folder.rglob(RECORDING_FILE):
+        with suppress(FileNotFoundError):
+            size = sum(file.stat().st_size for file in config.parent.iterdir() if file.is_file())
+            found.append((config.stat().st_mtime, config.parent, size))
+    return [(block, size) for _, block, size in sorted(found)]
 
 
 @on_one_thread

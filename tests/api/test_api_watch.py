@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import chain, repeat
 from pathlib import Path
 
 import camtorque
@@ -186,3 +187,33 @@ def test_a_growing_log_tells_each_rejected_cycle_once() -> None:
 def test_a_watch_ends_when_its_seconds_are_over(replay: Replay, bench: Path) -> None:
     list(watch(bench, WatchOptions(every=600.0, seconds=2.0), replay.sleep, replay.clock))
     assert replay.now == pytest.approx(2.0)
+
+
+def test_a_recording_that_is_moved_away_meanwhile_is_left(tmp_path: Path) -> None:
+    (tmp_path / "A").mkdir()
+    (tmp_path / "A" / "recording.toml").symlink_to(tmp_path / "gone.toml")
+    (only,) = watch(tmp_path, WatchOptions(seconds=0.0), lambda _: None)
+    assert isinstance(only, Waiting)
+    assert only.reason.startswith("no finished recording below")
+
+
+def test_a_cycle_is_in_one_block_though_earlier_ones_are_cut_later(
+    bench: Path, aligned: tuple[camtorque.Recording, camtorque.CamCycles], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, cycles = aligned
+    assert cycles.torque is not None
+
+    def kept(numbers: list[int]) -> camtorque.CamCycles:
+        places = np.array(numbers)
+        return replace(
+            cycles, index=places, torque=cycles.torque[places], pressure=cycles.pressure[places],  # type: ignore[index]
+            speed=cycles.speed[places], held_out=cycles.held_out[places], cycles_found=numbers[-1] + 1, channels={},
+        )  # fmt: skip
+
+    last = kept([*range(30)])
+    looks = chain([kept([*range(10)]), kept([2, 3, *range(5, 20)])], repeat(last))
+    monkeypatch.setattr("camtorque.watch._so_far", lambda _: (recording, next(looks)))
+    replayed = Replay(bench, b"", [b"1;2;3\n"] * int(10 * RATE))
+    seen = watch(bench, WatchOptions(every=0.1, block_cycles=10, seconds=0.3), replayed.sleep, replayed.clock)
+    blocks = [item for item in seen if isinstance(item, Block)]
+    assert [block.cycles for block in blocks] == [10, 10, 10]
