@@ -323,7 +323,7 @@ def _appearing(folder: Path, options: WatchOptions) -> Looks:
 
 
 def _by_age(folder: Path) -> list[tuple[Path, int]]:
-    """Return the recordings below a folder with the size of their files, oldest first; one that is just moved is left."""
+    """Return the recordings below a folder, oldest first, with the size of their files; one just gone is left out."""
     found = []
     for config in folder.rglob(RECORDING_FILE):
         with suppress(FileNotFoundError):
