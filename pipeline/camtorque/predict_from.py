@@ -123,7 +123,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
     values = np.array(doc["values"], dtype=np.float64)
     known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings, known_shown(doc), known_lift(doc))
-    return known if len(rows) == len(recordings) else known.only([row["id"] for row in rows]), folder, rows
+    return known.without([row["id"] for row in doc["recordings"] if not row["explained"]]), folder, rows
 
 
 def _fitted_at(row: Mapping[str, Any]) -> FittedAt:

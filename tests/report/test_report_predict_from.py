@@ -433,6 +433,27 @@ def test_a_fit_that_leaves_its_recording_unexplained_is_refused(tmp_path: Path) 
         read_fit(tmp_path)
 
 
+def test_of_a_recording_that_a_joint_fit_leaves_unexplained_nothing_is_taken(tmp_path: Path) -> None:
+    row = run_fit_document(run_result())["recordings"][0]
+    own = {"names": ["torque_zero__A"], "through": [[0.0, 0.0]], "rest": [[1.0]]}
+    rows = [
+        {**row, "id": name, "explained": explained, "own": {**own, "names": [f"torque_zero__{name}"]}}
+        for name, explained in (("A", True), ("B", False), ("C", True))
+    ]
+    doc = {
+        **run_fit_document(run_result()), "recordings": rows, "stderr": [1e4, 1e-9, 0.1, 0.2, 0.3],
+        "names": ["feed_pressure", "dead_volume", "torque_zero__A", "torque_zero__B", "torque_zero__C"],
+        "values": [2e5, 4e-7, 0.1, 0.2, 0.3],
+    }  # fmt: skip
+    (tmp_path / "fit.json").write_text(json.dumps(doc))
+    fit, _, left = read_fit(tmp_path)
+    assert [item.id for item in fit.recordings] == [item["id"] for item in left] == ["A", "C"]
+    assert fit.names == ("feed_pressure", "dead_volume", "torque_zero__A", "torque_zero__C")
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.matrix)), [1e4, 1e-9, 0.1, 0.3])
+    said = assumptions(fit, fit.recordings[0], "that of A", "", None)
+    assert "Nothing is taken from B: the fit does not explain it." in said
+
+
 def test_a_fit_of_another_version_is_refused(tmp_path: Path) -> None:
     doc = run_fit_document(run_result())
     (tmp_path / "fit.json").write_text(json.dumps({**doc, "names": ["feed_pressure", "twist_damping__A"]}))

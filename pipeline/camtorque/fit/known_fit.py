@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class KnownFit(ReadOnly):
 
     shown : the covariance as the residual alone has it (`joint_fit.shown_covariance`), None where it is the same
     lift : correction of the lift table that all recordings ask for, None where it is not known or the cam is another
+    unexplained : recordings of the fit that it does not explain, of which nothing is taken (`without`)
     """
 
     names: tuple[str, ...]
@@ -49,6 +50,7 @@ class KnownFit(ReadOnly):
     recordings: tuple[FittedAt, ...]
     shown: ArrowCovariance | None = None
     lift: SharedLift | None = None
+    unexplained: tuple[str, ...] = ()
 
     @property
     def taught(self) -> bool:
@@ -77,10 +79,23 @@ class KnownFit(ReadOnly):
         return {**plain, **mine}
 
     def only(self, recordings: Sequence[str]) -> KnownFit:
-        """Return the fit with the shared parameters and the own ones of some recordings alone."""
+        """Return the fit with the shared parameters and the own ones of some recordings alone.
+
+        The other recordings stay: what they say of the laws' error holds.
+        """
         kept = sorted({place for recording in recordings for place in self.own(recording).values()})
         covariance = ArrowCovariance.whole(self.covariance.among(kept))
         return KnownFit(tuple(self.names[k] for k in kept), self.values[kept], covariance, self.recordings)
+
+    def without(self, recordings: Sequence[str]) -> KnownFit:
+        """Return the fit without some recordings: neither their own parameters nor what they say of the laws."""
+        if not recordings:
+            return self
+        rest = tuple(item for item in self.recordings if item.id not in recordings)
+        kept = sorted({place for item in rest for place in self.own(item.id).values()})
+        shown = None if self.shown is None else ArrowCovariance.whole(self.shown.among(kept))
+        explained = self.only([item.id for item in rest])
+        return replace(explained, recordings=rest, shown=shown, lift=self.lift, unexplained=tuple(recordings))
 
 
 def law_share(known: KnownFit, speed: float) -> tuple[float, float]:
