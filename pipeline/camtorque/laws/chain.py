@@ -57,7 +57,7 @@ SEEN_ORDER = 1.0e-9
 
 @dataclass(frozen=True)
 class ChainInput(ReadOnly):
-    """What one recording brings to the chain, on a uniform grid that a bin divides.
+    """What one recording brings to the chain, on a uniform grid; `evaluate` needs one that the bins divide.
 
     Attributes
     ----------
@@ -93,8 +93,6 @@ class ChainInput(ReadOnly):
     constants: Constants = field(init=False)
 
     def __post_init__(self) -> None:
-        if self.theta.size % BINS:
-            raise ValueError(f"chain: {self.theta.size} angles, expected a multiple of {BINS}")
         seen = highest_order(self.deviation)
         twist = driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen)
         object.__setattr__(self, "twist", twist)
@@ -275,7 +273,13 @@ def evaluate(
     coefficients : (15,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
+
+    Raises
+    ------
+    ValueError : the bins do not divide the grid
     """
+    if data.theta.size % BINS:
+        raise ValueError(f"chain: {data.theta.size} angles, expected a multiple of {BINS}")
     response = drive_response(data, values, tangents)
     motion = cam_motion(data, values, response)
     pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
