@@ -20,6 +20,7 @@ from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording, summarise
+from camtorque.ingest.stated import DIMENSIONS, differences, stated
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Array, Recording, Refusal
@@ -167,13 +168,12 @@ def refuse_same(before: Recording, after: Recording) -> None:
 
 
 def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
-    one, two = (side.recording.config.pump for side in (before, after))
-    for name in ("plunger_diameter", "base_circle_radius", "roller_radius", "follower_offset"):
-        if not np.isclose(getattr(one, name), getattr(two, name), rtol=1e-6):
+    found = differences({side.recording.config.id: stated(side.recording) for side in (before, after)})
+    for name in DIMENSIONS:
+        if name in found:
             raise Refusal(
-                f"compare: {name.replace('_', ' ')} is {getattr(one, name):.6g} m in {before.recording.config.id} and "
-                f"{getattr(two, name):.6g} m in {after.recording.config.id}, expected one pump; compare recordings of "
-                "the same pump"
+                f"compare: {name} is {found[name]}, expected one pump; compare recordings of the same pump, or correct "
+                "the wrong number"
             )
 
 
@@ -211,7 +211,8 @@ def compare_document(
         ],
         "inflation": {"mean": [item.found.inflation[0] for item in compared],
                       "difference": [item.found.inflation[1] for item in compared]},
-        "parameters": _rows(parameters), "losses": _rows(losses), "findings": _loud(compared),
+        "parameters": _rows(parameters), "losses": _rows(losses), "sheets_differ": _sheets(compared),
+        "findings": _loud(compared),
         "torque": {
             "rms_difference_nm": float(np.sqrt(np.mean(np.concatenate(apart) ** 2))),
             "max_difference_nm": float(np.max(np.abs(np.concatenate(apart)))),
@@ -245,6 +246,12 @@ def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
         if finding.severity != "info"
     }  # fmt: skip
     return list(rows.values())
+
+
+def _sheets(compared: Sequence[Compared]) -> list[str]:
+    """Return what sheets of one pair state differently, each once."""
+    pairs = [{side.recording.config.id: stated(side.recording) for side in (one.before, one.after)} for one in compared]
+    return list(dict.fromkeys(f"{name} is {text}" for pair in pairs for name, text in differences(pair).items()))
 
 
 def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.align import align
 from camtorque.ingest import read_recording
-from camtorque.mechanism.load_check import load_findings, load_ratio
+from camtorque.mechanism.load_check import largest_work, load_findings, load_ratio
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from damaged.logs import CALIBRATION
@@ -69,6 +69,20 @@ def test_a_pressure_that_the_plunger_does_not_make_is_refused(aligned, part: flo
     shifted = replace(cycles, pressure=np.roll(cycles.pressure, round(part * cycles.theta.size), axis=1))
     with pytest.raises(Refusal, match=r"not while the plunger delivers.*check that both logs are of one run"):
         told(recording, shifted)
+
+
+def test_a_line_that_a_rail_holds_steady_does_not_tell_its_place(aligned):
+    recording, cycles = aligned
+    rail, ringing = 3e7, 1.5e7 * np.sin(9.0 * cycles.theta + 1.0)
+    told(recording, replace(cycles, pressure=np.tile(rail + ringing, (cycles.pressure.shape[0], 1))))
+
+
+def test_largest_work_is_that_of_the_best_place():
+    theta = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    lift = 4e-3 * (1.0 - np.cos(theta))
+    for place in (0.3, 2.0):
+        pressure = 1e7 * (1.0 + np.cos(theta - place))
+        assert largest_work(pressure, lift) == pytest.approx(1e7 * 4e-3 * np.pi, rel=1e-4)
 
 
 def test_a_small_swing_beside_the_torque_is_not_judged(aligned):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from camtorque.fit.joint import CampaignFit, fit_joint
 from camtorque.fit.joint_input import HeldOnce, JointInput, Known
+from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Finding, Refusal
 
@@ -41,10 +42,14 @@ def joint_fit(
         if len(pumps) == 1:
             what = f"recording ids that repeat: {', '.join(repeated)}"
         return _none(f"no joint fit: found {what}, expected one pump and one id per recording")
+    sides = {item.name: item.stated for item in known}
+    pump = "; ".join(f"{name} {text}" for name, text in differences(sides).items() if name in DIMENSIONS)
+    if pump:
+        return _none(f"no joint fit: found {pump}, expected the dimensions of one pump; correct the wrong one")
     try:
-        return fit_joint(known, read, threads), _repeated(same.values())
+        return fit_joint(known, read, threads), (*difference_findings(sides), *_repeated(same.values()))
     except Refusal as refusal:
-        return _none(str(refusal))
+        return _none(str(refusal), *difference_findings(sides))
 
 
 def _repeated(same: Iterable[Sequence[str]]) -> tuple[Finding, ...]:
@@ -56,5 +61,5 @@ def _repeated(same: Iterable[Sequence[str]]) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def _none(text: str) -> tuple[None, tuple[Finding, ...]]:
-    return None, (Finding("no_joint_fit", "warning", text),)
+def _none(text: str, *more: Finding) -> tuple[None, tuple[Finding, ...]]:
+    return None, (Finding("no_joint_fit", "warning", text), *more)

@@ -123,6 +123,11 @@ class Key:
         factor, offset = KEY_UNITS.get(self.unit, (1.0, 0.0))
         return factor * float(value) + offset
 
+    def of_si(self, value: float) -> float:
+        """Return a number in SI as the file has it."""
+        factor, offset = KEY_UNITS.get(self.unit, (1.0, 0.0))
+        return (float(value) - offset) / factor
+
     def slip(self, value: float) -> str:
         """Return ": did you mean 8 mm = 0.008?" where another unit brings the value into the band."""
         if self.band is None or abs(value) < LEAST_SLIP:

@@ -292,6 +292,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         *contradiction_findings(contradicted_by(fit.covariance, used)),
         *drift_findings(drifts),
         *_exclusion_findings(excluded),
+        *_unexplained_findings([item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
         *poor_findings([row for one in without for row in one.held]),
         *settling_findings([item.name for item, one in zip(used, without, strict=True) if not one.settled]),
     )
@@ -329,6 +330,16 @@ def joint_fit_of(
 def contradicted_by(covariance: JointCovariance, inputs: Sequence[Known]) -> float:
     """Return how far the recordings of a joint fit contradict one another, see `drift.contradiction`."""
     return contradiction(covariance.inflation, [item.inflation for item in inputs])
+
+
+def _unexplained_findings(names: Sequence[str]) -> tuple[Finding, ...]:
+    return tuple(
+        Finding(
+            "joint_unexplained", "warning",
+            f"the joint fit leaves more of {name} than its cycles repeat: predictions take nothing from it", name,
+        )
+        for name in names
+    )  # fmt: skip
 
 
 def _exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:

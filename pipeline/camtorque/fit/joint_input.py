@@ -14,6 +14,7 @@ from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData
 from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
+from camtorque.ingest.stated import stated
 from camtorque.records import Array, ReadOnly, Refusal
 
 TEXTS = ("name", "symbol", "unit", "meaning", "source", "role")
@@ -49,6 +50,7 @@ class Known:
     switching_std : of the trigger's switching delay as an angle at this speed [rad]
     alone : shared parameter -> as this recording alone tells it
     inflation : of its residual, fitted alone
+    stated : what its sheets state (`camtorque.ingest.stated`)
     """
 
     pump_id: str
@@ -56,6 +58,7 @@ class Known:
     switching_std: float
     alone: Mapping[str, Alone]
     inflation: float
+    stated: Mapping[str, str]
 
     @property
     def name(self) -> str:
@@ -93,7 +96,8 @@ def joint_input(prepared: Prepared) -> JointInput:
     means, rigid = prepared.means, prepared.rigid
     return JointInput(
         prepared.recording.config.pump_id, best.data, switching_std(prepared.cycles), alone, found.inflation,
-        replace(means, pressure_all=np.zeros(0)), rigid.torque, rigid.lift, rigid.lift_velocity, prepared.measured,
+        stated(prepared.recording), replace(means, pressure_all=np.zeros(0)), rigid.torque, rigid.lift,
+        rigid.lift_velocity, prepared.measured,
     )  # fmt: skip
 
 
@@ -114,7 +118,8 @@ class HeldOnce:
         alone = {intern(name): replace(row, unit=intern(row.unit)) for name, row in item.alone.items()}
         chain = replace(chain, theta=self._once(chain.theta, chain.theta), law=law)
         data = replace(item.data, chain=chain, rows=rows)
-        return Known(intern(item.pump_id), data, item.switching_std, alone, item.inflation)
+        sheets = {intern(name): intern(text) for name, text in item.stated.items()}
+        return Known(intern(item.pump_id), data, item.switching_std, alone, item.inflation, sheets)
 
     def _once(self, value: Any, *arrays: Array) -> Any:
         digest = sha256(repr([array.shape for array in arrays]).encode())

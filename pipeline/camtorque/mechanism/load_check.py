@@ -5,7 +5,8 @@ torque lies above the rigid one: 1.01 to 1.67 times in 44 recordings of 28 simul
 
 A pump delivers against the pressure that it makes: over a revolution the line pressure does work on the plunger, a
 share of its swing times the swept volume. 29 recordings of 25 simulated pumps have 0.18 to 0.64; the same pressures a
-quarter of a revolution off have at most 0.05, half of one off none.
+quarter of a revolution off have at most 0.05, half of one off none. A line that a rail holds steady and that rings has
+as little (0.05) wherever in the revolution it is placed: it does not tell its place.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 import numpy as np
 
 from camtorque.config import PumpData
-from camtorque.records import CamCycles, Finding, Refusal, RigidTorque
+from camtorque.records import Array, CamCycles, Finding, Refusal, RigidTorque
 from camtorque.units import BAR
 
 LOADED_SHARE = 0.7
@@ -28,6 +29,8 @@ BY_PRESSURE = 0.5
 """Share of the rigid torque that pressure has to make; below it the spring is compared, not the pump."""
 LEAST_DELIVERY = 0.05
 """Work of the line pressure over its swing times the swept volume below which it is not the pump that makes it."""
+ELSEWHERE = 0.18
+"""The same where it would be the pump that makes it: the least of sound recordings."""
 LARGE_SWING = 0.3
 """Swing of the line pressure times the swept volume, over the measured work, from which its place is judged."""
 
@@ -66,6 +69,17 @@ def load_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> tupl
     return (Finding("torque_against_model", "warning", text, "[pump]"),)
 
 
+def largest_work(pressure: Array, lift: Array) -> float:
+    """Return the work of a pressure over a lift, turned to where in the revolution it is largest [J/m^2].
+
+    Parameters
+    ----------
+    pressure, lift : (n,) over a revolution [Pa, m]
+    """
+    rising = np.fft.rfft(0.5 * (np.roll(lift, -1) - np.roll(lift, 1)))
+    return float(np.max(np.fft.irfft(np.fft.rfft(pressure).conj() * rising, lift.size)))
+
+
 def _refuse_misplaced_pressure(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> None:
     if cycles.torque is None:
         return
@@ -74,6 +88,8 @@ def _refuse_misplaced_pressure(cycles: CamCycles, rigid: RigidTorque, pump: Pump
     possible = pump.plunger_area * float(np.ptp(pressure)) * float(np.ptp(rigid.lift))
     work = 2.0 * math.pi * float(np.mean(rigid.by_cause["pressure"]))
     if possible < LARGE_SWING * measured or work >= LEAST_DELIVERY * possible:
+        return
+    if pump.plunger_area * largest_work(pressure, rigid.lift) < ELSEWHERE * possible:
         return
     peak, top = (math.degrees(cycles.theta[int(np.argmax(values))]) for values in (pressure, rigid.lift))
     share = round(100.0 * work / possible)

@@ -22,6 +22,11 @@ from camtorque.report.sources import ranking, source_chart
 
 MOST_NAMED, MOST_QUOTED = 5, 2
 """Recordings and warnings that the answer names."""
+URGENT = {code: place for place, code in enumerate((
+    "recording_repeated", "sheets_differ", "no_joint_fit", "recordings_contradict", "joint_unexplained",
+    PREDICTED_BADLY, "recording_excluded",
+))}  # fmt: skip
+"""Warnings in the order in which they are to be dealt with; the others come after them."""
 MOST_IN_SIGHT = 30
 """Recordings beyond which the table is folded."""
 
@@ -116,7 +121,7 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
         advice.append(f"Not explained: {_some(odd)}; open {'their reports' if len(odd) > 1 else 'its report'} first.")
     if doc["n_refused"]:
         advice.append(f"{doc['n_refused']} refused: the reasons stand below; mend them and run the same command again.")
-    urgent = sorted(doc["findings"], key=lambda row: row.get("code") != PREDICTED_BADLY)
+    urgent = sorted(doc["findings"], key=lambda row: URGENT.get(row.get("code"), len(URGENT)))
     serious = [row["text"] for row in urgent if row["severity"] != "info"]
     advice += [f"{text[:1].upper()}{text[1:]}." for text in map(named, serious[:MOST_QUOTED])]
     if advice:

@@ -61,10 +61,12 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
 def _entry(entry: CampaignEntry, fitted: JointRecording | None) -> Mapping[str, Any]:
     row: dict[str, Any] = {
         "name": entry.name, "id": entry.id or None, "status": entry.status, "error": entry.error or None,
-        "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None, **entry.summary,
+        "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
+        "explained_joint": None, **entry.summary,
     }  # fmt: skip
     if fitted is not None and entry.status == "ok":
         row["metrics_joint"] = {name: asdict(fitted.metrics[name]) for name in JOINT_METRICS}
+        row["explained_joint"] = fitted.explained
     return row
 
 

@@ -125,7 +125,10 @@ def compare_answer(document: Mapping[str, Any]) -> str:
 
 def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return why the verdicts are to be taken with care: a gain that changed, events that leave much over."""
-    found = []
+    found = [
+        f"{text}: both sides are read by their own sheets, so that this comes out as a change of the pump; correct the "
+        "one that is wrong" for text in document.get("sheets_differ", ())
+    ]  # fmt: skip
     ratio = document.get("torque", {}).get("ratio")
     if ratio is not None:
         found.append(

@@ -1,0 +1,78 @@
+"""What sheets state of pump, trigger and sensors, and where recordings of one pump state it differently.
+
+A fit takes these numbers as given: one that was typed otherwise comes out as a change of the pump.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from hashlib import sha256
+from typing import Any
+
+from camtorque.config.keys import Key
+from camtorque.config.schemas import RECORDING_TABLES
+from camtorque.records import Finding, Recording
+
+DIMENSIONS = tuple(f"[pump] {name}" for name in (
+    "plunger_diameter_m", "base_circle_radius_m", "roller_radius_m", "follower_offset_m"
+))  # fmt: skip
+"""What differs between pumps, not between the states of one."""
+NUMBERS = ("number", "whole", "choice", "flag")
+"""Kinds of key from which a model is computed."""
+DIGITS = 7
+MOST_NAMED = 3
+
+
+def stated(recording: Recording) -> dict[str, str]:
+    """Return what a fit takes as given: table and key of a recording.toml, lift table, sensors -> value as text."""
+    config, found = recording.config, dict[str, str]()
+    for name, record in (("pump", config.pump_sheet), ("trigger", config.trigger)):
+        schema = RECORDING_TABLES[name]
+        for key in schema.keys if record is not None else ():
+            if key.used and key.kind in NUMBERS:
+                found[f"{schema.header} {key.name}"] = _text(key, getattr(record, key.attribute))
+    table = recording.lift_table
+    if table is not None:
+        found["lift table"] = sha256(table.theta.tobytes() + table.lift.tobytes()).hexdigest()[:8]
+    for quantity in ("torque", "pressure"):
+        sheets = [channel.calibration for channel in recording.of(quantity) if channel.calibration is not None]
+        for sheet in sheets[:1]:
+            values = {"gain": sheet.gain, "delay [s]": sheet.delay, "cut-off [Hz]": sheet.cutoff_hz}
+            found |= {f"{quantity} sensor, {what}": f"{value:.{DIGITS}g}" for what, value in values.items()}
+    return found
+
+
+def _text(key: Key, value: Any) -> str:
+    if value is None:
+        return "nothing"
+    return f"{key.of_si(value):.{DIGITS}g}" if key.kind == "number" else str(value)
+
+
+def differences(sides: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Return what is not stated alike: name -> who states what, in words.
+
+    Parameters
+    ----------
+    sides : name of a recording -> what is `stated` there
+    """
+    found = {}
+    for name in dict.fromkeys(name for values in sides.values() for name in values):
+        by_value = {side: values.get(name, "nothing") for side, values in sides.items()}
+        (usual, count), *others = Counter(by_value.values()).most_common()
+        if not others:
+            continue
+        odd = [f"{value} in {side}" for side, value in by_value.items() if value != usual]
+        named = ", ".join(odd[:MOST_NAMED]) + (f" and {len(odd) - MOST_NAMED} others" if len(odd) > MOST_NAMED else "")
+        rest = "the others" if count > 1 else next(side for side, value in by_value.items() if value == usual)
+        found[name] = f"{named}, {usual} in {rest}"
+    return found
+
+
+def difference_findings(sides: Mapping[str, Mapping[str, str]]) -> tuple[Finding, ...]:
+    """Return a warning on each number that the sheets of recordings of one pump state differently."""
+    return tuple(
+        Finding("sheets_differ", "warning", f"{name} is {text}: what a fit takes as given has to be the same, or it "
+                "comes out as a change of the pump; correct the one that is wrong", name)
+        for name, text in differences(sides).items()
+    )  # fmt: skip
