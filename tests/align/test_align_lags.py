@@ -119,3 +119,18 @@ def test_another_load_is_told_as_another_running() -> None:
     assert list(told(found)) == ["running_changes cut-flow"]
     assert "load, speed or state changed there" in told(found)["running_changes cut-flow"]
     assert found.index.size == pytest.approx(0.7 * 48, abs=2)
+
+
+@pytest.mark.parametrize(("name", "every"), [("A_0500rpm", 20), ("A_1000rpm", 25), ("A_1250rpm", 20)])
+def test_edges_that_beat_with_a_coarse_clock_are_no_lost_samples(name: str, every: int) -> None:
+    """A sample of the trigger is three degrees here: neighbouring turns meet it at nearly the same place."""
+    recording = read_recording(EXAMPLES / name)
+    channels = tuple(
+        replace(item, source=ArraySource(item.read_volts()[::every]), sample_rate=item.sample_rate / every)
+        if item.quantity == "trigger"
+        else item
+        for item in recording.channels
+    )
+    cycles = align(replace(recording, channels=channels))
+    assert told(cycles) == {}
+    assert cycles.index.size > 40

@@ -58,7 +58,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     checked = check_quantities(table.rows, table.undamaged, recording)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
     begins = angle.time_at(cycles * TURN)
-    lags = settle_lags(table, begins)
+    lags = settle_lags(table, begins, base.edge_noise)
     table = replace(table, slipped=lags.slipped)
     used, cut_flow = apply_cuts(table)
     running = (*lags.findings, *changed_running(table, begins))

@@ -26,6 +26,11 @@ LEAST_MOVE = Threshold(
     0.2, "deg", "simulated rigs",
     "Smallest step or drift of the lag that is told: sound runs reach 0.18 degrees, by the scatter of their loads."
 )  # fmt: skip
+SAMPLES_WIDE = Threshold(
+    4.0, "1", "statistics",
+    "Standard errors of one edge within which edges may wander together: a whole sample where its place is known to a "
+    "sample, since neighbouring turns meet the samples at nearly the same place."
+)  # fmt: skip
 SIGNIFICANT = Threshold(6.0, "1", "statistics", "Standard errors of a step or a drift of the lag, at least.")
 STEP_OVER_LINE = Threshold(
     0.25, "1", "statistics",
@@ -56,20 +61,23 @@ class Lags:
     findings: tuple[Finding, ...]
 
 
-def settle_lags(table: CycleTable, time: Array) -> Lags:
+def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
     """Find the cycles behind lost samples, and take off in place what a channel wanders, from the first cycle on.
 
     Parameters
     ----------
     table : cycles before the cuts
     time : (n_cycles,) when each begins [s]
+    edge_noise : standard error of one trigger edge [s]
     """
+    edge = SAMPLES_WIDE * edge_noise * float(np.median(table.speed)) if table.speed.size else 0.0
+    least = max(LEAST_MOVE * DEGREE, edge)
     slipped, wander = np.zeros(table.index.size, dtype=bool), dict[str, float]()
     findings: list[Finding] = []
     for quantity, rows in table.rows.items():
         sound = np.flatnonzero(ordinary(table) & ~slipped)
         lag = cycle_lags(rows, ordinary(table))
-        while (step := _first_step(rows, sound, lag)) is not None:
+        while (step := _first_step(rows, sound, lag, least)) is not None:
             lost, moved = step
             # samples lost where a cycle is flat do not move that cycle: the one before goes too
             slipped[sound[lost - 1] :] = True
@@ -78,7 +86,7 @@ def settle_lags(table: CycleTable, time: Array) -> Lags:
                 _lost(quantity, moved, time[sound[lost]], table, sound[lost - 1]),
             ]
             sound = sound[: lost - 1]
-        drift = _drift(rows, sound, lag, time)
+        drift = _drift(rows, sound, lag, time, least)
         if drift:
             wander[quantity] = drift * float(np.ptp(time[sound])) / 2.0
             _shift(rows, -drift * (time - time[0]))
@@ -114,16 +122,16 @@ def _peak(alike: Array) -> Array:
     return np.asarray((top + 0.5 * (before - after) / bend + n / 2) % n - n / 2)
 
 
-def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int, float] | None:
-    """Return the place among the sound cycles of the one in which the lag steps, and by how much [rad].
+def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array, least: float) -> tuple[int, float] | None:
+    """Return the place among the sound cycles of the one in which the lag steps, and by how much, ``least`` [rad].
 
     Several steps look like a drift, so that the first parts of the recording are looked at by themselves too.
     """
     parts = (sound[: round(part * sound.size)] for part in PARTS)
-    return next((step for part in parts if (step := _clearest_step(rows, part, lag)) is not None), None)
+    return next((step for part in parts if (step := _clearest_step(rows, part, lag, least)) is not None), None)
 
 
-def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[int, float] | None:
+def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array, least: float) -> tuple[int, float] | None:
     found = lag[sound]
     n, own = found.size, int(BESIDE_STEP)
     if n < max(FEWEST, 2 * own + 1):
@@ -134,10 +142,10 @@ def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array) -> tuple[i
     before, after = sound[:lost], sound[lost + 1 :]
     moved = float(np.median(lag[after]) - np.median(lag[before]))
     scatter = 1.4826 * float(np.median(np.abs(np.diff(found)))) / np.sqrt(2.0)
-    least = max(LEAST_MOVE * DEGREE, SIGNIFICANT * scatter * np.sqrt(1.0 / before.size + 1.0 / after.size))
+    sure = SIGNIFICANT * scatter * np.sqrt(1.0 / before.size + 1.0 / after.size)
     line = np.polynomial.Polynomial.fit(np.arange(n), found, 1)(np.arange(n))
     clear = np.min(left) < STEP_OVER_LINE * np.sum((found - line) ** 2)
-    if abs(moved) < least or not clear or not _shift_alone(rows, before, after, moved):
+    if abs(moved) < max(least, sure) or not clear or not _shift_alone(rows, before, after, moved):
         return None
     return lost, moved
 
@@ -149,13 +157,13 @@ def _squares(values: Array, begin: NDArray[np.int64] | int, end: NDArray[np.int6
     return np.asarray(squares[end] - squares[begin] - total**2 / (np.asarray(end) - begin))
 
 
-def _drift(rows: Array, sound: NDArray[np.int64], lag: Array, time: Array) -> float:
+def _drift(rows: Array, sound: NDArray[np.int64], lag: Array, time: Array, least: float) -> float:
     """Return by how much a channel wanders as one clock against another [rad/s], 0 where it does not."""
     if sound.size < FEWEST:
         return 0.0
     line = robust_line(time[sound], lag[sound])
     span, third = float(np.ptp(time[sound])), max(1, sound.size // 3)
-    if abs(line.slope) * span < LEAST_MOVE * DEGREE or abs(line.slope) < SIGNIFICANT * line.stderr_slope:
+    if abs(line.slope) * span < least or abs(line.slope) < SIGNIFICANT * line.stderr_slope:
         return 0.0
     ends = sound[:third], sound[-third:]
     moved = line.slope * float(np.mean(time[ends[1]]) - np.mean(time[ends[0]]))
