@@ -293,10 +293,16 @@ def predict(
 
     Raises
     ------
-    Refusal : a speed that is not positive, a cam that cannot be built, a file that cannot be read
+    Refusal : a speed that is not positive, a cam that cannot be built, a file that cannot be read, a pressure that is
+        neither
     """
     config = pump if isinstance(pump, PumpConfig) else read_pump(pump)[0]
     curve = read_pressure_curve(pressure) if isinstance(pressure, Path | str) else pressure
+    if curve is not None and not isinstance(curve, PressureCurve):
+        raise records.Refusal(
+            f"predict: found a pressure of type {type(curve).__name__}, expected a CSV file of the pressure over cam "
+            "angle or PressureCurve(theta, pressure) in rad and Pa"
+        )
     return _predict(config, np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64)) * RPM, curve, n_theta=n_theta)
 
 

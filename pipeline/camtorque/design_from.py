@@ -107,7 +107,11 @@ def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]
     """
     chosen = answer.chosen.evaluated
     changed = {field: getattr(chosen.pump, field) for field in PUMP_FIELDS.values()}
-    columns = {"cam_table_path": table, "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm"}
+    columns: dict[str, Any] = {
+        "cam_table_path": table,
+        "cam_table_angle_column": "cam_angle_deg",
+        "cam_table_lift_column": "lift_mm",
+    }
     rows = []
     for load in answer.task.loads:
         if load.source:

@@ -62,14 +62,20 @@ def report_tables(folder: Path, document: Mapping[str, Any]) -> dict[str, pd.Dat
         recorded = [name for name, data in file["cycles"].items() if data.ndim == 2]
         tables = {name: _over_cycles(file[f"cycles/{name}"], angle, index) for name in recorded}
         tables |= {"cycles": _per_cycle(file, index), "means": _means(file, angle)}
-    tables["parameters"] = pd.DataFrame([_parameter(name, row) for name, row in document["parameters"].items()])
+    explained = bool(document["explained"])
+    tables["parameters"] = pd.DataFrame(
+        [_parameter(name, row, explained) for name, row in document["parameters"].items()]
+    )
     tables["findings"] = pd.DataFrame(document["findings"], columns=["severity", "code", "text", "where"])
     return {name: _safe(table) for name, table in tables.items()}
 
 
-def _parameter(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
-    low, high = row["ci95"]
-    return {"name": name, **{key: row.get(key) for key in PARAMETER_KEYS}, "low95": low, "high95": high}
+def _parameter(name: str, row: Mapping[str, Any], explained: bool) -> dict[str, Any]:
+    """Return a parameter without its uncertainty where the model does not explain the recording."""
+    low, high = row["ci95"] if explained else (None, None)
+    unsure = {} if explained else {"stderr": None, "stderr_statistical": None}
+    values = {key: row.get(key) for key in PARAMETER_KEYS}
+    return {"name": name, **values, **unsure, "low95": low, "high95": high, "explained": explained}
 
 
 def _border(data: h5py.Dataset) -> tuple[str, float]:

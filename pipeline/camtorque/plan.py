@@ -13,6 +13,7 @@ import numpy as np
 
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import (
+    AS_GOOD,
     SETUP_MINUTES,
     TOOTH_MINUTES,
     Number,
@@ -175,7 +176,7 @@ def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Seque
         "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,
         "of": goal.of, "unit": goal.unit, "value": goal.value / goal.per_unit,
         "stderr_now": now / goal.per_unit, "stderr_wanted": goal.wanted / goal.per_unit,
-        "reached": last <= goal.wanted, "runs": [_row(step, goal) for step in steps],
+        "reached": last <= AS_GOOD * goal.wanted, "runs": [_row(step, goal) for step in steps],
         "minutes": sum(step.minutes for step in steps), "on_offer": [_row(step, goal) for step in alone],
         "setup_minutes": SETUP_MINUTES, "tooth_minutes": TOOTH_MINUTES, "durations_s": DURATIONS,
         "fitted_speeds_rpm": sorted(item.speed / RPM for item in known.recordings),

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from camtorque.align import align
+from camtorque.config import PumpData
 from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.design.fitted import FRICTION_NAMES
@@ -68,6 +69,8 @@ from camtorque.units import RPM
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
+SAME_SIZE = 0.01
+"""Share by which plungers and strokes of one pump may differ: a lift table is measured."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,7 +89,7 @@ class Found:
 class Rig:
     """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter."""
 
-    pump: Any
+    pump: PumpData
     table: CamTable
     rotation: int
     trigger_angle: float
@@ -179,6 +182,34 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
 
 
+def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
+    """Refuse a load that neither the fitted pump nor the one that is asked for made, by plunger and stroke.
+
+    Raises
+    ------
+    Refusal : see above; a recording without [pump] does not tell whose load it is
+    """
+    config = load_recording_config(recording_of(path) if (path / CYCLES).is_file() else path)
+    if config.pump_sheet is None:
+        return
+    other = _sizes(config.pump_sheet, read_cam_table(config.pump_sheet)[0])
+    known = [_sizes(rig.pump, rig.table) for rig in rigs]
+    if any(np.allclose(other, sizes, rtol=SAME_SIZE) for sizes in known):
+        return
+    (bore, stroke), (own_bore, own_stroke) = other, known[0]
+    raise Refusal(
+        f"--load-of {path}: found the load of a pump with a plunger of {1e3 * bore:.4g} mm and a stroke of "
+        f"{1e3 * stroke:.4g} mm, expected {1e3 * own_bore:.4g} mm and {1e3 * own_stroke:.4g} mm as the fitted one: "
+        "another pump makes another line pressure; name a recording of this pump, the other pump with --pump and "
+        "--cam, or give the pressure as a file with --pressure"
+    )
+
+
+def _sizes(pump: PumpData, table: CamTable) -> tuple[float, float]:
+    """Return the diameter of the plunger and its stroke [m]."""
+    return pump.plunger_diameter, float(np.ptp(table.lift))
+
+
 def file_curve(path: Path) -> Curve:
     """Return the line pressure of a CSV file on the grid of a fit, with how well; its speed is not known (nan).
 
@@ -232,6 +263,9 @@ def predict_from(
         )
     reports = {row["id"]: folder / row["folder"] for row in rows}
     templates = {item.id: curve_of(reports[item.id], item.speed) for item in known.recordings}
+    if load_of is not None:
+        nearest = reports[known.nearest(speeds_rpm[0] * RPM).id]
+        refuse_load_of_another_pump(Path(load_of), [rig_of(nearest, None, None), rig_of(nearest, pump, cam)])
     if pressure is not None and asked.given is not None:
         refuse_other_load(asked.given, templates.values(), str(pressure))
     runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]

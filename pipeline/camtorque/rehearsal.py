@@ -49,4 +49,4 @@ def rehearse(recording: Recording, cycles: CamCycles) -> tuple[Finding, ...]:
     rigid, means = rigid_torque(recording, cycles), mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     fit_data(recording, cycles, law, means)
-    return load_findings(cycles, rigid, recording.config.pump)
+    return load_findings(recording, cycles, rigid)

@@ -98,7 +98,7 @@ def analyse_recording(
         cycles = align(recording, options.align)
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
         rigid = rigid_torque(recording, cycles)
-        found = load_findings(cycles, rigid, recording.config.pump)
+        found = load_findings(recording, cycles, rigid)
         recording = replace(recording, findings=(*summarise(recording, cycles.pulses).findings, *found))
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)

@@ -28,8 +28,10 @@ def trend_table(documents: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
 
 def _row(document: Mapping[str, Any]) -> dict[str, Any]:
     recording, held = document["recording"], document["metrics"]["fitted_held_out_cycles"]
+    explained = bool(document["explained"])
     row: dict[str, Any] = {
         "recording": safe_text(recording["name"]),
+        "explained": explained,
         "pump": safe_text(recording.get("pump") or ""),
         **{name: recording.get(name) for name in AXES},
         "cycles_used": recording["cycles_used"],
@@ -38,11 +40,14 @@ def _row(document: Mapping[str, Any]) -> dict[str, Any]:
         "trigger_angle_deg": document["alignment"]["trigger_angle_deg"]["value"],
     }
     peak = (document["chamber"] or {}).get("peak_bar") or {}
-    row |= {"chamber_peak_bar": peak.get("value"), "chamber_peak_bar_stderr": peak.get("stderr")}
+    row |= {
+        "chamber_peak_bar": peak.get("value"),
+        "chamber_peak_bar_stderr": peak.get("stderr") if explained else None,
+    }
     losses = {name: value for name, value in document["losses"].items() if name != "unit"}
     row |= {f"loss_{name}" + ("" if name.endswith("percent") else "_j"): value for name, value in losses.items()}
     for name, estimate in document["parameters"].items():
-        row |= {name: estimate["value"], f"{name}_stderr": estimate["stderr"]}
+        row |= {name: estimate["value"], f"{name}_stderr": estimate["stderr"] if explained else None}
     return row
 
 
@@ -50,7 +55,7 @@ def informed_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str,
     """Return parameter -> label of those shared ones that at least one report measured or narrowed."""
     found = {}
     for document in documents.values():
-        for name, row in document["parameters"].items():
+        for name, row in document["parameters"].items() if document["explained"] else ():
             if row.get("knowledge") in KNOWLEDGE[:-1] and row.get("role") == "shared":
                 found[name] = f"{name.replace('_', ' ')} / {row['unit']}"
     return found

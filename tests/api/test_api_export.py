@@ -16,6 +16,7 @@ import pytest
 from camtorque import cli, export
 from camtorque.records import Refusal
 from camtorque.report.write import write_run
+from camtorque.trend import informed_parameters, trend_table
 from report.report_cases import run_result
 from scipy.io import loadmat
 
@@ -97,6 +98,18 @@ def test_texts_of_a_report_are_made_safe(tmp_path: Path) -> None:
     document = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
     tables = export.report_tables(tmp_path, document)
     assert tables["parameters"]["meaning"].tolist() == ['\'=HYPERLINK("http://x")']
+
+
+def test_tables_of_an_unexplained_report_state_no_interval(tmp_path: Path) -> None:
+    write_run(run_result(explained=False), tmp_path)
+    document = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    table = export.report_tables(tmp_path, document)["parameters"]
+    assert table[["stderr", "stderr_statistical", "low95", "high95"]].isna().all(axis=None)
+    assert not table["explained"].any()
+    (row,) = trend_table({"A": document}).to_dict("records")
+    assert row["explained"] is False
+    assert pd.isna(row["feed_pressure_stderr"])
+    assert informed_parameters({"A": document}) == {}
 
 
 def test_further_channels_have_their_tables(tmp_path: Path) -> None:

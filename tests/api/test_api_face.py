@@ -69,8 +69,13 @@ def test_arrays_in_another_unit_and_sensors_of_another_name_are_told(
 ) -> None:
     with pytest.raises(camtorque.Refusal, match=r"the largest torque is .* N m, the largest pressure of .* bar gives"):
         recording(pump_file, {**arrays, "torque": 1e3 * arrays["torque"]})
-    low = recording(pump_file, {**arrays, "pressure": 1e-5 * arrays["pressure"]})
+    for factor, slip in ((1e-5, "bar read as Pa"), (1e-6, "MPa read as Pa"), (1e-3, "kPa read as Pa")):
+        with pytest.raises(camtorque.Refusal, match=f"the pressure looks like {slip}.*: correct its unit; else"):
+            recording(pump_file, {**arrays, "pressure": factor * arrays["pressure"]})
+    low = recording(pump_file, {**arrays, "pressure": 3e-5 * arrays["pressure"]})
     assert [row.severity for row in low.findings if row.code == "torque_without_pressure"] == ["error"]
+    with pytest.raises(camtorque.Refusal, match="predict: found a pressure of type list, expected a CSV file"):
+        camtorque.predict(ROOT / "calibration" / "paper_pump.toml", 500.0, pressure=[1e5, 2e5])  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="sensors: found 'Torque', expected 'torque' and 'pressure'"):
         recording(pump_file, arrays, sensors={"Torque": KNOWN["torque"]})
     with pytest.raises(camtorque.Refusal, match="report: found a Recording, expected what"):

@@ -317,15 +317,21 @@ def test_a_page_of_hundreds_has_no_pictures(
         (["a P", "b P", "a P"], "found recording ids that repeat: a,"),
         (["a P", "b P"], None),
         (["a P", "b P", "c P"], "b and c hold the same cycles"),
+        (["a P", "b P x"], "found [pump] plunger_diameter_m x in b, 8 in a, expected the dimensions of one pump"),
     ],
 )
 def test_one_pump_and_one_id_per_recording_are_fitted_together(
     items: list[str], reason: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(joint, "HeldOnce", lambda: lambda item: item.name)
-    monkeypatch.setattr(joint, "fit_joint", lambda known, read, threads: known)
+    monkeypatch.setattr(joint, "HeldOnce", lambda: lambda item: item)
+    monkeypatch.setattr(joint, "fit_joint", lambda known, read, threads: [item.name for item in known])
     inputs = [
-        SimpleNamespace(name=item[0], pump_id=item[2], measured=np.full(4, float(min(k, 1))))
+        SimpleNamespace(
+            name=item[0],
+            pump_id=item[2],
+            measured=np.full(4, float(min(k, 1))),
+            stated={"[pump] plunger_diameter_m": item[4:] or "8"},
+        )
         for k, item in enumerate(items)
     ]
     fitted, findings = joint.joint_fit(len(inputs), inputs.__getitem__, 1)

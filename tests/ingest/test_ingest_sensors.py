@@ -171,8 +171,13 @@ def test_an_unknown_sheet_key_is_a_finding(papers: Path):
 
 def test_a_zero_beyond_the_sheet_is_a_finding():
     assert not read_sensor(reference(CALIBRATION, before=0.05, after=0.05)).findings
-    findings = read_sensor(reference(CALIBRATION, before=0.06, after=0.06)).findings
-    assert [finding.code for finding in findings] == ["zero_off_certificate"]
+    inside = read_sensor(reference(CALIBRATION, before=0.05, after=0.05)).calibration
+    found = read_sensor(reference(CALIBRATION, before=0.06, after=0.06))
+    assert [finding.code for finding in found.findings] == ["zero_off_certificate"]
+    far = read_sensor(reference(CALIBRATION, before=0.09, after=0.09)).calibration
+    # what lies beyond the tolerance is an uncertainty of the zero
+    assert inside.zero_std < found.calibration.zero_std < far.zero_std
+    assert far.zero_std**2 - found.calibration.zero_std**2 > 0.9 * (0.03 * far.gain) ** 2
 
 
 def test_an_old_or_too_young_certificate_is_a_finding():

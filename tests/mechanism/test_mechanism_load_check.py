@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.align import align
 from camtorque.ingest import read_recording
-from camtorque.mechanism.load_check import largest_work, load_findings, load_ratio
+from camtorque.mechanism.load_check import base_findings, largest_work, load_findings, load_ratio, ratio_findings
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from damaged.logs import CALIBRATION
@@ -23,7 +23,7 @@ def aligned() -> tuple[Recording, CamCycles]:
 def told(recording: Recording, cycles: CamCycles, diameter: float = 0.008) -> bool:
     pump = replace(recording.config.pump, plunger_diameter=diameter)
     recording = replace(recording, config=replace(recording.config, pump_sheet=pump))
-    found = load_findings(cycles, rigid_torque(recording, cycles), pump)
+    found = load_findings(recording, cycles, rigid_torque(recording, cycles))
     assert all(finding.code == "torque_against_model" for finding in found)
     return bool(found)
 
@@ -41,10 +41,9 @@ def test_the_pressure_of_another_run_is_told(aligned):
 
 def test_a_diameter_is_proposed_where_one_would_explain_the_torque(aligned):
     recording, cycles = aligned
-    pump = recording.config.pump
 
     def text(factor: float) -> str:
-        (found,) = load_findings(replace(cycles, torque=factor * cycles.torque), rigid_torque(recording, cycles), pump)
+        (found,) = ratio_findings(factor * load_ratio(cycles, rigid_torque(recording, cycles)), recording.config.pump)
         return found.text
 
     assert "(8 mm, 5.5 mm would be usual)" in text(0.5)
@@ -56,6 +55,16 @@ def test_where_pressure_hardly_loads_the_cam_nothing_is_said(aligned):
     cycles = replace(cycles, pressure=np.full_like(cycles.pressure, 1e5))
     assert np.isnan(load_ratio(cycles, rigid_torque(recording, cycles)))
     assert not told(recording, cycles)
+
+
+@pytest.mark.parametrize(("off", "seen"), [(0.0, False), (-0.5, False), (-1.0, True), (-4.0, True)])
+def test_a_torque_that_is_negative_where_only_drag_acts_is_told(aligned, off: float, seen: bool):
+    recording, cycles = aligned
+    cycles = replace(cycles, torque=cycles.torque + off)
+    found = base_findings(cycles, rigid_torque(recording, cycles), 0.05)
+    assert [row.code for row in found] == ["base_torque_negative"] * seen
+    assert all("N m in the mean, where nothing drives the cam" in row.text for row in found)
+    assert not base_findings(cycles, rigid_torque(recording, cycles), float("inf"))
 
 
 def test_without_torque_nothing_is_said(aligned):

@@ -13,10 +13,12 @@ from camtorque.limits import Limit
 from camtorque.records import Finding, Refusal
 from camtorque.report.answer import (
     CHECKS,
+    DOUBTFUL,
     UNUSUAL,
     alternatives_text,
     answer,
     cards,
+    closing_text,
     left_out_text,
     missed_limits,
     shape_text,
@@ -61,6 +63,35 @@ def test_values_that_no_bench_has_ask_to_look_closer(code: str, words: str) -> N
     head = verdict({**doc, "findings": [*doc["findings"], unusual]})
     assert (head["level"], head["head"]) == ("look", "Look closer")
     assert head["text"].endswith(f"only with {words}: see the warnings before using the values.")
+
+
+@pytest.mark.parametrize(("code", "severity", "text"), [
+    *((code, "warning", words) for code, words in DOUBTFUL.items()), ("csv_rows_damaged", "error", "csv rows damaged"),
+])  # fmt: skip
+def test_an_input_with_errors_or_doubts_asks_to_look_closer(code: str, severity: str, text: str) -> None:
+    doc = result_document(run_result())
+
+    def found(how: str) -> dict[str, object]:
+        row = {"code": code, "severity": how, "text": "", "where": ""}
+        return {**doc, "findings": [*doc["findings"], row, row]}
+
+    head = verdict(found(severity))
+    assert (head["level"], head["head"]) == ("look", "Look closer")
+    assert head["text"].endswith(f" What it rests on is doubtful ({text}): see the findings before using the values.")
+    assert verdict(found("info"))["level"] == "good"
+
+
+def test_the_gap_adds_up_in_words() -> None:
+    doc = result_document(run_result())
+    row = {"meaning": "", "forward_stderr_nm": None, "return_minimum_stderr_nm": None}
+    causes = [
+        {**row, "cause": name, "forward_nm": nm, "return_minimum_nm": -nm}
+        for name, nm in (("pressure", 4.0), ("bearing", 1.0), ("guide", 0.5), ("pin", 0.25), ("residual", 0.125))
+    ]
+    doc = {**doc, "gap_by_cause": {"causes": causes, "total": {"forward_nm": 5.875, "return_minimum_nm": -5.875}}}
+    text = closing_text(doc)
+    assert "Forward stroke, +5.88 N m: pressure +4.00, bearing +1.00, guide +0.50, all else +0.25; +0.12 left" in text
+    assert "on the return, measured less rigid, −5.88 N m: pressure −4.00" in text
 
 
 def test_what_was_not_computed_is_not_mentioned() -> None:

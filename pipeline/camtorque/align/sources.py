@@ -22,11 +22,16 @@ from camtorque.signal.edges import Edges, find_edges
 from camtorque.signal.inductive import find_crossings
 from camtorque.signal.pickup import find_pulses
 from camtorque.signal.threshold import Threshold
+from camtorque.units import RPM, TURN
 
 TURNED = {"rising": "falling", "falling": "rising"}
 CLEARLY = Threshold(
     0.5, "1", "simulated rigs",
     "The crossings of the other polarity have to fit the gap this much better: the gap bends the waves beside it."
+)  # fmt: skip
+SINGLE = Threshold(
+    0.1, "1", "convention",
+    "Pulses in a turn of the nominal speed are one within this share: nominal speeds are kept to a few percent."
 )  # fmt: skip
 MOST_PULSES = 120
 """Pulses per turn of the cam that are kept of a fine encoder: one in three degrees sees every speed of a shaft."""
@@ -74,8 +79,27 @@ def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> Tri
         edges, train = _coil_with_gap(channel, spec, index, options)
     else:
         edges = find_pulses(channel, spec.sensor, spec.edge, options.block_samples)
+        _refuse_single_pulse(edges.time, recording, channel.where)
         train = number_teeth(edges.time, spec, channel.where, index)
     return TriggerTrain(channel, edges, shifted(train, spec.switching_delay), spec.pulses_per_cycle)
+
+
+def _refuse_single_pulse(time: Array, recording: Recording, where: str) -> None:
+    """Refuse a wheel of several teeth without a mark where one pulse comes in a turn of the nominal speed.
+
+    Raises
+    ------
+    Refusal : see above
+    """
+    spec = recording.config.trigger
+    nominal = recording.config.nominal_speed * spec.revolutions_per_cycle
+    if spec.pulses_per_rev == 1 or spec.missing_teeth or spec.double_tooth or time.size < 3:
+        return
+    if abs(TURN / (float(np.median(np.diff(time))) * nominal) - 1.0) < SINGLE:
+        raise Refusal(
+            f"{where}: found one pulse in a turn of the nominal {nominal / RPM:g} rpm, expected {spec.pulses_per_rev} "
+            "as pulses_per_rev in [trigger] says; write pulses_per_rev = 1, or correct nominal_speed_rpm"
+        )
 
 
 def _coil_with_gap(

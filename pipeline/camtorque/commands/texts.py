@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.answer import bump_place, known_metrics, missed_limits, unusual_values, work_parts
+from camtorque.report.answer import bump_place, doubtful_input, known_metrics, missed_limits, unusual_values, work_parts
 from camtorque.report.numbers import named, near, plus_minus, typeset, words
 
 PULLED, MOST_PULLED = "prior_pulled", 3
@@ -48,7 +48,7 @@ def _left_out(recording: Mapping[str, Any]) -> str:
 def verdict_lines(doc: Mapping[str, Any]) -> list[str]:
     """Return where the model fails, or what else asks to look closer; nothing where all is well."""
     if doc["explained"]:
-        missed = [*missed_limits(doc["metrics"]["fitted_held_out_cycles"]), *unusual_values(doc)]
+        missed = [*missed_limits(doc["metrics"]["fitted_held_out_cycles"]), *unusual_values(doc), *doubtful_input(doc)]
         return [f"LOOK CLOSER: {'; '.join(missed)}"] if missed else []
     places = [bump_place(bump) for bump in doc["bumps"]]
     where = f" at {'; '.join(places)}" if places else ""

@@ -10,6 +10,7 @@ import numpy as np
 from camtorque.fit.joint_input import Known
 from camtorque.fit.problem import Problem
 from camtorque.records import Array, Finding
+from camtorque.units import short
 
 DRIFT_SIGMA = 2.5
 """Standard errors beyond which a slope is a finding."""
@@ -94,7 +95,7 @@ def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
         Finding(
             "shared_parameter_drifts", "warning",
             f"{drift.name} should be the same in every recording, but where each is fitted alone it drifts by "
-            f"{drift.slope_per_1000_rpm:+.3g} +- {drift.slope_stderr:#.2g} {drift.unit} per 1000 rpm: "
+            f"{drift.slope_per_1000_rpm:+.3g} +- {short(drift.slope_stderr, 2)} {drift.unit} per 1000 rpm: "
             "a law may be missing", drift.name,
         )
         for drift in drifts if drift.significant
@@ -108,8 +109,8 @@ def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
     return (
         Finding(
             "recordings_contradict", "warning",
-            f"{contradicted**2:.0%} of the residual's variance comes from fitting the recordings together: each alone "
-            "is met, all together are not; a law is missing or the pump changed between them, and the intervals of the "
-            "shared parameters reach to what each recording says alone",
+            f"{100.0 * contradicted**2:.0f} % of the residual's variance comes from fitting the recordings together: "
+            "each alone is met, all together are not; a law is missing or the pump changed between them, and the "
+            "intervals of the shared parameters reach to what each recording says alone",
         ),
     )  # fmt: skip

@@ -26,36 +26,37 @@ standard uncertainties beyond is told."""
 
 
 def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
-    """Return the nuisances that the data pull far off what was known."""
+    """Return the nuisances that the data pull far off what was known; for the trigger see `mounting_findings`."""
     result = []
     for row in parameters:
-        if row.prior is None:
+        if row.prior is None or row.name.split(SEPARATOR)[0] == MOUNTING:
             continue
         pull = (row.value - row.prior[0]) / row.prior[1]
         if abs(pull) > PULLED:
+            name, _, recording = row.name.partition(SEPARATOR)
             text = (
-                f"{row.name.replace('_', ' ')} is {f'{short(row.value)} {row.unit}'.removesuffix(' -')}"
-                f"{', at its bound,' if row.at_bound else ','} "
+                f"{name.replace('_', ' ')}{f' of {recording}' if recording else ''} is "
+                f"{f'{short(row.value)} {row.unit}'.removesuffix(' -')}{', at its bound,' if row.at_bound else ','} "
                 f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
-                f"{short(row.prior[1], 2)}; {row.source}): check that number; if it is right, a loss is missing that "
-                "this one stands in for"
+                f"{short(row.prior[1], 2)}; {row.source}): if what the sheets say is right, it stands in for something "
+                "that the model lacks"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)
 
 
 def mounting_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
-    """Return the finding on a trigger beyond its mounting tolerance, where `prior_findings` does not tell it."""
+    """Return the finding on a trigger beyond its mounting tolerance."""
     result = []
     for row in parameters:
         if row.name.split(SEPARATOR)[0] != MOUNTING or row.prior is None:
             continue
         edge = EDGE * row.prior[1]
-        if EDGE + BEYOND * row.stderr / row.prior[1] < abs(row.value) / row.prior[1] <= PULLED:
+        if EDGE + BEYOND * row.stderr / row.prior[1] < abs(row.value) / row.prior[1]:
             text = (
                 f"the trigger lies {short(abs(row.value) - edge)} {row.unit} beyond its mounting tolerance of +-"
-                f"{short(edge)} {row.unit}: measure where its mark is; nominal_angle_deg, or the edge that counts, may "
-                "be another"
+                f"{short(edge)} {row.unit}: measure where its mark is; nominal_angle_deg, the edge that counts or the "
+                "angles of the lift table may be others"
             )
             result.append(Finding("trigger_beyond_tolerance", "warning", text, row.name))
     return tuple(result)
@@ -67,9 +68,10 @@ def implausible_findings(parameters: Sequence[ParameterEstimate], explained: boo
     A value that the data tell lies off its expectation by that one's standard deviation, one that they do not tell not
     at all: squares of such distances add up to a chi-square number of as many degrees as the data tell values.
     """
-    known = [(row, row.prior) for row in parameters if row.prior is not None and not row.at_bound]
-    pulls = {row.name: (row.value - mean) / std for row, (mean, std) in known}
-    told = sum(max(1.0 - (row.stderr / std) ** 2, 0.0) for row, (_, std) in known)
+    known = [(row, row.prior, (row.value - row.prior[0]) / row.prior[1]) for row in parameters if row.prior is not None]
+    known = [(row, prior, pull) for row, prior, pull in known if not row.at_bound or abs(pull) > PULLED]
+    pulls = {row.name: pull for row, _, pull in known}
+    told = sum(1.0 if row.at_bound else max(1.0 - (row.stderr / std) ** 2, 0.0) for row, (_, std), _ in known)
     if sum(pull**2 for pull in pulls.values()) <= largest_chi_square(max(told, 1.0)):
         return ()
     worst = sorted(pulls, key=lambda name: -abs(pulls[name]))[:2]

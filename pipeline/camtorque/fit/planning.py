@@ -33,6 +33,8 @@ from camtorque.records import Array, ReadOnly
 SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
 """What it costs to set a point and to fit a second tooth."""
 MOST_RUNS = 6
+AS_GOOD = 1.01
+"""An uncertainty of so many times what is wanted is as good: it is printed with two digits."""
 LEAST_GAIN = 0.02
 """A run that narrows the number by less than this share for what one setting of the bench costs is not worth making."""
 
@@ -153,6 +155,7 @@ def plan(
     chosen: list[Step] = []
     sufficient: list[list[Step]] = []
     std = target.std(known.matrix)
+    wanted *= AS_GOOD
     while std > wanted and len(chosen) < MOST_RUNS:
         offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
         worth = weighed(known, target, offers, chosen)

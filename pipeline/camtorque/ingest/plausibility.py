@@ -32,6 +32,11 @@ MOST_RANKED = 200_000
 SMOOTHED = 5.0
 """Slopes and bends of a lift table are taken over this many degrees, to suppress its noise."""
 LOADED = 30.0 * BAR
+PRESSURE_SLIPS = {
+    1.0e1: "MPa read as bar", 1.0e2: "bar read as kPa", 1.0e3: "kPa read as Pa, or MPa as kPa",
+    1.0e5: "bar read as Pa", 1.0e6: "MPa read as Pa",
+}  # fmt: skip
+"""Factor by which a pressure is too small -> the slip."""
 """Below this peak pressure friction and spring rule the torque."""
 LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)
 HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
@@ -253,13 +258,21 @@ def check_loads(recording: Recording) -> list[Finding]:
     low, high = measured / (by_pressure + other), measured / by_pressure
     if not is_loaded:
         beyond = low > LOAD_POSSIBLE[1]
+        if beyond and _other_unit(high):
+            raise Refusal(f"{where}: {text}; {_other_unit(high)}; else {_implied(pump, slope, high)}")
         return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * beyond
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
-        raise Refusal(f"{where}: {text}; {_implied(pump, slope, measured / by_pressure)}")
+        raise Refusal(f"{where}: {text}; {_implied(pump, slope, high)}")
     if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:
         findings.append(Finding("torque_against_pressure", "warning",
-                                f"{text}; {_implied(pump, slope, measured / by_pressure)}", where))  # fmt: skip
+                                f"{text}; {_implied(pump, slope, high)}", where))  # fmt: skip
     return findings
+
+
+def _other_unit(ratio: float) -> str:
+    """Return which unit of the pressure makes the torque that is so many times what it makes, empty where none does."""
+    found = [name for factor, name in PRESSURE_SLIPS.items() if LOAD_USUAL[0] < ratio / factor < LOAD_USUAL[1]]
+    return f"the pressure looks like {found[0]}: correct its unit" if found else ""
 
 
 def _implied(pump: PumpData, slope: float, ratio: float) -> str:

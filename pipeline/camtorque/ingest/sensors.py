@@ -105,7 +105,9 @@ def _sensed(
     )  # fmt: skip
     calibration = _with_zero(calibration, sheet, line, readings)
     findings += [*more, *line.findings, *sensitivity_findings(sheet, line, factor)]
-    findings += _zero_findings(calibration, sheet, line, readings)
+    more, beyond = _zero_findings(calibration, sheet, line, readings)
+    findings += more
+    calibration = replace(calibration, zero_std=math.hypot(calibration.zero_std, beyond))
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain)) / abs(line.gain)
     findings += _apart((readings.before, readings.after), tolerance, readings.unit, sheet)
     # a sheet in degC counts from ice, the volts of its zero do not
@@ -262,19 +264,23 @@ def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
 
 def _zero_findings(
     calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, readings: Readings
-) -> list[Finding]:
-    """Tell a standstill zero that lies further from the certificate's than the sheet allows."""
+) -> tuple[list[Finding], float]:
+    """Tell a standstill zero that lies further from the certificate's than the sheet allows, and by how much.
+
+    What it lies beyond is a standard uncertainty of it [SI]: the reading may be of another state.
+    """
     off = line.gain * (calibration.zero_volts - line.zero_volts)
     tolerance = _zero_tolerance(sheet, calibration, abs(line.gain))
     if calibration.zero_source != "standstill" or abs(off) <= tolerance:
-        return []
+        return [], 0.0
     if readings.unit == "V":
         _refuse_millivolts(off, tolerance, calibration, line, readings)
     text = (
         f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
-        f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used"
+        f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used, and what it "
+        f"lies beyond that ({100.0 * (abs(off) - tolerance) / calibration.range_max:.2g} %) counts as its uncertainty"
     )
-    return [Finding("zero_off_certificate", "warning", text, sheet.place)]
+    return [Finding("zero_off_certificate", "warning", text, sheet.place)], abs(off) - tolerance
 
 
 def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Finding]:

@@ -16,8 +16,8 @@ import math
 import numpy as np
 
 from camtorque.config import PumpData
-from camtorque.records import Array, CamCycles, Finding, Refusal, RigidTorque
-from camtorque.units import BAR
+from camtorque.records import Array, CamCycles, Finding, Recording, Refusal, RigidTorque
+from camtorque.units import BAR, short
 
 LOADED_SHARE = 0.7
 """Share of the largest rigid torque above which an angle counts."""
@@ -35,6 +35,12 @@ LARGE_SWING = 0.3
 """Swing of the line pressure times the swept volume, over the measured work, from which its place is judged."""
 
 
+BASE_LIFT = 0.01
+"""Share of the full lift below which the follower stands on the base circle."""
+DRIVEN = (3.0, 0.002)
+"""Standard uncertainties of the zero and share of the peak torque by which the mean there may lie below zero."""
+
+
 def load_ratio(cycles: CamCycles, rigid: RigidTorque) -> float:
     """Return mean measured over mean rigid torque at the loaded angles, nan where pressure hardly loads the cam."""
     if cycles.torque is None:
@@ -46,15 +52,39 @@ def load_ratio(cycles: CamCycles, rigid: RigidTorque) -> float:
     return float(np.mean(cycles.mean_torque[loaded])) / modelled
 
 
-def load_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> tuple[Finding, ...]:
-    """Return a warning where torque and pressure cannot well be of this pump and of one run.
+def load_findings(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> tuple[Finding, ...]:
+    """Return warnings where torque and pressure cannot well be of this pump and of one run.
 
     Raises
     ------
     Refusal : the line pressure rises where the plunger does not deliver
     """
+    pump = recording.config.pump
     _refuse_misplaced_pressure(cycles, rigid, pump)
-    ratio = load_ratio(cycles, rigid)
+    sheets = [channel.calibration for channel in recording.of("torque")]
+    zero_std = next((sheet.zero_std for sheet in sheets if sheet is not None), math.inf)
+    return (*base_findings(cycles, rigid, zero_std), *ratio_findings(load_ratio(cycles, rigid), pump))
+
+
+def base_findings(cycles: CamCycles, rigid: RigidTorque, zero_std: float) -> tuple[Finding, ...]:
+    """Return a warning where the torque is negative on the base circle, where only drag acts."""
+    if cycles.torque is None:
+        return ()
+    base = rigid.lift < BASE_LIFT * np.max(rigid.lift)
+    torque = cycles.mean_torque
+    level = float(np.mean(torque[base])) if base.any() else 0.0
+    if not level < -DRIVEN[0] * zero_std - DRIVEN[1] * float(np.max(torque)):
+        return ()
+    text = (
+        f"on the base circle the torque is {short(level)} N m in the mean, where nothing drives the cam and drag only "
+        "makes it positive: the zero of the torque is off by as much at least, and so are friction and damping; check "
+        "zero_before_V and zero_after_V, and rotation"
+    )
+    return (Finding("base_torque_negative", "warning", text, "torque"),)
+
+
+def ratio_findings(ratio: float, pump: PumpData) -> tuple[Finding, ...]:
+    """Return a warning where measured over rigid torque (`load_ratio`) is what no pump has."""
     if not math.isfinite(ratio) or USUAL[0] <= ratio <= USUAL[1]:
         return ()
     diameter = f"{1e3 * pump.plunger_diameter:g} mm"

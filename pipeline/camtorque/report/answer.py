@@ -28,15 +28,25 @@ CHECKS = {
 """Phase of the pump -> what to look at where the model fails in it."""
 SAME_RESONANCE = 0.05
 INPUT_CAUSES = frozenset({
-    "several_strokes", "revolutions_alternate", "closing_lift_unusual", "trigger_angle_doubtful", "uneven_running",
-    "torque_against_model", "speed_off_nominal", "pump_unusual", "torque_drifts",
+    "base_torque_negative", "zero_off_certificate", "several_strokes", "revolutions_alternate", "closing_lift_unusual",
+    "trigger_angle_doubtful", "uneven_running", "torque_against_model", "speed_off_nominal", "pump_unusual",
+    "torque_drifts",
 })  # fmt: skip
 """Findings on the input that explain a model that fails: the first of them is said first."""
 UNUSUAL = {
     "values_implausible": "values that are unusual together",
     "cam_side_too_light": "a shaft that rings as if the cam were lighter than it is",
+    "prior_pulled": "values far off what was known of them",
+    "trigger_beyond_tolerance": "a trigger beyond its mounting tolerance",
 }
 """Finding on values that may stand in for what the model lacks -> how the headline names them."""
+DOUBTFUL = {
+    "base_torque_negative": "a torque that is negative on the base circle",
+    "torque_against_model": "a torque that does not suit the plunger of the sheet",
+    "mains_hum": "mains hum that stays in the mean torque",
+    "not_converged": "a search that ended before its minimum",
+}
+"""Warning on what a fit rests on -> how the headline names it; an error is named by its code."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
 MIXED = 2.0
@@ -64,13 +74,25 @@ def verdict(doc: Document) -> dict[str, Any]:
         text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
     if odd:
         text += f" The model meets it only with {' and '.join(odd)}: see the warnings before using the values."
-    look = bool(missed or odd)
+    doubtful = doubtful_input(doc)
+    if doubtful:
+        text += f" What it rests on is doubtful ({'; '.join(doubtful)}): see the findings before using the values."
+    look = bool(missed or odd or doubtful)
     return {"level": "look" if look else "good", "head": "Look closer" if look else "Explained", "text": text}
 
 
 def unusual_values(doc: Document) -> list[str]:
     """Return that the values are unusual, in words, where no bench as expected has them."""
-    return [UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL]
+    return list(dict.fromkeys(UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL))
+
+
+def doubtful_input(doc: Document) -> list[str]:
+    """Return what is wrong with that on which an explained fit rests, in words, each once."""
+    loud = [row for row in doc["findings"] if row["severity"] != "info"]
+    return list(dict.fromkeys(
+        DOUBTFUL.get(row["code"], words(row["code"])) for row in loud
+        if row["code"] in DOUBTFUL or row["severity"] == "error"
+    ))  # fmt: skip
 
 
 def missed_limits(held: Document) -> list[str]:
@@ -148,6 +170,12 @@ def gap_size(doc: Document) -> str:
     )
 
 
+STRETCHES = {
+    "forward": "Forward stroke",
+    "return_minimum": "Where the measured torque is least on the return, measured less rigid",
+}
+"""Key of the gap by cause -> what it is of."""
+NAMED_CAUSES = 3
 SAID = (
     ("needed", "The data need", ""),
     ("cannot tell", "They cannot tell whether they need", ""),
@@ -164,15 +192,16 @@ def sure(doc: Document, error: float | None) -> bool:
 def closing_text(doc: Document) -> str:
     """Return the largest causes on both strokes, and the losses that the data need or cannot tell."""
     gap, parts = doc["gap_by_cause"], []
-    for part, what in (("forward", "Forward stroke"), ("return_minimum", "Return minimum")):
+    for part, what in STRETCHES.items():
         key, error = f"{part}_nm", f"{part}_stderr_nm"
         rows = sorted((row for row in gap["causes"] if row["cause"] != "residual"), key=lambda row: -abs(row[key]))
         named = ", ".join(
             f"{words(row['cause'])} {plus(row[key])}" + (f" ± {fixed(row[error])}" if sure(doc, row[error]) else "")
-            for row in rows[:3]
+            for row in rows[:NAMED_CAUSES]
         )
+        others = f", all else {plus(sum(row[key] for row in rows[NAMED_CAUSES:]))}" if rows[NAMED_CAUSES:] else ""
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
-        parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}; {plus(left)} left over.")
+        parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}{others}; {plus(left)} left over.")
     evidence = doc["evidence"]
     if EITHER_LOSS in evidence:  # which of the two nobody knows
         evidence = {name: row for name, row in evidence.items() if name not in APART}

@@ -1,0 +1,49 @@
+"""What sheets of one pump state differently."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from camtorque.ingest import read_recording
+from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences, stated
+from camtorque.records import Recording
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1250rpm"
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return read_recording(EXAMPLE)
+
+
+def changed(recording: Recording, **pump: float) -> Recording:
+    config = recording.config
+    return replace(recording, config=replace(config, pump_sheet=replace(config.pump, **pump)))
+
+
+def test_numbers_stand_as_the_bench_writes_them(recording: Recording) -> None:
+    found = stated(recording)
+    assert found["[pump] plunger_diameter_m"] == "0.008"
+    assert found["[trigger] nominal_angle_deg"] == "20"
+    assert found["[trigger] edge"] == "rising"
+    assert float(found["torque sensor, delay [s]"]) == recording.of("torque")[0].calibration.delay  # type: ignore[union-attr]
+    assert set(DIMENSIONS) < set(found)
+    assert not any("note" in name or "level" in name for name in found)
+
+
+def test_what_differs_is_told_with_who_states_what(recording: Recording) -> None:
+    same = stated(recording)
+    sides = {"A": same, "B": stated(changed(recording, plunger_diameter=0.0082)), "C": same, "D": same}
+    assert differences(sides) == {"[pump] plunger_diameter_m": "0.0082 in B, 0.008 in the others"}
+    pair = {"A": same, "B": stated(changed(recording, spring_preload=200.0))}
+    (finding,) = difference_findings(pair)
+    assert finding.text.startswith("[pump] spring_preload_N is 200 in B, 110 in A: what a fit takes as given")
+    assert difference_findings({"A": same, "B": same}) == ()
+
+
+def test_a_lift_table_is_compared_as_a_whole(recording: Recording) -> None:
+    table = recording.cam_table
+    other = replace(recording, lift_table=replace(table, lift=table.lift * 1.001))
+    assert list(differences({"A": stated(recording), "B": stated(other)})) == ["lift table"]
