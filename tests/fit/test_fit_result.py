@@ -53,14 +53,14 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     narrow = replace(fit, covariance=replace(fit.covariance, matrix=1e-4 * fit.covariance.matrix), shifts={})
     case = quick_prepared(*LAND)
     forward, fall, lowest = parts_of_gap(case.rigid, case.means.torque_all)
-    stated = sureness(narrow, 0, case.rigid, case.means.torque_all)
+    stated = sureness(narrow, case.rigid, case.means.torque_all)
     rng = np.random.default_rng(3)
     std = narrow.covariance.std
     root = np.linalg.cholesky(narrow.covariance.matrix / np.outer(std, std) + 1e-10 * np.eye(std.size))
     draws = fit.solution.z + rng.standard_normal((200, std.size)) @ root.T * std
     lifts = np.zeros(fit.solution.lifts[0].coefficients(fit.solution.residuals[0]).size)
     means = (case.means.torque, case.means.pressure)
-    models = [modelled(fit.problem, z, 0, lifts, fit.measured[0], means) for z in draws]
+    models = [modelled(fit.problem, z, 0, lifts, fit.measured, means) for z in draws]
     works = [work_at(fit.problem.data[0].chain, *fit.problem.values(z, 0)) for z in draws]
     for name in ("pressure", "friction", "damping", "driveline", "friction_and_damping"):
         assert np.std([work[name] for work in works]) == pytest.approx(stated.work[name], rel=0.2), name
@@ -73,7 +73,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
         ]
         np.testing.assert_allclose(found, stated.gap[name], rtol=0.2, err_msg=name)
     moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std})
-    assert sureness(moved, 0, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
+    assert sureness(moved, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
 
 
 def test_a_prior_alone_leaves_the_prior(fit):
@@ -121,7 +121,7 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
 @pytest.fixture(scope="module")
 def record(fit):
     prepared = quick_prepared(*LAND)
-    return fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+    return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
 
 
 def test_what_else_fits_is_measured_beside_the_lift_correction(fit):
@@ -236,8 +236,8 @@ def test_weights_know_scatter_and_the_admitted_model_error():
 def test_a_report_on_a_finer_grid_shows_the_model_that_was_fitted(fit):
     item = fit.problem.data[0]
     torque, pressure = item.chain.shaft_torque, item.chain.line_pressure
-    coarse = model_on_grid(fit, 0, torque, pressure)
-    fine = model_on_grid(fit, 0, on_grid(torque, 3600), on_grid(pressure, 3600))
+    coarse = model_on_grid(fit, torque, pressure)
+    fine = model_on_grid(fit, on_grid(torque, 3600), on_grid(pressure, 3600))
     np.testing.assert_allclose(fine.output.pressure[::2], coarse.output.pressure, rtol=1e-9)
     np.testing.assert_allclose(fine.torque[::2], coarse.torque, atol=1e-6 * np.ptp(coarse.torque))
     middle = 0.5 * (coarse.torque + np.roll(coarse.torque, -1))

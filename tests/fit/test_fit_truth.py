@@ -45,7 +45,7 @@ def case(request):
 def record(case):
     prepared = quick_prepared(*case)
     fit = fit_prepared(prepared, FitOptions(evidence=False))
-    return fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+    return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
 
 
 def known(case):
@@ -213,7 +213,7 @@ def test_a_recording_that_stays_unexplained_says_where():
     fit = fit_prepared(
         replace(prepared, cycles=disturbed, means=means, candidates=(found,)), FitOptions(evidence=False)
     )
-    record = fitted_torque(fit, 0, prepared.recording, disturbed, prepared.rigid, means)
+    record = fitted_torque(fit, prepared.recording, disturbed, prepared.rigid, means)
     assert not record.explained
     finding = next(row for row in record.findings if row.code == "unexplained")
     assert finding.severity == "error"
@@ -296,7 +296,7 @@ def test_smoothing_leads_an_end_of_delivery_that_is_ten_degrees_off():
 
 def test_the_delivered_volume_is_that_of_the_rig(case):
     fit = fit_prepared(quick_prepared(*case), FitOptions(evidence=False))
-    found = delivered_volume(fit, 0)
+    found = delivered_volume(fit)
     past_valve = rig(*case).totals["valve_mass"]
     true = (past_valve[-1] - past_valve[0]) / (past_valve.size - 1) / rig(*case).truth.fluid.density
     assert abs(found.value - true) < 2.0 * found.stderr

@@ -281,7 +281,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         return joint_recording(fit, index, item), alone if others is None else predicted(fit, others, index, item)
 
     fitted, without = zip(*each(told, range(len(used))), strict=True)
-    shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
+    shared = tuple(row for row in parameter_estimates(fit.recording(0)) if row.role == "shared")
     findings = (
         *prior_findings(shared),
         *(

@@ -63,9 +63,8 @@ class JointFit(ReadOnly):
             self.solution.gradient[places], (), (), (), self.solution.iterations, self.solution.evaluations,
             self.solution.converged,
         )  # fmt: skip
-        return Fit(
-            small, light, known, {name: shift[places] for name, shift in self.shifts.items()}, (), (), (), (), (), ()
-        )
+        shifts = {name: shift[places] for name, shift in self.shifts.items()}
+        return Fit(small, light, known, shifts, nothing, (), (), (), np.zeros(0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -146,5 +145,5 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
         "fitted_held_out_cycles": scored(means.held_torque, held),
     }  # fmt: skip
     explained = is_explained(means.torque - fitted, means.odd_even, float(np.max(means.torque_all)))
-    own = tuple(row for row in parameter_estimates(fit.recording(index), 0) if row.role == "own")
+    own = tuple(row for row in parameter_estimates(fit.recording(index)) if row.role == "own")
     return JointRecording(own, problem.data[index].structure, found, explained)

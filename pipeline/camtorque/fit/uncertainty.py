@@ -112,14 +112,13 @@ def along_valley(cov: Covariance, index: int, std: float) -> Array:
     return np.asarray(column / column[index] * np.sqrt(missing) if missing > 0.0 else np.zeros(column.size))
 
 
-def pressure_jacobian(problem: Problem, index: int, tangents: Array) -> tuple[Array, list[int]]:
+def pressure_jacobian(problem: Problem, tangents: Array) -> tuple[Array, list[int]]:
     """Return the derivative of a recording's chamber pressure (n, m) [Pa/SI] by parameters, and their places (m,).
 
     ``tangents`` are those of `camtorque.laws.chain.ChainOutput`.
     """
     columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
-    free = enumerate(problem.parameters)
-    own = [k for k, one in free if one.recording in (-1, index) and one.row.name in columns]
+    own = [k for k, one in enumerate(problem.parameters) if one.row.name in columns]
     return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
 
 
