@@ -184,16 +184,16 @@ def _swing(rows: Array, normal: Mask) -> float:
     return float(np.ptp(middle))
 
 
-def spread_choice(flags: Mask, most: int) -> NDArray[np.int64]:
-    """Return at most ``most`` of the flagged places, spread evenly."""
+def spread_choice(flags: Mask) -> NDArray[np.int64]:
+    """Return at most `SAMPLED_CYCLES` of the flagged places, spread evenly."""
     chosen = np.flatnonzero(flags)
-    return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, most)).astype(int))]
+    return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]
 
 
 def _distance(rows: Array, normal: Mask) -> Array:
     """Return the RMS distance of each cycle from the median cycle, at points that lie `POINT_DEG` apart."""
     stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
-    return distance_of(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES), ::stride], axis=0), stride)
+    return distance_of(rows, np.median(rows[spread_choice(normal), ::stride], axis=0), stride)
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {

@@ -109,7 +109,7 @@ class TwistBasis:
     phase: NDArray[np.complex128]
 
 
-def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: int = 0) -> TwistBasis:
+def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: int) -> TwistBasis:
     """Return the basis of a mean cycle of the shaft's torque (n,) [N m] at a speed [rad/s].
 
     A wheel on the camshaft has measured the angle up to the order ``seen``: only what is above is rebuilt.

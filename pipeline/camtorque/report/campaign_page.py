@@ -125,7 +125,7 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def campaign_page(
-    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing] = ()
+    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing]
 ) -> str:
     """Return campaign.html from campaign.json, the used recordings side by side, thumbnails and figures."""
     serious = any(row["severity"] != "info" for row in doc["findings"])

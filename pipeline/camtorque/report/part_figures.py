@@ -6,7 +6,7 @@ import numpy as np
 
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel
-from camtorque.report.measured import measured_mean
+from camtorque.report.measured import measured_chamber
 from camtorque.report.numbers import plus
 from camtorque.report.torque_figures import spans
 from camtorque.stacks import distance_of, std_of
@@ -26,7 +26,7 @@ def pressures(result: RunResult) -> Curves:
         if fitted.chamber_pressure_std is not None and result.fitted.explained:
             width = 2.0 * fitted.chamber_pressure_std / BAR
             bands.append(Band("chamber, ±2 standard uncertainties", chamber - width, chamber + width, "chamber"))
-    inside = measured_mean(result, "chamber_pressure")
+    inside = measured_chamber(result)
     if inside is not None:
         lines.append(Line("chamber pressure, measured", inside / BAR, "c3", 1.4, "6 3"))
     panel = Panel("gauge pressure [bar]", tuple(lines), tuple(bands), 190.0)

@@ -117,7 +117,7 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     ]
 
 
-def parameter_row(name: str, row: Document, explained: bool = True) -> dict[str, Any]:
+def parameter_row(name: str, row: Document, explained: bool) -> dict[str, Any]:
     """Return one parameter as the texts of a table; no interval where the model does not explain the data."""
     has_interval = explained and row["stderr"] is not None
     ends = [near(end, row["stderr"]) for end in row["ci95"]]
