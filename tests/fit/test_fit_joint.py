@@ -48,7 +48,7 @@ from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem, 
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
 from camtorque.fit.solver import solve
 from camtorque.fit.starts import ends_at
-from camtorque.fit.uncertainty import covariance, covariance_of
+from camtorque.fit.uncertainty import covariance
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
@@ -455,7 +455,9 @@ def test_the_inverse_of_an_arrow_is_told_without_the_whole_matrix():
 def test_the_joint_covariance_is_that_of_the_whole_matrix(joint, solved):
     problem, solution = solved
     data = dense(replace(solution.hessian, diagonal=np.zeros(problem.size)))
-    whole = covariance_of(problem, data, solution.lift_share, solution.data_chi_square)
+    lift = SimpleNamespace(shrink=solution.lift_share)
+    everything = SimpleNamespace(data_hessian=data, lifts=(lift,), data_chi_square=solution.data_chi_square)
+    whole = covariance(problem, everything)
     assert joint.covariance.freedom == pytest.approx(whole.freedom, rel=1e-6)
     assert joint.covariance.inflation == pytest.approx(whole.inflation, rel=1e-6)
     scale = np.outer(whole.std, whole.std)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,10 +27,14 @@ class JointCovariance(ReadOnly):
     """Covariance of all parameters of a joint fit; its fields are those of `uncertainty.Covariance`."""
 
     arrow: ArrowCovariance
-    std: Array
     prior_std: Array
     inflation: float
     freedom: float
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations, (k,) [SI]; kept, as every recording that is left out asks for them."""
+        return self.arrow.std
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ class JointRecording:
 
 
 def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovariance:
-    """Return the covariance at a joint minimum, as `uncertainty.covariance_of` does for one recording."""
+    """Return the covariance at a joint minimum, as `uncertainty.covariance` does for one recording."""
     before = prior_std(problem)
     blocks, count = solution.hessian.blocks, len(problem.data)
 
@@ -90,7 +95,7 @@ def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovarian
     freedom = max(INDEPENDENT * count - taken, LEAST_FREEDOM * count)
     inflation = max(1.0, solution.data_chi_square / freedom)
     found = inverse(inflation)
-    return JointCovariance(found, found.std, before, inflation, freedom)
+    return JointCovariance(found, before, inflation, freedom)
 
 
 def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:

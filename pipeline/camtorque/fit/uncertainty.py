@@ -72,27 +72,15 @@ def inverse(matrix: Array) -> Array:
 
 def covariance(problem: Problem, solution: Solution) -> Covariance:
     """Return the covariance at a minimum; a parameter at its bound keeps the width that it has without it."""
-    lift_share = sum(float(np.sum(lift.shrink)) for lift in solution.lifts)
-    return covariance_of(problem, solution.data_hessian, lift_share, solution.data_chi_square)
-
-
-def covariance_of(problem: Problem, data_hessian: Array, lift_share: float, data_chi_square: float) -> Covariance:
-    """Return the covariance at a minimum.
-
-    Parameters
-    ----------
-    data_hessian : (k, k) Gauss-Newton matrix without the priors [1/SI^2]
-    lift_share : number of values that the lift correction takes
-    data_chi_square : of the residuals, without the priors
-    """
     before = prior_std(problem)
     prior = np.diag(1.0 / before**2)
-    matrix = inverse(data_hessian + prior)
-    taken = float(np.sum(matrix * data_hessian)) + lift_share
+    matrix = inverse(solution.data_hessian + prior)
+    lift_share = sum(float(np.sum(lift.shrink)) for lift in solution.lifts)
+    taken = float(np.sum(matrix * solution.data_hessian)) + lift_share
     total = INDEPENDENT * len(problem.data)
     freedom = max(total - taken, LEAST_FREEDOM * len(problem.data))
-    inflation = max(1.0, data_chi_square / freedom)
-    information = data_hessian / inflation
+    inflation = max(1.0, solution.data_chi_square / freedom)
+    information = solution.data_hessian / inflation
     matrix = inverse(information + prior)
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
 
