@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, R
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.fit_figures import evidence
 from camtorque.report.numbers import exponents, fixed, named, near, num, plus, plus_minus, typeset, unit_text
-from camtorque.report.payload import chart_data, packed, unpacked
+from camtorque.report.payload import MISSING, chart_data, packed
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
 from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
@@ -106,6 +108,12 @@ def rows(label: str) -> Rows:
 
 def test_a_row_without_a_value_has_no_mark() -> None:
     assert rows_svg(rows("a"), "rows").count('r="4"') == 3, "two values and the legend"
+
+
+def unpacked(data: dict[str, Any]) -> np.ndarray:
+    """Return the values of `packed`, as the script of a page does."""
+    numbers = np.frombuffer(base64.b64decode(data["d"]), dtype="<i2")
+    return np.where(numbers == MISSING, np.nan, data["o"] + data["k"] * numbers)
 
 
 def test_curves_come_out_of_the_data_again() -> None:

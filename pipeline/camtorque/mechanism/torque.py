@@ -45,7 +45,6 @@ OUTPUTS = (
     "pin_y",
 )
 """What the closed form gives, in this order; signs in `ClosedForm`."""
-CAUSES = ("pressure", "spring", "inertia_follower", "inertia_cam", "inertia_roller", "gravity")
 
 
 class Constants(NamedTuple):
@@ -212,7 +211,7 @@ class ClosedForm(ReadOnly):
 
     @property
     def causes(self) -> dict[str, Array]:
-        """Name of `CAUSES`, and of the frictions that there are -> (4, n_theta); they sum to the torque's table."""
+        """Cause, and each friction that there is -> (4, n_theta); they sum to the torque's table."""
         return _causes(self.constants, self.kinematics, self.outputs["contact_y"], self.friction)
 
     def evaluate(self, name: str, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> Array:
