@@ -179,16 +179,6 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
 
 
-def file_curve(path: Path) -> Curve:
-    """Return the line pressure of a CSV file on the grid of a fit, with how well; its speed is not known (nan).
-
-    Raises
-    ------
-    Refusal : it cannot be read, or see `curve_through`
-    """
-    return curve_through(read_pressure_curve(path), str(path))
-
-
 def predict_from(
     fit: Path | str,
     speeds_rpm: Sequence[float],
@@ -214,7 +204,7 @@ def predict_from(
 
     Raises
     ------
-    Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
+    Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `curve_through`, `leakage_factor`
     """
     known, folder, rows = read_fit(Path(fit))
     known = known if pump is None and cam is None else replace(known, lift=None)  # it belongs to the fitted cam
@@ -264,7 +254,9 @@ def _given(pressure: Path | None, load_of: Path | str | None) -> tuple[str, Curv
         )
     if load_of is not None:
         return load_curve(Path(load_of))
-    return ("", None) if pressure is None else (pressure.name, file_curve(pressure))
+    if pressure is None:
+        return "", None
+    return pressure.name, curve_through(read_pressure_curve(pressure), str(pressure))
 
 
 def _at_speed(

@@ -23,9 +23,10 @@ from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, load_for, taught_by, width_of
 from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
-from camtorque.fit.load_file import refuse_below_line, refuse_other_load, rise_angle, rise_range
+from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
-from camtorque.predict_from import Found, file_curve, read_fit
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.predict_from import Found, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of
@@ -237,7 +238,7 @@ def of_file(folder: Path, step_deg: float, curve: Curve | None = None) -> Curve:
     pressure = np.interp(np.radians(angles), THETA, (curve or falling(0.8, 50.0)).pressure) / 1e5
     rows = "".join(f"{a:g},{p:.2f}\n" for a, p in zip(angles, pressure, strict=True))
     (folder / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
-    return replace(file_curve(folder / "p.csv"), speed=50.0)
+    return replace(curve_through(read_pressure_curve(folder / "p.csv"), "p.csv"), speed=50.0)
 
 
 def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_path: Path) -> None:
@@ -340,7 +341,7 @@ def test_angles_in_radians_or_turns_are_refused(tmp_path: Path) -> None:
     rows = "".join(f"{angle:.4f},100\n" for angle in np.linspace(0.0, 6.28, 200))
     (tmp_path / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
     with pytest.raises(Refusal, match=r"spans 6\.28 deg, expected a revolution, .* give degrees, not radians or turns"):
-        file_curve(tmp_path / "p.csv")
+        read_pressure_curve(tmp_path / "p.csv")
 
 
 def test_a_load_beyond_the_fitted_ones_is_told() -> None:

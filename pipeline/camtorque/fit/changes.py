@@ -110,10 +110,10 @@ class Attribution:
     inflation: tuple[float, float]
     state: PairState
 
-    def moved(self, name: str) -> float:
-        """Return the probability that a group changed to which a parameter belongs."""
+    def moved(self, *names: str) -> float:
+        """Return the probability that a group changed to which one of some parameters belongs."""
         pairs = zip(self.hypotheses, self.probabilities, strict=True)
-        return float(sum(p for item, p in pairs if any(name in CHANGES[g] for g in item.groups)))
+        return float(sum(p for item, p in pairs if any(name in CHANGES[g] for g in item.groups for name in names)))
 
     @property
     def best(self) -> tuple[str, ...]:

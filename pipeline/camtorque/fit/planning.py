@@ -14,7 +14,7 @@ import numpy as np
 
 from camtorque.fit.forecast import settled, values_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.next_run import TOOTH_ANGLE, TOOTH_STD
+from camtorque.fit.next_run import TOOTH_STD, tooth_shifts
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
@@ -101,16 +101,13 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, sc
     by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
     tooth = np.zeros(len(known.names))
-    angle = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi)
-    own = []
+    turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):
         if ROWS[name].role == "own":
             own.append(by[:, at] * _spread(name))
             continue
         shared[:, k] = by[:, at]
-        if name in SHIFT_NAMES and name != "trigger_offset":
-            column = output.motion.shifts[0][:, SHIFT_NAMES.index(name)]
-            tooth[k] = np.interp(angle, chain.theta, column, period=2.0 * np.pi)
+        tooth[k] = turned.get(name, 0.0)
     torque = output.torque + output.linear @ coefficients_of(values)
     return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, scatter)
 
@@ -162,7 +159,7 @@ def plan(
         enough = [row for row in tried if row.std <= wanted]
         if enough:
             sufficient.append([*chosen, min(enough, key=lambda row: (row.minutes, row.std))])
-        best = _most_per_minute(tried, std)
+        best = max(tried, key=lambda row: float(np.log(std / row.std)) / row.minutes)
         chosen, std = [*chosen, best], best.std
     if std <= wanted and chosen:
         sufficient.append(chosen)
@@ -170,11 +167,6 @@ def plan(
         return tuple(chosen)
     trimmed = [needed(known, target, wanted, rows) for rows in sufficient]
     return tuple(min(trimmed, key=lambda rows: sum(row.minutes for row in rows)))
-
-
-def _most_per_minute(tried: Sequence[Step], std: float) -> Step:
-    """Return the run that narrows most per minute."""
-    return max(tried, key=lambda row: float(np.log(std / row.std)) / row.minutes)
 
 
 def weighed(
