@@ -28,7 +28,7 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss, hertz_factor, hertz_pressure, jump_speed
 from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain, guide_share, refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, base_height, kinematics, path_at
-from camtorque.mechanism.mounting import Mounting, assumed_roller, moving_mass
+from camtorque.mechanism.mounting import NO_GRAVITY, Mounting, assumed_roller, moving_mass
 from camtorque.records import Array, ReadOnly
 
 OUTPUTS = (
@@ -267,20 +267,19 @@ def _causes(c: Constants, path: Kinematics, load: Array, friction: Friction) -> 
 
 
 def closed_form_tables(
-    pump: PumpData, law: CamLaw, theta: Array, mounting: Mounting | None = None, friction: Friction = NO_FRICTION
+    pump: PumpData, law: CamLaw, theta: Array, mounting: Mounting = NO_GRAVITY, friction: Friction = NO_FRICTION
 ) -> ClosedForm:
     """Return the tables of a pump at any cam angles.
 
     Parameters
     ----------
     theta : (n_theta,) cam angle, any spacing, any range [rad]
-    mounting : direction of running, gravity, guide point; positive rotation without gravity when None
+    mounting : direction of running, gravity, guide point; positive rotation without gravity where none is given
 
     Raises
     ------
     Refusal : offset too large, or a guide friction that jams the follower
     """
-    mounting = Mounting() if mounting is None else mounting
     path = kinematics(pump, law, theta, mounting.rotation)
     refuse_jammed(path, friction)
     constants = constants_of(pump, mounting, friction)
