@@ -42,7 +42,7 @@ from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
-from camtorque.laws.chain import ChainInput
+from camtorque.laws.chain import ChainInput, angle_grid
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
@@ -324,10 +324,9 @@ def friction_of(known: KnownFit, source: FittedAt) -> tuple[float, float, float]
 
 def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     """Return the chain of a pump at a speed and a line pressure; its torque is still zero."""
-    theta: Array = np.arange(FIT_GRID) * np.float64(2.0 * np.pi / FIT_GRID)
     pressure: Array = on_grid(curve.pressure, FIT_GRID)
     return ChainInput(
-        theta=theta, speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
+        theta=angle_grid(FIT_GRID), speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
         offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
     )  # fmt: skip
