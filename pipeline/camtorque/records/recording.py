@@ -70,6 +70,11 @@ class SensorCalibration:
     output_max_volts: float = math.inf
     filter_damping: float = math.nan
 
+    @property
+    def largest_reading(self) -> float:
+        """Largest size of a reading in the nominal range [SI]; the range of one direction may end at zero."""
+        return max(abs(self.range_min), abs(self.range_max))
+
 
 class SampleSource(Protocol):
     """Raw samples of one file channel, read in pieces so that files may be larger than memory."""
