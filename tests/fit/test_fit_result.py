@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit import minima
+from camtorque.fit import result as result_room
 from camtorque.fit.findings import (
     implausible_findings,
     largest_chi_square,
@@ -122,6 +123,17 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
 def record(fit):
     prepared = quick_prepared(*LAND)
     return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+
+
+def test_losses_close_to_no_percent_of_no_input(fit, monkeypatch):
+    prepared = quick_prepared(*LAND)
+    fitted = model_on_grid(fit, prepared.means.torque, prepared.means.pressure)
+    monkeypatch.setattr(result_room, "drive_work", lambda chain, values: 0.0)
+    through = result_room._losses(fit, fitted, prepared.means)["input"]
+    monkeypatch.setattr(result_room, "drive_work", lambda chain, values: -through)
+    losses = result_room._losses(fit, fitted, prepared.means)
+    assert losses["input"] == 0.0
+    assert np.isnan(losses["closure_percent"])
 
 
 def test_what_else_fits_is_measured_beside_the_lift_correction(fit):

@@ -59,7 +59,8 @@ def _work(doc: Mapping[str, Any]) -> str:
     """Return where the work of a revolution goes, how surely; what rounds to nothing is left out."""
     losses = doc["losses"]
     parts = work_parts(losses, doc["losses_stderr"])
-    parts["unaccounted_for"] = (0.01 * losses["closure_percent"] * losses["input"], None)
+    if losses["closure_percent"] is not None:
+        parts["unaccounted_for"] = (0.01 * losses["closure_percent"] * losses["input"], None)
     texts = []
     for name, (value, error) in parts.items():
         interval = f" ± {error:.2f}" if doc["explained"] and error and error >= 0.005 else ""

@@ -279,7 +279,8 @@ def _losses(fit: Fit, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
     total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]) - felt) + drive_work(
         fitted.chain, fitted.values
     )
-    return {**work, "input": total, "closure_percent": 100.0 * (total - sum(work.values())) / total}
+    closure = 100.0 * (total - sum(work.values())) / total if total else float("nan")
+    return {**work, "input": total, "closure_percent": closure}
 
 
 def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:

@@ -157,7 +157,7 @@ def loss_rows(doc: Document) -> list[dict[str, str]]:
         rows.append({
             "name": words(name), "work": "0" if conserved else near(value, error) if known else num(value),
             "error": f"± {plus_minus(error)}" if known else "",
-            "share": "0" if conserved else fixed(100.0 * value / total, 2),
+            "share": "0" if conserved else fixed(_share(value, total), 2),
         })  # fmt: skip
     return rows
 
