@@ -110,7 +110,7 @@ class ChainInput(ReadOnly):
 class Motion:
     """Cam angle, its rates, and the lift with three derivatives at one set of values, (n,) and (4, n).
 
-    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 13) each.
+    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 14) each.
     """
 
     theta: Array
