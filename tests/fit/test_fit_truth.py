@@ -22,8 +22,8 @@ from camtorque.fit.starts import (
     coarse,
     continued,
     descend,
+    reweighted,
     rising_angles,
-    tempered,
 )
 from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std, ripple
 from camtorque.laws import ROWS, bridge, valve
@@ -253,12 +253,12 @@ def test_weights_of_the_search_are_as_large_as_the_residual():
     lifts = lifts_at(problem, problem.start)
     far = try_at(problem, problem.start, lifts)
     assert far.data_chi_square > 100.0 * INDEPENDENT
-    weighed = tempered(problem, far)
+    weighed = reweighted(problem, far)
     again = try_at(weighed, far.z, lifts)  # the linear parameters give way to their priors a little
     assert INDEPENDENT <= again.data_chi_square < 1.5 * INDEPENDENT
     near = quick(LAND)
     trial = try_at(near.problem, near.solution.z, near.solution.lifts)
-    assert tempered(near.problem, trial).data[0].weight == pytest.approx(near.data.weight)
+    assert reweighted(near.problem, trial).data[0].weight == pytest.approx(near.data.weight)
 
 
 def test_the_load_is_begun_anew_on_the_shaft_that_was_found():

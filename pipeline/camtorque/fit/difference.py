@@ -107,7 +107,7 @@ def along(pair: Pair, state: PairState, basis: Basis) -> PairState:
     return evaluated(pair, state.before, basis, np.array([gone.get(label, 0.0) for label in basis.labels]))
 
 
-def loosened(pair: Pair, state: PairState) -> Pair:
+def with_updated_covariance(pair: Pair, state: PairState) -> Pair:
     """Return the pair with the covariance of the difference as it is at a state."""
     return with_difference(pair, pair.values(state.before), 0.5 * (state.residuals[0] + state.residuals[1]))
 

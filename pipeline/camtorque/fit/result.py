@@ -28,7 +28,7 @@ from camtorque.fit.uncertainty import (
     knowledge,
     pressure_jacobian,
     uncertainty_budget,
-    untold,
+    unresolved_amplitude,
     without_spikes,
 )
 from camtorque.fit.work import sureness
@@ -293,7 +293,7 @@ def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:
     for shift in fit.pressure_shifts:
         variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std * fitted.output.pressure
-    variance = variance + gain**2 + untold(fitted.output, fitted.chain.line_pressure) ** 2
+    variance = variance + gain**2 + unresolved_amplitude(fitted.output, fitted.chain.line_pressure) ** 2
     return without_spikes(fitted.output.pressure, np.sqrt(np.maximum(variance, 0.0)))
 
 

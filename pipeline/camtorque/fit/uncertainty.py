@@ -116,7 +116,7 @@ def delivering(output: ChainOutput) -> NDArray[np.bool_]:
     return np.asarray(flow > DELIVERING * np.max(flow))
 
 
-def untold(output: ChainOutput, line: Array) -> Array:
+def unresolved_amplitude(output: ChainOutput, line: Array) -> Array:
     """Return the amplitude of what may swing in the chamber too fast for the torque to tell, (n,) [Pa].
 
     That is what the fitted chamber does and, while it delivers, what the line pressure (n,) [Pa] does: how much of that
