@@ -61,7 +61,7 @@ class Point(ReadOnly):
 
 
 @dataclass(frozen=True)
-class Number(ReadOnly):
+class TargetQuantity(ReadOnly):
     """A number of a fit: gradient by its parameters (k,), and the part of its uncertainty that no run narrows [SI].
 
     That part is what the report states beside the covariance of the fit: other structures and laws, the sensor's gain.
@@ -134,7 +134,7 @@ def information(point: Point, offer: Offer, runs: int) -> Array:
 
 
 def plan(
-    known: KnownFit, target: Number, wanted: float, points: Sequence[Point], durations: Sequence[float],
+    known: KnownFit, target: TargetQuantity, wanted: float, points: Sequence[Point], durations: Sequence[float],
     teeth: Sequence[bool] = (False, True),
 ) -> tuple[Step, ...]:  # fmt: skip
     """Return the runs that bring the standard uncertainty of a number to ``wanted`` [SI], best first.
@@ -170,7 +170,7 @@ def plan(
 
 
 def weighed(
-    known: KnownFit, target: Number, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
+    known: KnownFit, target: TargetQuantity, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
 ) -> list[Step]:
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
@@ -187,7 +187,7 @@ def weighed(
     return found
 
 
-def needed(known: KnownFit, target: Number, wanted: float, chosen: Sequence[Step]) -> list[Step]:
+def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step]) -> list[Step]:
     """Return the runs without those that later ones made needless, the dearest of these first."""
     kept = list(chosen)
     for row in sorted(chosen, key=lambda item: -item.minutes):
