@@ -285,7 +285,7 @@ def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
     rigid = replace(
         found.solution, z=np.where(np.array(found.problem.names) == "shaft_compliance", 0.0, found.solution.z)
     )
-    assert replace(as_heavy, solution=rigid).light == 0.0
+    assert replace(as_heavy, solution=rigid).light_cam_penalty == 0.0
 
 
 def test_the_certificate_says_how_sure_the_gain_of_the_pressure_is():
