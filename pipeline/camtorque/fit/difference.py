@@ -83,7 +83,7 @@ def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairStat
 
 
 def by_angle(pair: Pair) -> Array:
-    """Return by how much later the second recording is read, per difference of each parameter, (k,) [rad per SI]."""
+    """Return the angle shift of the second recording per unit difference of each parameter, (k,) [rad per SI]."""
     rates = {"trigger_offset": -1.0, "delay_error": pair.items[1].chain.speed}
     return np.array([rates.get(name, 0.0) for name in pair.names])
 

@@ -188,7 +188,7 @@ def weighed(
 
 
 def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step]) -> list[Step]:
-    """Return the runs without those that later ones made needless, the dearest of these first."""
+    """Return the runs without those that later ones made needless, the most expensive of these first."""
     kept = list(chosen)
     for row in sorted(chosen, key=lambda item: -item.minutes):
         rest: list[Step] = []
