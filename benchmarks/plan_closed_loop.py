@@ -22,7 +22,7 @@ from camtorque.fit.end_shape import Curve
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.planning import Number, plan, point_of
+from camtorque.fit.planning import TargetQuantity, plan, point_of
 from camtorque.fit.single import Prepared, prepare
 from camtorque.plan import SPEED_FACTORS
 from camtorque.predict_from import chain_of
@@ -110,7 +110,7 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
                 point_of(known, chain_of(rig_of(item), MIDDLE * share * RPM, curve), source, source.id, scatter)
             )
     gradient = np.eye(len(known.names))[known.names.index(target)]
-    steps = plan(known, Number(gradient), 0.0, points, (DURATION,), teeth=(False,))
+    steps = plan(known, TargetQuantity(gradient), 0.0, points, (DURATION,), teeth=(False,))
     if not steps:
         return None
     offer = steps[0].offer

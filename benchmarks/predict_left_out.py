@@ -35,11 +35,13 @@ from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import shown_covariance
 from camtorque.fit.joint_input import joint_input
 from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.load_file import curve_through
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.shared_lift import shared_lift
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
-from camtorque.predict_from import chain_of, file_curve
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.predict_from import chain_of
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.units import BAR, RPM
@@ -83,7 +85,7 @@ def from_file(left: Prepared, step_deg: float) -> Curve:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pressure.csv"
         path.write_text(f"cam_angle_deg,pressure_bar\n{rows}", encoding="utf-8")
-        return replace(file_curve(path), speed=left.cycles.mean_speed)
+        return replace(curve_through(read_pressure_curve(path), path.name), speed=left.cycles.mean_speed)
 
 
 def run_of(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_deg: float, ending: str) -> Forecast:

@@ -17,6 +17,8 @@ from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import CutFlowRow
 from camtorque.report.answer import bump_place
+from camtorque.report.numbers import UNKNOWN
+from camtorque.report.texts import loss_rows
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "raw_examples" / "A_1000rpm"
 LOSSES = {"unit": "J", "pressure": 7.7, "friction": 4.3, "driveline": -0.2, "inertia": 1e-7}
@@ -46,6 +48,13 @@ def test_the_parts_of_the_work_add_up() -> None:
     assert sum(map(float, re.findall(r"(?<!± )-?\d+\.\d\d", parts))) == pytest.approx(float(total.split()[1]), abs=0.02)
     assert "unaccounted for 0.20" in parts
     assert "inertia" not in parts
+
+
+def test_work_without_an_input_has_no_shares() -> None:
+    doc = document()
+    losses = {**doc["losses"], "input": 0.0, "closure_percent": None}
+    assert "unaccounted" not in run_table({**doc, "losses": losses})
+    assert {row["share"] for row in loss_rows({**doc, "losses": losses})} == {UNKNOWN}
 
 
 def test_no_interval_where_the_model_fails() -> None:

@@ -34,7 +34,7 @@ from camtorque.records import Refusal as Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.document import result_document
 from camtorque.report.folder import output_folder
-from camtorque.report.numbers import near, plus_minus, unit_text
+from camtorque.report.numbers import plus_minus, rounded_to_error, unit_text
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse_recording
 from camtorque.units import RPM
@@ -167,7 +167,13 @@ class Result(RunResult):
 
     def _repr_html_(self) -> str:
         rows = [
-            [row.name, near(row.value, row.stderr), f"± {plus_minus(row.stderr)}", unit_text(row.unit), row.knowledge]
+            [
+                row.name,
+                rounded_to_error(row.value, row.stderr),
+                f"± {plus_minus(row.stderr)}",
+                unit_text(row.unit),
+                row.knowledge,
+            ]
             for row in self.fitted.parameters
         ]
         return _table(self._title, ["parameter", "value", "", "unit", "known by"], rows, self.findings)

@@ -62,6 +62,8 @@ class Sensor:
         if not np.isnan(self.cutoff_hz):
             _positive(self.cutoff_hz, "Sensor cutoff_hz")
         _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
+        if self.filter_order % 1:
+            raise Refusal(f"Sensor filter_order: found {self.filter_order!r}, expected a whole number")
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from camtorque.fit.planning import (
     AS_GOOD,
     SETUP_MINUTES,
     TOOTH_MINUTES,
-    Number,
     Offer,
     Step,
+    TargetQuantity,
     chamber_peak,
     plan,
     point_of,
@@ -51,7 +51,7 @@ class Target:
     value: float
     per_unit: float
     wanted: float
-    number: Number
+    number: TargetQuantity
 
 
 def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
@@ -137,7 +137,7 @@ def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: 
         of, unit, per = "", ROWS[name].unit, ROWS[name].per_unit
         value = float(known.values[known.names.index(name)])
     fitted = float(np.sqrt(gradient @ known.matrix @ gradient))
-    number = Number(gradient, rest_of(folder, reports[item.id], name, per, fitted))
+    number = TargetQuantity(gradient, rest_of(folder, reports[item.id], name, per, fitted))
     if relative:
         need_size(name, value / per, number.std(known.matrix) / per, unit)
     std = size / 100.0 * abs(value) if relative else size * per

@@ -43,7 +43,7 @@ from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
-from camtorque.laws.chain import ChainInput
+from camtorque.laws.chain import ChainInput, angle_grid
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
@@ -210,16 +210,6 @@ def _sizes(pump: PumpData, table: CamTable) -> tuple[float, float]:
     return pump.plunger_diameter, float(np.ptp(table.lift))
 
 
-def file_curve(path: Path) -> Curve:
-    """Return the line pressure of a CSV file on the grid of a fit, with how well; its speed is not known (nan).
-
-    Raises
-    ------
-    Refusal : it cannot be read, or see `curve_through`
-    """
-    return curve_through(read_pressure_curve(path), str(path))
-
-
 def predict_from(
     fit: Path | str,
     speeds_rpm: Sequence[float],
@@ -245,7 +235,7 @@ def predict_from(
 
     Raises
     ------
-    Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `file_curve`, `leakage_factor`
+    Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `curve_through`, `leakage_factor`
     """
     known, folder, rows = read_fit(Path(fit))
     known = known if pump is None and cam is None else replace(known, lift=None)  # it belongs to the fitted cam
@@ -298,7 +288,9 @@ def _given(pressure: Path | None, load_of: Path | str | None) -> tuple[str, Curv
         )
     if load_of is not None:
         return load_curve(Path(load_of))
-    return ("", None) if pressure is None else (pressure.name, file_curve(pressure))
+    if pressure is None:
+        return "", None
+    return pressure.name, curve_through(read_pressure_curve(pressure), str(pressure))
 
 
 def _at_speed(
@@ -366,10 +358,9 @@ def friction_of(known: KnownFit, source: FittedAt) -> tuple[float, float, float]
 
 def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
     """Return the chain of a pump at a speed and a line pressure; its torque is still zero."""
-    theta: Array = np.arange(FIT_GRID) * np.float64(2.0 * np.pi / FIT_GRID)
     pressure: Array = on_grid(curve.pressure, FIT_GRID)
     return ChainInput(
-        theta=theta, speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
+        theta=angle_grid(FIT_GRID), speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
         offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
     )  # fmt: skip

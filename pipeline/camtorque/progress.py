@@ -15,7 +15,7 @@ def silent(text: str) -> None:
     """Say nothing."""
 
 
-def spoken(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """Return a remaining time in words."""
     if seconds < 90.0:
         return f"about {max(seconds, 1.0):.0f} s"
@@ -27,5 +27,5 @@ def announced(items: Mapping[str, T], progress: Progress) -> Iterator[T]:
     start = time.perf_counter()
     for number, (name, item) in enumerate(items.items()):
         left = (time.perf_counter() - start) / number * (len(items) - number) if number else None
-        progress(f"{name}, {number + 1} of {len(items)}" + ("" if left is None else f", {spoken(left)} left"))
+        progress(f"{name}, {number + 1} of {len(items)}" + ("" if left is None else f", {duration_text(left)} left"))
         yield item

@@ -102,7 +102,7 @@ def analyse_recording(
         recording = replace(recording, findings=(*summarise(recording, cycles.pulses).findings, *found))
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)
-        fitted = fitted_torque(fit_prepared(prepared, options.fit), 0, recording, cycles, rigid, prepared.means)
+        fitted = fitted_torque(fit_prepared(prepared, options.fit), recording, cycles, rigid, prepared.means)
     result = RunResult(recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(), limits=options.limits)
     return result, prepared
 

@@ -41,7 +41,7 @@ UNITS: dict[str, dict[str, float]] = {
                "kgf cm": 1.0e-2 * KILOPOND},
     "time": {"s": 1.0, "ms": 1.0e-3, "us": 1.0e-6, "ns": 1.0e-9, "min": 60.0, "h": 3600.0},
     "length": {"m": 1.0, "mm": 1.0e-3, "um": 1.0e-6, "nm": 1.0e-9, "in": INCH},
-    "angle": {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * np.pi},
+    "angle": {"rad": 1.0, "deg": DEGREE, "rev": TURN},
     "temperature": {"K": 1.0, "degC": 1.0, "degF": 5.0 / 9.0},
     "speed": {"rad/s": 1.0, "rpm": RPM, "deg/s": DEGREE},
     "volume": {"m3": 1.0, "l": 1.0e-3, "ml": 1.0e-6, "cm3": 1.0e-6, "ul": 1.0e-9, "mm3": 1.0e-9},
@@ -100,7 +100,7 @@ def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
     kinds = (dimension, *also)
     counts = COUNTS.match(tidy)
     if counts and "angle" in kinds:
-        return 2.0 * np.pi / float(counts["number"])
+        return TURN / float(counts["number"])
     known = [name for name, (kind, _) in BORDER_UNITS.items() if kind in kinds]
     expected = " or ".join(f"{kind} unit" for kind in dict.fromkeys(kinds))
     if tidy not in BORDER_UNITS:

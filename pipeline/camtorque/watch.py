@@ -155,7 +155,7 @@ def base_level(recording: Recording, cycles: CamCycles, rows: slice) -> Level | 
     if cycles.torque is None or recording.lift_table is None:
         return None
     table = recording.lift_table
-    lift = np.interp(cycles.theta, table.theta, table.lift, period=2.0 * np.pi)
+    lift = table.at(cycles.theta)
     order = np.argsort(lift, kind="stable")
     least = int(np.ceil(LEAST_BASE / (2.0 * np.pi) * lift.size))
     base = order[: max(least, int(np.count_nonzero(lift < BASE_LIFT * lift.max())))]

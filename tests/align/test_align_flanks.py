@@ -105,7 +105,7 @@ def test_direction_that_cannot_be_told_is_said() -> None:
     table = recording.cam_table
     # the zero of table and angle is put into the middle between the flanks, where the mirrored table lies over itself
     zero = -0.5 * flank_places(*typical.values(), table, recording.config.pump, speed).mirrored.shift
-    lift = np.interp(table.theta + zero, table.theta, table.lift, period=TURN)
+    lift = table.at(table.theta + zero)
     found = check_flanks(moved(typical, zero), replace(recording, lift_table=CamTable(table.theta, lift, 1e-6)), speed)
     assert [(item.code, item.severity) for item in found] == [("direction_unchecked", "info")]
 

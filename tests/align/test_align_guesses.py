@@ -220,7 +220,7 @@ def test_an_angle_in_coarse_steps_has_no_clock_jumps() -> None:
     shaft, rate = Shaft(rpm=1000.0, ripple=0.004), 20e3
     angle = np.radians(np.round(np.degrees(shaft.angle(np.arange(round(1.2 * rate)) / rate)) % 360.0, 1))
     recorded = Channel("angle", "DAQ", Samples(angle), 0.0, rate, None, Path("log.csv"), "angle")
-    counted = counter_train(recorded)
+    counted = counter_train(recorded, 1)
     quantum = np.radians(0.1) / np.sqrt(12.0) / shaft.speed
     assert counted.edges.noise == pytest.approx(quantum, rel=0.3)
 
@@ -228,7 +228,8 @@ def test_an_angle_in_coarse_steps_has_no_clock_jumps() -> None:
 def test_missing_samples_of_an_angle_are_told() -> None:
     angle = np.linspace(0.0, 12.0 * np.pi, 4001)
     angle[100:103] = np.nan
-    found = counter_train(Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")).findings
+    channel = Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")
+    found = counter_train(channel, 1).findings
     assert [(item.code, item.text.split()[0]) for item in found] == [("trigger_drop_out", "3")]
 
 

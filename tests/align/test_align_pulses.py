@@ -61,7 +61,7 @@ def test_lag_is_found_from_the_pattern_of_periods(seed: int, lag: int, lost: int
     reference, other = truth[10:60] + 1e-6 * rng.standard_normal(50), truth[10 - lag : 60 - lag] * (1.0 + 5e-5) + 7.0
     other = other.copy()
     other[lost] = np.nan
-    found, evidence, _ = best_lag(reference, other)
+    found, evidence, _ = best_lag(reference, other, 0.0)
     assert found == lag
     assert evidence > 5.0
 
@@ -86,7 +86,7 @@ def test_clock_is_within_its_standard_error(seed: int, offset: float, skew_ppm: 
     truth = np.cumsum(PERIOD * (1.0 + 1e-4 * rng.standard_normal(100)))
     other = offset + (1.0 + 1e-6 * skew_ppm) * truth + 2e-6 * rng.standard_normal(100)
     other[17] += 3e-3  # one edge is plainly wrong
-    clock = fit_clock("B", truth, other, "log")
+    clock = fit_clock("B", truth, other, "log", 0.0)
     middle = truth.mean()
     error = clock.fit.offset_s + 1e-6 * clock.fit.skew_ppm * middle - offset - 1e-6 * skew_ppm * middle
     # Five standard errors: one in two million tries fails by chance.

@@ -53,7 +53,7 @@ def test_compiled_looks_at_a_trigger_find_the_same_bit_for_bit(seed: int, missin
     np.testing.assert_array_equal(plain[0], compiled[0])
     assert plain[1] == compiled[1] == (missing is not None)
     np.testing.assert_array_equal(plain[2], compiled[2])
-    window, level, margin = level_windows(plain[0], plain[2])
+    window, level, margin = level_windows(plain[0], plain[2], 0.0)
     for inside in ((0, volts.size), (FINE_SAMPLES + 3, volts.size - 5)):
         bands = (window, level - margin, level + margin)
         found = [function(plain[0], inside, bands) for function in (_transitions, passes_compiled.transitions)]

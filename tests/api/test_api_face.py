@@ -183,6 +183,7 @@ def test_arrays_that_cannot_be_used_are_refused(
         ({"delay_std": 1.0}, r"Sensor delay_std \[s\]: found 1.0"),
         ({"cutoff_hz": 0.0}, "Sensor cutoff_hz: found 0.0, expected a positive number"),
         ({"filter_order": "four"}, "Sensor filter_order: found 'four'"),
+        ({"filter_order": 2.5}, "Sensor filter_order: found 2.5, expected a whole number"),
     ],
 )
 def test_a_sensor_that_none_can_be_is_refused(changes: dict[str, object], text: str) -> None:

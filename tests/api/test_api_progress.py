@@ -19,4 +19,4 @@ def test_each_part_is_told_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> 
     ("seconds", "text"), [(0.1, "about 1 s"), (89.0, "about 89 s"), (600.0, "about 10 min"), (7200.0, "about 2.0 h")]
 )
 def test_a_time_is_told_as_a_person_says_it(seconds: float, text: str) -> None:
-    assert progress.spoken(seconds) == text
+    assert progress.duration_text(seconds) == text

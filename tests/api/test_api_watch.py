@@ -157,7 +157,7 @@ def test_the_base_circle_is_where_the_follower_rests(
     aligned: tuple[camtorque.Recording, camtorque.CamCycles],
 ) -> None:
     recording, cycles = aligned
-    lift = np.interp(cycles.theta, recording.cam_table.theta, recording.cam_table.lift, period=2.0 * np.pi)
+    lift = recording.cam_table.at(cycles.theta)
     marked = np.where(lift < 0.005 * lift.max(), 1.0, np.where(lift > 0.02 * lift.max(), 100.0, 1.0))
     level = base_level(recording, replace(cycles, torque=np.tile(marked, (cycles.index.size, 1))), slice(0, 3))
     assert level is not None

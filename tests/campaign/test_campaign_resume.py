@@ -289,7 +289,7 @@ def test_progress_tells_what_is_left(analysed: list[str], tmp_path: Path, monkey
     assert told[0] == "1 of 3 done, 0 refused, about 2 min left (a: ok)"
     assert told[1] == "2 of 3 done, 1 refused, about 60 s left (b: refused)"
     assert doc["timing_s"] == {"recordings": 300.0, "joint": 60.0, "total": 360.0}
-    assert [flow.spoken(s) for s in (0.0, 89.0, 600.0, 7200.0)] == [
+    assert [flow.duration_text(s) for s in (0.0, 89.0, 600.0, 7200.0)] == [
         "about 1 s",
         "about 89 s",
         "about 10 min",

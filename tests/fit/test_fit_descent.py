@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from camtorque.fit.descent import LOOKED_BACK, Descent, Effort, gone_behind, minimise
+from camtorque.fit.descent import LOOKED_BACK, Descent, Effort, cannot_catch_up, minimise
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def test_a_descent_that_will_not_come_below_what_is_asked_for_is_given_up():
 
 def test_a_descent_is_not_given_up_before_its_gain_is_known():
     falling = [100.0, 90.0, 80.0, 70.0, 60.0]
-    assert not gone_behind(falling[:LOOKED_BACK], 0.0)
-    assert not gone_behind(falling, 0.0)  # 12 more steps of 10
-    assert gone_behind(falling, -61.0)
-    assert not gone_behind([10.0] * 9, 10.0)
+    assert not cannot_catch_up(falling[:LOOKED_BACK], 0.0)
+    assert not cannot_catch_up(falling, 0.0)  # 12 more steps of 10
+    assert cannot_catch_up(falling, -61.0)
+    assert not cannot_catch_up([10.0] * 9, 10.0)

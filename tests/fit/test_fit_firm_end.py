@@ -10,7 +10,7 @@ from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import draws
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.ends import LEAST_STD, load_for
-from camtorque.fit.firm_end import END_OF, WIDTHS_OF, Lever, levers_of
+from camtorque.fit.firm_end import END_OF, WIDTHS_OF, EndTradeOff, trade_offs_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
@@ -19,7 +19,7 @@ CHAIN = SimpleNamespace(
 )
 SPEEDS, WIDTHS, END = {"a": 50.0, "b": 60.0, "c": 75.0}, [0.1, 0.2, 0.15], 0.8
 OVER_WIDTH = [1.0 / width for width in WIDTHS]
-LEVERS = {"land": Lever("land", 0.3), "spill": Lever("spill", -0.01, float(np.mean(OVER_WIDTH)))}
+TRADE_OFFS = {"land": EndTradeOff("land", 0.3), "spill": EndTradeOff("spill", -0.01, float(np.mean(OVER_WIDTH)))}
 """That land's line pressure falls where the port has closed by a size, that spill's as it begins to open."""
 
 
@@ -29,47 +29,49 @@ def falling(speed: float) -> Curve:
     return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
 
 
-def traded(lever: Lever, common: float = 0.0) -> KnownFit:
+def traded(trade_off: EndTradeOff, common: float = 0.0) -> KnownFit:
     """Return a fit that knows where three ends have opened by some size, and trades place against width.
 
     ``common`` : of a trade that is the same in all three and the other way round, relative to the first
     """
-    firm = END if lever.structure == "land" else float(np.sin(END))
-    places, slopes = zip(*((firm + lever.shift(w), lever.slope(w)) for w in WIDTHS), strict=True)
+    firm = END if trade_off.structure == "land" else float(np.sin(END))
+    places, slopes = zip(*((firm + trade_off.shift(w), trade_off.slope(w)) for w in WIDTHS), strict=True)
     root = np.zeros((6, 4))
     for k, slope in enumerate(slopes):
         root[[k, 3 + k], k] = 0.02 * slope, 0.02
-        root[[k, 3 + k], 3] = -common * lever.pull, common * lever.pull / slope
-    names = [f"{name}__{one}" for name in (END_OF[lever.structure], WIDTHS_OF[lever.structure][0]) for one in SPEEDS]
-    recordings = tuple(FittedAt(one, speed, lever.structure, 0.01, True) for one, speed in SPEEDS.items())
+        root[[k, 3 + k], 3] = -common * trade_off.pull, common * trade_off.pull / slope
+    names = [
+        f"{name}__{one}" for name in (END_OF[trade_off.structure], WIDTHS_OF[trade_off.structure][0]) for one in SPEEDS
+    ]
+    recordings = tuple(FittedAt(one, speed, trade_off.structure, 0.01, True) for one, speed in SPEEDS.items())
     covariance = ArrowCovariance.whole(root @ root.T + 1e-12 * np.eye(6))
     return KnownFit(tuple(names), np.array([*places, *WIDTHS]), covariance, recordings)
 
 
-@pytest.mark.parametrize("structure", list(LEVERS))
+@pytest.mark.parametrize("structure", list(TRADE_OFFS))
 def test_an_end_is_looked_for_where_the_fit_knows_it(structure: str) -> None:
     """Places differ by 2 degrees, and a fit leaves 0.3 of each open: where the port has opened is known."""
-    lever = LEVERS[structure]
-    fit = traded(lever)
+    trade_off = TRADE_OFFS[structure]
+    fit = traded(trade_off)
     source, templates = fit.recordings[1], {item.id: falling(item.speed) for item in fit.recordings}
     load = load_for(fit, source, templates, CHAIN, falling(65.0))  # type: ignore[arg-type]
     name, by = END_OF[structure], WIDTHS_OF[structure][0]
     place, width = load.ends[name], load.ends[by]
     firm = END if structure == "land" else float(np.sin(END))
-    assert place.value == pytest.approx(firm + lever.shift(width.value), abs=0.003)
+    assert place.value == pytest.approx(firm + trade_off.shift(width.value), abs=0.003)
     assert place.stderr < 1.5 * LEAST_STD, "misses are those of where it has opened"
-    assert load.pulls == {name: (by, pytest.approx(lever.slope(width.value), rel=1e-3))}
+    assert load.pulls == {name: (by, pytest.approx(trade_off.slope(width.value), rel=1e-3))}
     mean = {"torque_zero": 0.0, "pressure_zero": 0.0, **{name: end.value for name, end in load.ends.items()}}
     drawn = draws(fit, fit.own(source.id), mean, load, 1e-3, 60)
     moved = np.array([[item[one] - mean[one] for one in (name, by)] for item in drawn]) / 1e-3
     assert np.std(moved[:, 1]) > 0.01
-    assert np.std(moved[:, 0] - lever.slope(width.value) * moved[:, 1]) < 1.3 * place.stderr, "the trade moves both"
+    assert np.std(moved[:, 0] - trade_off.slope(width.value) * moved[:, 1]) < 1.3 * place.stderr, "the trade moves both"
 
 
-@pytest.mark.parametrize("structure", list(LEVERS))
+@pytest.mark.parametrize("structure", list(TRADE_OFFS))
 def test_what_a_fit_trades_in_all_recordings_alike_moves_no_end_against_another(structure: str) -> None:
-    both = levers_of(traded(LEVERS[structure], common=0.5), structure, traded(LEVERS[structure]).recordings)
-    assert [known.pull for known in both] == pytest.approx(2 * [LEVERS[structure].pull], rel=1e-3)
+    both = trade_offs_of(traded(TRADE_OFFS[structure], common=0.5), structure, traded(TRADE_OFFS[structure]).recordings)
+    assert [known.pull for known in both] == pytest.approx(2 * [TRADE_OFFS[structure].pull], rel=1e-3)
     assert [known.middle for known in both] == pytest.approx(
         [np.mean(WIDTHS if structure == "land" else OVER_WIDTH), 0.0]
     )
@@ -79,5 +81,5 @@ def test_ends_without_widths_of_their_own_are_taken_as_they_are() -> None:
     recordings = tuple(FittedAt(one, speed, "land", 0.01, True) for one, speed in SPEEDS.items())
     fit = KnownFit(tuple(f"end_of_delivery__{one}" for one in SPEEDS), np.array([0.7, 0.8, 0.9]),
                    ArrowCovariance.whole(np.eye(3)), recordings)  # fmt: skip
-    assert levers_of(fit, "land", recordings) == (Lever("land"),)
-    assert Lever("spill").shift(0.1) == 0.0
+    assert trade_offs_of(fit, "land", recordings) == (EndTradeOff("land"),)
+    assert EndTradeOff("spill").shift(0.1) == 0.0

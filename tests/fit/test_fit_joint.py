@@ -48,10 +48,11 @@ from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem, 
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
 from camtorque.fit.solver import solve
 from camtorque.fit.starts import ends_at
-from camtorque.fit.uncertainty import covariance, covariance_of
+from camtorque.fit.uncertainty import covariance
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
+from camtorque.process.threads import in_turn
 from camtorque.records import Metrics, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.fit_file import campaign_fit_document, known_covariance, known_lift, known_shown
@@ -82,7 +83,7 @@ def solved(prepared):
 def campaign(prepared, solved):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_room, "solve_joint", lambda used, each: solved)  # the same three, solved once
-        return fit_joint(prepared, prepared.__getitem__)
+        return fit_joint(prepared, prepared.__getitem__, 1)
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +122,7 @@ def test_a_recording_that_fits_no_other_is_excluded_and_told(prepared, solved, c
     four = [prepared[0], odd, *prepared[1:]]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_room, "solve_joint", lambda used, each: (None, bad) if len(used) == 4 else solved)
-        found = fit_joint(four, four.__getitem__)
+        found = fit_joint(four, four.__getitem__, 1)
     assert found.names == campaign.names
     assert found.excluded == ("odd",)
     (told,) = [finding for finding in found.findings if finding.code == "recording_excluded"]
@@ -144,17 +145,17 @@ def test_which_recordings_fit_no_other(misfits, places):
 
 def test_what_is_met_badly_is_searched_anew_and_taken_where_that_ends_lower(solved, monkeypatch):
     problem, solution = solved
-    assert joint_room.with_bad_anew(*solved) == solved  # none is met badly
+    assert joint_room.with_bad_anew(*solved, in_turn) == solved  # none is met badly
     far = [replace(item, structure="open") for item in started_at(problem, solution.z)]
     there = build_problem([far[0], *started_at(problem, solution.z)[1:]])
     wrong = solve_many(there, there.start, 3)
     assert wrong.misfits[0] > joint_room.BAD_FACTOR * np.median(wrong.misfits)
-    again, mended = joint_room.with_bad_anew(there, wrong)
+    again, mended = joint_room.with_bad_anew(there, wrong, in_turn)
     assert again.data[0].structure == problem.data[0].structure
     assert mended.chi_square < 0.01 * wrong.chi_square
     monkeypatch.setattr(joint_room, "BAD_FACTOR", 0.0)
     monkeypatch.setattr(joint_room, "searched_anew", lambda item: replace(item, structure="open"))
-    assert joint_room.with_bad_anew(*solved) == solved  # what was found is worse
+    assert joint_room.with_bad_anew(*solved, in_turn) == solved  # what was found is worse
 
 
 def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(campaign):
@@ -454,7 +455,9 @@ def test_the_inverse_of_an_arrow_is_told_without_the_whole_matrix():
 def test_the_joint_covariance_is_that_of_the_whole_matrix(joint, solved):
     problem, solution = solved
     data = dense(replace(solution.hessian, diagonal=np.zeros(problem.size)))
-    whole = covariance_of(problem, data, solution.lift_share, solution.data_chi_square)
+    lift = SimpleNamespace(shrink=solution.lift_share)
+    everything = SimpleNamespace(data_hessian=data, lifts=(lift,), data_chi_square=solution.data_chi_square)
+    whole = covariance(problem, everything)
     assert joint.covariance.freedom == pytest.approx(whole.freedom, rel=1e-6)
     assert joint.covariance.inflation == pytest.approx(whole.inflation, rel=1e-6)
     scale = np.outer(whole.std, whole.std)

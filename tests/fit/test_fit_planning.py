@@ -14,9 +14,9 @@ from camtorque.fit.planning import (
     MOST_RUNS,
     SETUP_MINUTES,
     TOOTH_MINUTES,
-    Number,
     Offer,
     Point,
+    TargetQuantity,
     information,
     needed,
     plan,
@@ -29,7 +29,7 @@ from camtorque.records import Refusal
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
 KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovariance.whole(np.eye(2)),
                  (FittedAt("a", 100.0, "land", 0.01, False),))  # fmt: skip
-LEAKAGE = Number(np.array([1.0, 0.0]))
+LEAKAGE = TargetQuantity(np.array([1.0, 0.0]))
 
 
 def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -> Point:
@@ -91,7 +91,7 @@ def test_a_run_that_a_later_one_made_needless_is_not_in_the_plan() -> None:
 
 
 def test_what_no_run_tells_stays() -> None:
-    number = Number(LEAKAGE.gradient, 0.4)
+    number = TargetQuantity(LEAKAGE.gradient, 0.4)
     assert number.std(KNOWN.matrix) == pytest.approx(np.hypot(1.0, 0.4))
     told, alone = (plan(KNOWN, what, 0.5, [point(150.0, 0.9)], (20.0,)) for what in (number, LEAKAGE))
     assert told[0].std == pytest.approx(np.hypot(alone[0].std, 0.4))
@@ -102,7 +102,7 @@ def test_a_plan_begins_with_the_uncertainty_that_the_report_states(tmp_path: Pat
     stated = {"chamber": {"peak_bar": {"stderr": 13.0}}, "parameters": {"leakage": {"stderr": 0.5}}}
     (tmp_path / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", **stated}), encoding="utf-8")
     peak = rest_of(tmp_path, tmp_path, CHAMBER_PEAK, 1e5, 12e5)
-    assert Number(np.array([12e5, 0.0]), peak).std(KNOWN.matrix) == pytest.approx(13e5)
+    assert TargetQuantity(np.array([12e5, 0.0]), peak).std(KNOWN.matrix) == pytest.approx(13e5)
     assert rest_of(tmp_path, tmp_path, "leakage", 1.0, 0.6) == 0.0
     joint = {"schema": "camtorque.campaign/1", "shared_parameters": {"leakage": {"stderr": 0.7}}}
     (tmp_path / "campaign.json").write_text(json.dumps(joint), encoding="utf-8")
@@ -120,7 +120,7 @@ def test_a_second_tooth_is_paid_for_once() -> None:
 
 
 def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
-    assert plan(KNOWN, Number(np.array([0.0, 1.0])), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
+    assert plan(KNOWN, TargetQuantity(np.array([0.0, 1.0])), 0.5, [point(100.0, 0.3)], (20.0,)) == ()
     doc = {"target": "bearing_arm", "of": "A", "unit": "um", "value": 1.0, "stderr_now": 1.0, "stderr_wanted": 0.5,
            "runs": [], "reached": False, "minutes": 0.0}  # fmt: skip
     assert plan_table(doc).startswith("bearing arm of A  1.0 ± 1.0 µm")

@@ -22,7 +22,7 @@ def test_starts_that_all_overflow_are_refused(monkeypatch):
     for room in (search, single):
         monkeypatch.setattr(room, "followed", overflowing)
     halves = minima.Halves(data, data)
-    seen = search.Seen(halves, np.zeros(data.chain.theta.size))
+    seen = search.SearchData(halves, np.zeros(data.chain.theta.size))
     found = search.extended(search.Found({"land": []}), {"land": [start]}, seen)
     assert found.minima == ()
     assert found.best is None

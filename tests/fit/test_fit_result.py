@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit import minima
+from camtorque.fit import result as result_room
 from camtorque.fit.findings import (
     implausible_findings,
     largest_chi_square,
@@ -53,14 +54,14 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     narrow = replace(fit, covariance=replace(fit.covariance, matrix=1e-4 * fit.covariance.matrix), shifts={})
     case = quick_prepared(*LAND)
     forward, fall, lowest = parts_of_gap(case.rigid, case.means.torque_all)
-    stated = sureness(narrow, 0, case.rigid, case.means.torque_all)
+    stated = sureness(narrow, case.rigid, case.means.torque_all)
     rng = np.random.default_rng(3)
     std = narrow.covariance.std
     root = np.linalg.cholesky(narrow.covariance.matrix / np.outer(std, std) + 1e-10 * np.eye(std.size))
     draws = fit.solution.z + rng.standard_normal((200, std.size)) @ root.T * std
     lifts = np.zeros(fit.solution.lifts[0].coefficients(fit.solution.residuals[0]).size)
     means = (case.means.torque, case.means.pressure)
-    models = [modelled(fit.problem, z, 0, lifts, fit.measured[0], means) for z in draws]
+    models = [modelled(fit.problem, z, 0, lifts, fit.measured, means) for z in draws]
     works = [work_at(fit.problem.data[0].chain, *fit.problem.values(z, 0)) for z in draws]
     for name in ("pressure", "friction", "damping", "driveline", "friction_and_damping"):
         assert np.std([work[name] for work in works]) == pytest.approx(stated.work[name], rel=0.2), name
@@ -73,7 +74,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
         ]
         np.testing.assert_allclose(found, stated.gap[name], rtol=0.2, err_msg=name)
     moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std})
-    assert sureness(moved, 0, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
+    assert sureness(moved, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
 
 
 def test_a_prior_alone_leaves_the_prior(fit):
@@ -121,7 +122,18 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
 @pytest.fixture(scope="module")
 def record(fit):
     prepared = quick_prepared(*LAND)
-    return fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+    return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+
+
+def test_losses_close_to_no_percent_of_no_input(fit, monkeypatch):
+    prepared = quick_prepared(*LAND)
+    fitted = model_on_grid(fit, prepared.means.torque, prepared.means.pressure)
+    monkeypatch.setattr(result_room, "drive_work", lambda chain, values: 0.0)
+    through = result_room._losses(fit, fitted, prepared.means)["input"]
+    monkeypatch.setattr(result_room, "drive_work", lambda chain, values: -through)
+    losses = result_room._losses(fit, fitted, prepared.means)
+    assert losses["input"] == 0.0
+    assert np.isnan(losses["closure_percent"])
 
 
 def test_what_else_fits_is_measured_beside_the_lift_correction(fit):
@@ -238,8 +250,8 @@ def test_weights_know_scatter_and_the_admitted_model_error():
 def test_a_report_on_a_finer_grid_shows_the_model_that_was_fitted(fit):
     item = fit.problem.data[0]
     torque, pressure = item.chain.shaft_torque, item.chain.line_pressure
-    coarse = model_on_grid(fit, 0, torque, pressure)
-    fine = model_on_grid(fit, 0, on_grid(torque, 3600), on_grid(pressure, 3600))
+    coarse = model_on_grid(fit, torque, pressure)
+    fine = model_on_grid(fit, on_grid(torque, 3600), on_grid(pressure, 3600))
     np.testing.assert_allclose(fine.output.pressure[::2], coarse.output.pressure, rtol=1e-9)
     np.testing.assert_allclose(fine.torque[::2], coarse.torque, atol=1e-6 * np.ptp(coarse.torque))
     middle = 0.5 * (coarse.torque + np.roll(coarse.torque, -1))
@@ -275,7 +287,7 @@ def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
     rigid = replace(
         found.solution, z=np.where(np.array(found.problem.names) == "shaft_compliance", 0.0, found.solution.z)
     )
-    assert replace(as_heavy, solution=rigid).light == 0.0
+    assert replace(as_heavy, solution=rigid).light_cam_penalty == 0.0
 
 
 def test_the_certificate_says_how_sure_the_gain_of_the_pressure_is():

@@ -22,8 +22,8 @@ from camtorque.fit.starts import (
     coarse,
     continued,
     descend,
+    reweighted,
     rising_angles,
-    tempered,
 )
 from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std, ripple
 from camtorque.laws import ROWS, bridge, valve
@@ -45,7 +45,7 @@ def case(request):
 def record(case):
     prepared = quick_prepared(*case)
     fit = fit_prepared(prepared, FitOptions(evidence=False))
-    return fitted_torque(fit, 0, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
+    return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
 
 
 def known(case):
@@ -213,7 +213,7 @@ def test_a_recording_that_stays_unexplained_says_where():
     fit = fit_prepared(
         replace(prepared, cycles=disturbed, means=means, candidates=(found,)), FitOptions(evidence=False)
     )
-    record = fitted_torque(fit, 0, prepared.recording, disturbed, prepared.rigid, means)
+    record = fitted_torque(fit, prepared.recording, disturbed, prepared.rigid, means)
     assert not record.explained
     finding = next(row for row in record.findings if row.code == "unexplained")
     assert finding.severity == "error"
@@ -253,12 +253,12 @@ def test_weights_of_the_search_are_as_large_as_the_residual():
     lifts = lifts_at(problem, problem.start)
     far = try_at(problem, problem.start, lifts)
     assert far.data_chi_square > 100.0 * INDEPENDENT
-    weighed = tempered(problem, far)
+    weighed = reweighted(problem, far)
     again = try_at(weighed, far.z, lifts)  # the linear parameters give way to their priors a little
     assert INDEPENDENT <= again.data_chi_square < 1.5 * INDEPENDENT
     near = quick(LAND)
     trial = try_at(near.problem, near.solution.z, near.solution.lifts)
-    assert tempered(near.problem, trial).data[0].weight == pytest.approx(near.data.weight)
+    assert reweighted(near.problem, trial).data[0].weight == pytest.approx(near.data.weight)
 
 
 def test_the_load_is_begun_anew_on_the_shaft_that_was_found():
@@ -296,7 +296,7 @@ def test_smoothing_leads_an_end_of_delivery_that_is_ten_degrees_off():
 
 def test_the_delivered_volume_is_that_of_the_rig(case):
     fit = fit_prepared(quick_prepared(*case), FitOptions(evidence=False))
-    found = delivered_volume(fit, 0)
+    found = delivered_volume(fit)
     past_valve = rig(*case).totals["valve_mass"]
     true = (past_valve[-1] - past_valve[0]) / (past_valve.size - 1) / rig(*case).truth.fluid.density
     assert abs(found.value - true) < 2.0 * found.stderr

@@ -17,7 +17,7 @@ LOG = clean_log()
 
 def test_noise_alone_has_no_isolated_samples():
     noise = np.random.default_rng(5).standard_normal(400_000)
-    assert isolated_samples(noise).size == 0
+    assert isolated_samples(noise, False).size == 0
 
 
 @settings(deadline=None)
@@ -25,7 +25,7 @@ def test_noise_alone_has_no_isolated_samples():
 def test_one_wrong_sample_is_found_where_it_is(at: int, size: float, sign: float):
     volts = LOG.volts["pressure"].copy()
     volts[at] += sign * size
-    assert isolated_samples(volts).tolist() == [at]
+    assert isolated_samples(volts, False).tolist() == [at]
 
 
 def test_steps_of_a_coarse_converter_are_not_isolated_samples():
@@ -33,9 +33,9 @@ def test_steps_of_a_coarse_converter_are_not_isolated_samples():
     wave = 300.0 * np.sin(np.linspace(0.0, 40.0, 40_000))
     flicker = np.random.default_rng(7).random(wave.size) < 0.03
     counts = np.round(wave) + flicker
-    assert isolated_samples(0.01 * counts).size == 0
+    assert isolated_samples(0.01 * counts, False).size == 0
     counts[20_000] += 40.0
-    assert isolated_samples(0.01 * counts).tolist() == [20_000]
+    assert isolated_samples(0.01 * counts, False).tolist() == [20_000]
 
 
 @pytest.mark.parametrize(("turns", "told"), [((4, 5, 7), False), ((5,), True)])
@@ -59,7 +59,7 @@ def test_a_glitch_is_told_in_the_first_and_last_turns_too(tmp_path: Path, turn):
 
 def test_edges_of_pulses_are_not_isolated_samples():
     square = (np.arange(10_000) % 500 < 40).astype(float) + 1e-3 * np.random.default_rng(6).standard_normal(10_000)
-    assert isolated_samples(square).size == 0
+    assert isolated_samples(square, False).size == 0
 
 
 def test_blocks_do_not_change_what_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -112,7 +112,7 @@ def test_the_compiled_look_leaves_out_no_isolated_sample(seed: int, spikes: int,
     volts[at] += 10.0 ** rng.uniform(-2.0, 8.0, spikes)
     if kind == "nan":
         volts[rng.integers(0, volts.size)] = np.nan
-    assert isolated_samples(volts, compiled=True).tolist() == isolated_samples(volts).tolist()
+    assert isolated_samples(volts, True).tolist() == isolated_samples(volts, False).tolist()
 
 
 def test_pulses_that_the_alignment_found_are_not_looked_for_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.ingest import csv_log, mf4, read_recording, tdms, xlsx
-from camtorque.ingest.csv_layout import CsvLayout, sniff
+from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
 from camtorque.ingest.csv_log import Damage, parse_block
 from camtorque.ingest.formats import FORMATS
 from camtorque.ingest.raw import FileSource
@@ -269,6 +269,14 @@ def test_an_lvm_that_ends_with_a_row_too_early_is_told_by_its_header(tmp_path: P
     text = log_file(folder).read_bytes()
     log_file(folder).write_bytes(b"\r\n".join(text.split(b"\r\n")[:2000]) + b"\r\n")
     assert "samples_missing" in {finding.code for finding in read_recording(folder).findings}
+
+
+def test_a_second_segment_whose_mark_lies_across_two_pieces_of_an_lvm_is_counted(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["lvm"])
+    text = log_file(folder).read_bytes()[: SNIFF_BYTES // 2]
+    log_file(folder).write_bytes(text.ljust(SNIFF_BYTES - 5) + b"***End_of_Header***\r\n")
+    with pytest.raises(Refusal, match="holds 2 segments of data"):
+        read_recording(folder)
 
 
 def test_lvm_without_a_time_column_takes_start_and_step_of_its_header(tmp_path: Path):

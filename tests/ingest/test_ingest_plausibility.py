@@ -203,7 +203,7 @@ def test_the_curvature_of_the_path_is_that_of_its_points(bench: Path):
 def largest_curvature(pump: PumpData, table: CamTable) -> float:
     angle = np.radians(np.arange(0.0, 360.0, 5.0))
     distance = np.sqrt((pump.base_circle_radius + pump.roller_radius) ** 2 - pump.follower_offset**2)
-    out = distance + np.interp(angle, table.theta, table.lift, period=2.0 * np.pi)
+    out = distance + table.at(angle)
     # the cam at rest, the follower led about it: three points make a circle
     x = pump.follower_offset * np.cos(angle) - out * np.sin(-angle)
     y = pump.follower_offset * np.sin(-angle) + out * np.cos(angle)

@@ -180,6 +180,18 @@ def test_a_zero_beyond_the_sheet_is_a_finding():
     assert far.zero_std**2 - found.calibration.zero_std**2 > 0.9 * (0.03 * far.gain) ** 2
 
 
+def test_a_zero_beyond_the_sheet_of_a_sensor_for_one_direction_is_a_finding(papers: Path):
+    edit(papers / TORQUE, "nominal_range = [-200.0, 200.0]", "nominal_range = [-200.0, 0.0]")
+    edit(papers / TORQUE, "output_range_V = [-5.0, 5.0]", "output_range_V = [-5.0, 0.0]")
+    certificate = papers / "torque_T22-40117.csv"
+    rows = [row for row in certificate.read_text().splitlines() if row[:1] in "#a-" or row.startswith("0.0")]
+    certificate.write_text("\n".join(rows) + "\n")
+    (found,) = read_sensor(reference(papers, before=0.06, after=0.06)).findings
+    assert found.text.startswith("the standstill zero is 1.2 % of the range off the certificate's")
+    with pytest.raises(Refusal, match=r"found 40 and 40 V, 8e\+02 % of the range off"):
+        read_sensor(reference(papers, before=40.0, after=40.0))
+
+
 def test_an_old_or_too_young_certificate_is_a_finding():
     sensor = read_sensor(reference(CALIBRATION))  # calibrated on 2024-11-05
     day = 86400.0

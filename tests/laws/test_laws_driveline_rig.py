@@ -70,7 +70,7 @@ def test_cam_angle_is_the_rigs(case):
     cycles = as_cycles(run, N, noise=False)
     found = (cycles["true_angle"] - cycles["theta"]).mean(axis=0)
     speed = float(cycles["speed"].mean())
-    basis = twist_basis(nominal(run, "torque"), speed, truth.trigger.nominal_angle)
+    basis = twist_basis(nominal(run, "torque"), speed, truth.trigger.nominal_angle, 0)
     values = driveline_values(truth)
     shift, rate, _ = angle_shifts(basis, compliance(basis.omega, values)[0][:, None])
     assert np.ptp(found) > 2e-3  # a tenth of a degree
@@ -132,7 +132,7 @@ def test_every_steep_low_pass_has_its_cut_off_and_is_stable(order):
 def test_shift_is_zero_at_the_trigger_edge():
     run = simulate(bare(np.random.default_rng(2)), RPM, n_cycles=2, step=1e-5)
     edge = np.radians(20.0)
-    basis = twist_basis(run.true_cycles("torque", N)[0], 94.0, edge)
+    basis = twist_basis(run.true_cycles("torque", N)[0], 94.0, edge, 0)
     shift = angle_shifts(basis, compliance(basis.omega, driveline_values(RigTruth()))[0][:, None])[0]
     place = round(N * 20 / 360)
     assert angle_grid(N)[place] == pytest.approx(edge)

@@ -268,10 +268,10 @@ def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: t
     doc = campaign_document(replace(result, entries=result.entries[:3]))
     view = campaign_view(result.entries[:3], folder)
     thumbnails = dict.fromkeys(view.names, "")
-    calm = campaign_page(doc, view, thumbnails)
+    calm = campaign_page(doc, view, thumbnails, ())
     assert 'class="verdict good"' in calm
     failed = {**doc, "recordings": [{**doc["recordings"][0], "explained": False}, *doc["recordings"][1:]]}
-    page = campaign_page(failed, view, thumbnails)
+    page = campaign_page(failed, view, thumbnails, ())
     assert f"Not explained: {failed['recordings'][0]['name']}." in verdict_text(failed)
     assert 'class="verdict look"' in page
 

@@ -17,7 +17,7 @@ from camtorque.report.compare_page import (
     compare_rows,
     write_compare,
 )
-from camtorque.report.numbers import tied
+from camtorque.report.numbers import no_break
 from report_cases import NASTY
 
 
@@ -59,7 +59,7 @@ def test_cautions_stand_on_the_page(tmp_path: Path) -> None:
     for part in ("The torque after is 1.1 times that before", "they leave 5.6 times what", "It drifts"):
         assert part in text
     assert compare_cautions(document()) == ()
-    assert "differs by 1.5\u00a0N\u00a0m RMS" in tied(compare_answer(doc))
+    assert "differs by 1.5\u00a0N\u00a0m RMS" in no_break(compare_answer(doc))
 
 
 def test_page_says_what_changed_and_what_would_have_been_seen(tmp_path: Path) -> None:

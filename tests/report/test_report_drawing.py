@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +15,18 @@ from camtorque.records import LossEvidence, ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.fit_figures import evidence
-from camtorque.report.numbers import exponents, fixed, named, near, num, plus, plus_minus, typeset, unit_text
-from camtorque.report.payload import chart_data, packed, unpacked
+from camtorque.report.numbers import (
+    exponents,
+    named,
+    plus_minus,
+    rounded_to_error,
+    significant,
+    typeset,
+    unit_text,
+    with_decimals,
+    with_sign,
+)
+from camtorque.report.payload import MISSING, chart_data, packed
 from camtorque.report.phases import bump_spans, phases
 from camtorque.report.rows_svg import rows_svg
 from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
@@ -108,6 +120,12 @@ def test_a_row_without_a_value_has_no_mark() -> None:
     assert rows_svg(rows("a"), "rows").count('r="4"') == 3, "two values and the legend"
 
 
+def unpacked(data: dict[str, Any]) -> np.ndarray:
+    """Return the values of `packed`, as the script of a page does."""
+    numbers = np.frombuffer(base64.b64decode(data["d"]), dtype="<i2")
+    return np.where(numbers == MISSING, np.nan, data["o"] + data["k"] * numbers)
+
+
 def test_curves_come_out_of_the_data_again() -> None:
     values = np.array([1.0, np.nan, -3.5, 7.25])
     again = unpacked(packed(values))
@@ -161,8 +179,8 @@ def test_signs_of_documents_are_those_of_any_terminal_and_pages_have_powers_of_t
 def test_units_and_errors_as_texts() -> None:
     assert [unit_text(unit) for unit in ("-", "um", "mm^3/s/bar", "us")] == ["", "µm", "mm³/s/bar", "µs"]
     assert [plus_minus(value) for value in (0.0, None, 0.0312)] == ["–", "–", "0.031"]
-    assert near(50.0, 0.0) == "50"
-    assert [fixed(value, 1) for value in (-0.04, -0.06, 0.0)] == ["0.0", "−0.1", "0.0"]
+    assert rounded_to_error(50.0, 0.0) == "50"
+    assert [with_decimals(value, 1) for value in (-0.04, -0.06, 0.0)] == ["0.0", "−0.1", "0.0"]
     assert clean("a\x1b[2J\u202eb\tc") == "a\ufffd[2J\ufffdb\tc"
 
 
@@ -176,8 +194,8 @@ def test_signs_and_ranges_in_a_sentence(text: str, expected: str) -> None:
 
 
 def test_numbers_are_written_out_and_names_of_parameters_are_words() -> None:
-    assert (num(120.4, 2), num(1.5e7, 2)) == ("120", "1.5·10⁷")
-    assert (plus(0.0351), plus(-0.0064), plus(0.001), plus(None)) == ("+0.04", "−0.01", "0.00", "–")
+    assert (significant(120.4, 2), significant(1.5e7, 2)) == ("120", "1.5·10⁷")
+    assert (with_sign(0.0351), with_sign(-0.0064), with_sign(0.001), with_sign(None)) == ("+0.04", "−0.01", "0.00", "–")
     assert named("coupling_resonance drifts; set zero_before_V") == "coupling resonance drifts; set zero_before_V"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
 from camtorque.report.bundle import RunResult
-from camtorque.report.measured import measured_document, measured_mean
+from camtorque.report.measured import measured_chamber, measured_document
 from camtorque.report.write import write_run
 from report_cases import run_result
 
@@ -63,5 +63,5 @@ def test_a_channel_that_covers_no_cycle_is_not_compared() -> None:
     shape = (run_result().cycles.index.size, 720)
     nothing = np.full(shape, np.nan)
     result = with_channels(chamber_pressure=nothing, delivered_volume=nothing)
-    assert measured_mean(result, "chamber_pressure") is None
+    assert measured_chamber(result) is None
     assert measured_document(result) == {"chamber_pressure": None, "delivered_volume": None}

@@ -20,12 +20,13 @@ from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.clearance import leakage_factor
 from camtorque.fit.draws import Load, draws
 from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, load_for, taught_by, width_of
+from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
 from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
-from camtorque.fit.load_file import refuse_below_line, refuse_other_load, rise_angle, rise_range
+from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
-from camtorque.predict_from import Found, file_curve, read_fit
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.predict_from import Found, read_fit
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of
@@ -92,7 +93,7 @@ def test_the_first_fall_is_the_end_and_not_the_wave_that_returns() -> None:
     assert matched_end(known_ends, twice(0.72, 0.98), RISING).angle == pytest.approx(0.72, abs=0.02)
 
 
-def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float = 60.0) -> Estimate:
+def learned(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float = 60.0) -> Estimate:
     """Return the end found where it is 0.8 rad, by recordings of three speeds whose fitted ends are others."""
     speeds = {"a": 50.0, "b": 60.0, "c": 75.0}
     recordings = tuple(FittedAt(name, speed, "land", 0.01, True) for name, speed in speeds.items())
@@ -102,21 +103,21 @@ def taught(ends: list[float], width: float = 1e-3, step: float = 0.0, at: float 
         KnownEnd(n, end, falling(0.8, speeds[n]), {k: 1.0}) for k, (n, end) in enumerate(zip("abc", ends, strict=True))
     ]
     curve = replace(falling(0.8, at), step=step, points=np.arange(0.0, 2.0 * np.pi, step) if step else np.zeros(0))
-    return found_end(known_ends, curve, RISING, taught_by(fit, known_ends, RISING, curve.pause))
+    return found_end(known_ends, curve, RISING, learned_from(fit, known_ends, RISING, curve.pause))
 
 
 def test_fitted_recordings_teach_how_well_an_end_is_found() -> None:
-    sure = taught([0.8, 0.8, 0.8])
+    sure = learned([0.8, 0.8, 0.8])
     assert sure.value == pytest.approx(0.8, abs=0.004)
     assert sure.stderr == pytest.approx(LEAST_STD, abs=0.004)
-    assert taught([0.8, 0.85, 0.8]).stderr > 0.02, "an end that the shape does not show is in the band"
-    assert taught([0.8, 0.85, 0.8], 0.05).stderr < 0.005, "what the fit leaves open is in its covariance"
-    coarse = taught([0.8, 0.8, 0.8], step=np.radians(6.0))
+    assert learned([0.8, 0.85, 0.8]).stderr > 0.02, "an end that the shape does not show is in the band"
+    assert learned([0.8, 0.85, 0.8], 0.05).stderr < 0.005, "what the fit leaves open is in its covariance"
+    coarse = learned([0.8, 0.8, 0.8], step=np.radians(6.0))
     assert coarse.stderr > 2.0 * LEAST_STD, "what a coarse file blurs is learnt on them, too"
     alone = FittedAt("a", 50.0, "land", 0.01, True)
     fit = KnownFit(("end_of_delivery__a",), np.array([0.8]), ArrowCovariance.whole(np.eye(1)), (alone,))
     known_ends = [KnownEnd("a", 0.8, falling(0.8, 50.0))]
-    end = found_end(known_ends, falling(0.8, 60.0), RISING, taught_by(fit, known_ends, RISING, 0.0))
+    end = found_end(known_ends, falling(0.8, 60.0), RISING, learned_from(fit, known_ends, RISING, 0.0))
     assert end.stderr == pytest.approx(UNKNOWN_STD)
 
 
@@ -124,12 +125,12 @@ def test_misses_that_grow_with_speed_are_taken_off_and_widen_beyond_the_fitted_s
     late = 0.05
     ends = [0.8 - late * float(np.log(speed / 60.0)) for speed in (50.0, 60.0, 75.0)]
     truth = 0.8 - late * float(np.log(90.0 / 60.0))
-    found = taught(ends, at=90.0)
+    found = learned(ends, at=90.0)
     blind = matched_end([KnownEnd("b", ends[1], falling(0.8, 60.0)), KnownEnd("c", ends[2], falling(0.8, 75.0))],
                         falling(0.8, 90.0), RISING)  # fmt: skip
     assert abs(found.value - truth) < 0.4 * abs(blind.angle - truth)
     scattered = [0.8, 0.82, 0.8]
-    assert taught(scattered, at=90.0).stderr > taught(scattered, at=61.0).stderr
+    assert learned(scattered, at=90.0).stderr > learned(scattered, at=61.0).stderr
 
 
 def test_how_sharply_another_delivery_ends_is_what_it_was_before_and_as_unsure_as_it_went() -> None:
@@ -237,7 +238,7 @@ def of_file(folder: Path, step_deg: float, curve: Curve | None = None) -> Curve:
     pressure = np.interp(np.radians(angles), THETA, (curve or falling(0.8, 50.0)).pressure) / 1e5
     rows = "".join(f"{a:g},{p:.2f}\n" for a, p in zip(angles, pressure, strict=True))
     (folder / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
-    return replace(file_curve(folder / "p.csv"), speed=50.0)
+    return replace(curve_through(read_pressure_curve(folder / "p.csv"), "p.csv"), speed=50.0)
 
 
 def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_path: Path) -> None:
@@ -267,7 +268,7 @@ def test_what_a_coarse_file_blurs_is_learnt_at_the_same_time_between_points(monk
         return Match(0.8, 1e-4)
 
     monkeypatch.setattr(ends_module, "matched_end", matched)
-    found = taught([0.8, 0.8, 0.8], step=np.radians(3.0), at=40.0)
+    found = learned([0.8, 0.8, 0.8], step=np.radians(3.0), at=40.0)
     assert {round(curve.step / curve.speed, 9) for curve in seen} == {round(np.radians(3.0) / 40.0, 9)}
     assert found.stderr == pytest.approx(0.01, rel=0.05), "what the points of this file leave open is the least"
 
@@ -340,7 +341,7 @@ def test_angles_in_radians_or_turns_are_refused(tmp_path: Path) -> None:
     rows = "".join(f"{angle:.4f},100\n" for angle in np.linspace(0.0, 6.28, 200))
     (tmp_path / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
     with pytest.raises(Refusal, match=r"spans 6\.28 deg, expected a revolution, .* give degrees, not radians or turns"):
-        file_curve(tmp_path / "p.csv")
+        read_pressure_curve(tmp_path / "p.csv")
 
 
 def test_a_load_beyond_the_fitted_ones_is_told() -> None:

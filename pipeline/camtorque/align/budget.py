@@ -46,7 +46,7 @@ def angle_error_budget(
     base: TimeBase,
     speed: float,
     speed_change: float,
-    torque: Array | None = None,
+    torque: Array | None,
 ) -> tuple[AngleError, ...]:
     """Return the rows of the budget.
 

@@ -103,7 +103,7 @@ class LagTrial:
     overlap: int
 
 
-def best_lag(reference: Array, other: Array, edge_noise: float = 0.0) -> tuple[int, float, int]:
+def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, float, int]:
     """Return lag, evidence and next best lag: ``other[i + lag]`` is the pulse ``reference[i]``.
 
     The periods of the right lag differ by edge noise only, those of a wrong one by the scatter of the speed too. Of
@@ -165,7 +165,7 @@ def _robust_mean_square(values: Array) -> float:
     return float(np.mean(np.minimum(np.abs(values), limit) ** 2))
 
 
-def fit_clock(logger: str, reference: Array, other: Array, where: str, edge_noise: float = 0.0) -> Clock:
+def fit_clock(logger: str, reference: Array, other: Array, where: str, edge_noise: float) -> Clock:
     """Return the clock of a logger from the pulses that it and the reference both recorded.
 
     Parameters

@@ -60,7 +60,7 @@ class Counted:
     findings: tuple[Finding, ...]
 
 
-def counter_train(channel: Channel, revolutions_per_cycle: int = 1) -> Counted:
+def counter_train(channel: Channel, revolutions_per_cycle: int) -> Counted:
     """Return pulses at whole steps of a recorded angle; step zero is where it is zero.
 
     Parameters

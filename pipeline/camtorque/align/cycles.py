@@ -98,7 +98,7 @@ def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
     table = recording.lift_table
     if table is None:
         return found
-    lift = np.interp(found.theta, table.theta, table.lift, period=TURN)
+    lift = table.at(found.theta)
     rows = {} if found.torque is None else {"torque": (found.torque, found.mean_torque)}
     rows |= {"pressure": (found.pressure, found.mean_pressure)} if found.pressure.size else {}
     drifts = level_drifts(idle_points(found.theta, lift), rows, found.index)

@@ -77,7 +77,7 @@ def level_drifts(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any)
 
 
 def drift_findings(drifts: Mapping[str, float], peaks: Mapping[str, float]) -> tuple[Finding, ...]:
-    """Return what is told of drifting levels; ``peaks``: quantity -> largest value of the mean cycle [SI]."""
+    """Return the findings on level drift; ``peaks``: quantity -> largest value of the mean cycle [SI]."""
     return tuple(
         Finding(
             f"{quantity}_drifts", "warning",

@@ -136,7 +136,7 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
     """Return where the typical cycle places the lift table; ``speed`` is that of the cam [rad/s]."""
     n = torque.size
     slope = lift_velocity(table, n)
-    lift = np.interp(np.arange(n) * (2.0 * np.pi / n), table.theta, table.lift, period=2.0 * np.pi)
+    lift = table.at(np.arange(n) * (2.0 * np.pi / n))
     base = at_rest(torque, slope)
     drive, line = torque - base, np.maximum(pressure, 0.0)
     scores = [_correlations(drive, line, values) for values in (slope, _mirror(-slope))]

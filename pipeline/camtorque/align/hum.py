@@ -164,7 +164,10 @@ def _on_base_circle(
 
 
 def idle_points(theta: Array, lift: Array) -> Any:
-    """Return the points of the longest stretch without lift, but for a margin after it starts, in time order."""
+    """Return the points without lift behind the last one with lift, from a margin after it on.
+
+    Where the lift lasts to the end of the cycle they are all points without lift.
+    """
     still = lift < 1e-3 * np.max(lift)
     turned = np.flatnonzero(~still)
     if turned.size == 0:

@@ -104,7 +104,7 @@ def cycle_lags(rows: Array, sound: NDArray[np.bool_]) -> Array:
     if not sound.any():
         return lags
     stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
-    typical = np.median(rows[spread_choice(sound, SAMPLED_CYCLES), ::stride], axis=0)
+    typical = np.median(rows[spread_choice(sound), ::stride], axis=0)
     spectrum, n = np.conj(np.fft.rfft(typical - np.mean(typical))), typical.size
     for piece in pieces(rows):
         some = piece.start + np.flatnonzero(sound[piece])

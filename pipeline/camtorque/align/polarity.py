@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.quality import SAMPLED_CYCLES, spread_choice
+from camtorque.align.quality import spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.repeats import repeats_every
 from camtorque.signal.threshold import Count, Threshold
@@ -160,7 +160,7 @@ def _typical(
     rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, repeating: tuple[Finding, ...] = ()
 ) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
-    some = rows[spread_choice(sound, SAMPLED_CYCLES), ::stride]
+    some = rows[spread_choice(sound), ::stride]
     middle = np.median(some, axis=0)
     swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(some - middle)))
     calibration = channel.calibration

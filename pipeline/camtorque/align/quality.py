@@ -96,18 +96,6 @@ class CycleTable:
         return fine
 
 
-def _incomplete(table: CycleTable) -> Mask:
-    return ~table.complete
-
-
-def _missed_trigger(table: CycleTable) -> Mask:
-    return table.unproven
-
-
-def _clock_jump(table: CycleTable) -> Mask:
-    return table.clock_jump
-
-
 def _drop_out(table: CycleTable) -> Mask:
     lost = np.zeros(table.index.size, dtype=bool)
     for damage in table.damage.values():
@@ -159,10 +147,6 @@ def ordinary(table: CycleTable) -> Mask:
     return found
 
 
-def _slipped(table: CycleTable) -> Mask:
-    return table.slipped
-
-
 def _outlier(table: CycleTable) -> Mask:
     normal = ordinary(table) & ~table.slipped
     outlier = np.zeros(table.index.size, dtype=bool)
@@ -184,31 +168,33 @@ def _swing(rows: Array, normal: Mask) -> float:
     return float(np.ptp(middle))
 
 
-def spread_choice(flags: Mask, most: int) -> NDArray[np.int64]:
-    """Return at most ``most`` of the flagged places, spread evenly."""
+def spread_choice(flags: Mask) -> NDArray[np.int64]:
+    """Return at most `SAMPLED_CYCLES` of the flagged places, spread evenly."""
     chosen = np.flatnonzero(flags)
-    return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, most)).astype(int))]
+    return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]
 
 
 def _distance(rows: Array, normal: Mask) -> Array:
     """Return the RMS distance of each cycle from the median cycle, at points that lie `POINT_DEG` apart."""
     stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
-    return distance_of(rows, np.median(rows[spread_choice(normal, SAMPLED_CYCLES), ::stride], axis=0), stride)
+    return distance_of(rows, np.median(rows[spread_choice(normal), ::stride], axis=0), stride)
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
-    "incomplete": (_incomplete, "the recording of a channel begins or ends inside the cycle"),
-    "clock_jump": (_clock_jump, "a logger's clock jumps inside the cycle"),
-    "missed_trigger": (_missed_trigger, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
+    "incomplete": (lambda table: ~table.complete, "the recording of a channel begins or ends inside the cycle"),
+    "clock_jump": (lambda table: table.clock_jump, "a logger's clock jumps inside the cycle"),
+    "missed_trigger": (
+        lambda table: table.unproven, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
     "drop_out": (_drop_out, "samples are missing, or a channel stands still"),
     "pressure_clipped": (_clipped("pressure"), "the pressure stands at the end of its output range or at a flat top"),
     "torque_clipped": (_clipped("torque"), "the torque stands at an end of its output range or at a flat top"),
     "start_stop": (_start_stop, "the speed changes from one revolution to the next"),
     "speed_outlier": (_speed_outlier, "the speed lies outside the recording's steady band"),
     "misfire": (_misfire, "the pressure does not build up as in the other cycles"),
-    "samples_lost": (_slipped, "samples of a log were lost before the cycle: torque or pressure lies elsewhere"),
+    "samples_lost": (
+        lambda table: table.slipped, "samples of a log were lost before the cycle: torque or pressure lies elsewhere"),
     "outlier": (_outlier, "the cycle lies far from the robust mean cycle"),
-}
+}  # fmt: skip
 
 
 def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:

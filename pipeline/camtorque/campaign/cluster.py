@@ -17,7 +17,7 @@ from camtorque.config.schemas import words
 from camtorque.config.tables import Problems, Table, read_keys, read_toml
 from camtorque.process.stopping import SIGNALS, before_leaving
 from camtorque.process.workers import Lost
-from camtorque.progress import spoken
+from camtorque.progress import duration_text
 from camtorque.records import Refusal, require
 
 T = TypeVar("T")
@@ -164,7 +164,7 @@ def _reported_while_alone(client: Any, tell: Callable[[str], None], advice: Call
             with suppress(OSError, RuntimeError, TimeoutError):  # the client is closing
                 alone = 0.0 if client.nthreads() else alone + TELL_EVERY
                 if alone:
-                    tell(f"no worker for {spoken(alone)}, waiting; {advice()}; Ctrl-C keeps what is finished")
+                    tell(f"no worker for {duration_text(alone)}, waiting; {advice()}; Ctrl-C keeps what is finished")
 
     threading.Thread(target=watch, daemon=True, name="worker watch").start()
     try:

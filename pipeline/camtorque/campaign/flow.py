@@ -29,7 +29,7 @@ from camtorque.fit.joint import CampaignFit
 from camtorque.jsonable import now
 from camtorque.process.threads import processors
 from camtorque.process.workers import Lost, on_processes
-from camtorque.progress import Progress, silent, spoken
+from camtorque.progress import Progress, duration_text, silent
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
@@ -173,7 +173,7 @@ def _mapped(tasks: Sequence[Task], how: CampaignOptions, progress: Progress) -> 
             entry = refused(task.name, "two workers died on it (killed, or out of memory); run it alone by --only")
         n_refused += entry.status != "ok"
         left = (time.perf_counter() - start) / n_done * (len(tasks) - n_done)
-        text = f"{n_done} of {len(tasks)} done, {n_refused} refused, {spoken(left)} left"
+        text = f"{n_done} of {len(tasks)} done, {n_refused} refused, {duration_text(left)} left"
         progress(f"{text} ({task.name}: {entry.status})")
         yield task.name, entry
 

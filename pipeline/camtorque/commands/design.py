@@ -53,7 +53,7 @@ def fitted_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _table(answer: Answer) -> list[str]:
-    """Return the chosen design against the first guess, and the dearest limits."""
+    """Return the chosen design against the first guess, and the most expensive limits."""
     problem, chosen = answer.chosen.problem, answer.chosen
     lines = [f"design {answer.front.chosen + 1} of {len(answer.front.points)}, {law_name(chosen.design.family.name)}"]
     lines.append(f"{'':44}{'first guess':>14}{'design':>14}")

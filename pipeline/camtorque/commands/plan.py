@@ -11,7 +11,7 @@ from camtorque.fit.planning import MOST_RUNS
 from camtorque.jsonable import jsonable
 from camtorque.plan import plan_runs
 from camtorque.report.folder import check_output, output_folder
-from camtorque.report.numbers import near, plus_minus, unit_text
+from camtorque.report.numbers import plus_minus, rounded_to_error, unit_text
 from camtorque.report.plan_page import run_text, target_text, write_plan
 
 
@@ -37,7 +37,7 @@ def plan_table(doc: Mapping[str, Any]) -> str:
     """Return the plan as a compact table."""
     unit = unit_text(doc["unit"])
     lines = [
-        f"{target_text(doc)}  {near(doc['value'], doc['stderr_now'])} ± {plus_minus(doc['stderr_now'])} "
+        f"{target_text(doc)}  {rounded_to_error(doc['value'], doc['stderr_now'])} ± {plus_minus(doc['stderr_now'])} "
         f"{unit}, wanted ± {plus_minus(doc['stderr_wanted'])} {unit}"
     ]
     for number, run in enumerate(doc["runs"], 1):

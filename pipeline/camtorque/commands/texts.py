@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from camtorque.report.answer import bump_place, doubtful_input, known_metrics, missed_limits, unusual_values, work_parts
-from camtorque.report.numbers import named, near, plus_minus, typeset, words
+from camtorque.report.numbers import named, plus_minus, rounded_to_error, typeset, words
 
 PULLED, MOST_PULLED = "prior_pulled", 3
 """Finding of a value far from what was expected: a run that fails has many, for one cause that is another."""
@@ -59,7 +59,8 @@ def _work(doc: Mapping[str, Any]) -> str:
     """Return where the work of a revolution goes, how surely; what rounds to nothing is left out."""
     losses = doc["losses"]
     parts = work_parts(losses, doc["losses_stderr"])
-    parts["unaccounted_for"] = (0.01 * losses["closure_percent"] * losses["input"], None)
+    if losses["closure_percent"] is not None:
+        parts["unaccounted_for"] = (0.01 * losses["closure_percent"] * losses["input"], None)
     texts = []
     for name, (value, error) in parts.items():
         interval = f" ± {error:.2f}" if doc["explained"] and error and error >= 0.005 else ""
@@ -71,7 +72,7 @@ def _work(doc: Mapping[str, Any]) -> str:
 def _value(estimate: Mapping[str, Any], unit: str, doc: Mapping[str, Any]) -> str:
     """Return a value with its standard error, if that can be relied on."""
     error = estimate["stderr"] if doc["explained"] else None
-    text = near(estimate["value"], estimate["stderr"])
+    text = rounded_to_error(estimate["value"], estimate["stderr"])
     return f"{text} ± {plus_minus(error)} {unit}" if error else f"{text} {unit}"
 
 

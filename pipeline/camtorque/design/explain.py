@@ -73,7 +73,7 @@ def limit_words(limit: Limit) -> str:
 
 
 def prices(problem: Problem, scale: Scale, variables: Array, reference: Array | None) -> tuple[Price, ...]:
-    """Return what every active limit and bound costs at a point of the front, the dearest first.
+    """Return what every active limit and bound costs at a point of the front, most expensive first.
 
     The stationarity of the programme is ``sum mu_i grad f_i = sum lambda_j grad g_j``: with the other aims held, a
     limit loosened by d changes aim i by ``-lambda_j d / mu_i``, each in its own scale.

@@ -17,7 +17,7 @@ from camtorque.records import Array
 from camtorque.report.chart import Curves, Line, Panel
 from camtorque.report.curves_svg import curves_svg
 from camtorque.report.forecast_page import TITLES, with_band
-from camtorque.report.numbers import num, plus
+from camtorque.report.numbers import significant, with_sign
 from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
 from camtorque.report.tones import CYCLE, fill, stroke
@@ -162,8 +162,8 @@ def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Seque
 
 
 def _gain(name: str, after: float, before: float) -> str:
-    change = f", {plus(100.0 * (after / before - 1.0), 1)} %" if before else ""
-    return f"{plain_name(name)} {num(after, 4)} {unit_of(name)} (first guess {num(before, 4)}{change})"
+    change = f", {with_sign(100.0 * (after / before - 1.0), 1)} %" if before else ""
+    return f"{plain_name(name)} {significant(after, 4)} {unit_of(name)} (first guess {significant(before, 4)}{change})"
 
 
 def _targets(answer: Answer, before: Mapping[str, float]) -> list[tuple[str, float, float, str]]:

@@ -21,10 +21,10 @@ from camtorque.fit.difference import (
     along,
     evaluated,
     inflation,
-    loosened,
     minimised,
     normal_equations,
     objective,
+    with_updated_covariance,
 )
 from camtorque.fit.pair import OWN_NAMES, Pair
 from camtorque.fit.uncertainty import LEAST_FREEDOM
@@ -110,10 +110,10 @@ class Attribution:
     inflation: tuple[float, float]
     state: PairState
 
-    def moved(self, name: str) -> float:
-        """Return the probability that a group changed to which a parameter belongs."""
+    def moved(self, *names: str) -> float:
+        """Return the probability that a group changed to which one of some parameters belongs."""
         pairs = zip(self.hypotheses, self.probabilities, strict=True)
-        return float(sum(p for item, p in pairs if any(name in CHANGES[g] for g in item.groups)))
+        return float(sum(p for item, p in pairs if any(name in CHANGES[g] for g in item.groups for name in names)))
 
     @property
     def best(self) -> tuple[str, ...]:
@@ -241,7 +241,7 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     sets = [(), *((group,) for group in groups)]
     states = {chosen: near_minimum(pair, here, basis_of(pair, values, chosen)) for chosen in sets}
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
-    pair = loosened(pair, min(states.values(), key=lambda state: objective(pair, state)))
+    pair = with_updated_covariance(pair, min(states.values(), key=lambda state: objective(pair, state)))
     states = nested(pair, polished(pair, states))
     factors = min((inflation(pair, state, LEAST_FREEDOM) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]

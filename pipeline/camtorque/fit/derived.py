@@ -47,18 +47,18 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
     return tuple(rows)
 
 
-def delivered_volume(fit: Fit, index: int) -> Estimate | None:
+def delivered_volume(fit: Fit) -> Estimate | None:
     """Return the volume that leaves the chamber for the line in a stroke, at zero gauge pressure; None without one.
 
     The uncertainty is that of the chamber's parameters by differences: the compiled chamber has no tangents of flows.
     """
-    chain = fit.problem.data[index].chain
+    chain = fit.problem.data[0].chain
     if not chain.uses_chamber:
         return None
     z, std = fit.solution.z, fit.covariance.std
 
     def volume(moved: Array) -> float:
-        values, _ = fit.problem.values(moved, index)
+        values, _ = fit.problem.values(moved, 0)
         return stroke_volume(chain, values, evaluate(chain, values))
 
     base, slope = volume(z), np.zeros(z.size)
@@ -66,7 +66,7 @@ def delivered_volume(fit: Fit, index: int) -> Estimate | None:
     for k, parameter in enumerate(fit.problem.parameters):
         if parameter.row.name == "outlet_return" and z[k] <= low[k]:
             continue  # an outlet that stays closed does so to any order
-        if parameter.recording in (-1, index) and parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
+        if parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
             step = 0.5 * std[k] if z[k] + 0.5 * std[k] <= high[k] else max(-0.5 * std[k], low[k] - z[k])
             moved = z.copy()
             moved[k] += step

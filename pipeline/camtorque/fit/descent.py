@@ -20,7 +20,7 @@ LOOKED_BACK, AHEAD = 4, 12
 """Iterations whose mean gain a descent is expected to keep, and for how many more."""
 
 
-class Tried(Protocol):
+class DescentTrial(Protocol):
     """A problem at one point."""
 
     @property
@@ -32,7 +32,7 @@ class Tried(Protocol):
         """Weighted sum of squares with priors and lift."""
 
 
-T = TypeVar("T", bound=Tried)
+T = TypeVar("T", bound=DescentTrial)
 P = TypeVar("P")
 
 
@@ -69,7 +69,7 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class Ended(Generic[T, P]):
+class DescentResult(Generic[T, P]):
     """Where a descent ended: the last trial, the normal equations there if they are known, and what it cost.
 
     ``cost``: iterations, evaluations, whether it converged.
@@ -80,7 +80,7 @@ class Ended(Generic[T, P]):
     cost: tuple[int, int, bool]
 
 
-def minimise(descent: Descent[T, P], start: T, effort: Effort) -> Ended[T, P]:
+def minimise(descent: Descent[T, P], start: T, effort: Effort) -> DescentResult[T, P]:
     """Return where a descent ends that begins at a start within the bounds."""
     lower, upper = descent.bounds
     trial = start
@@ -89,7 +89,7 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> Ended[T, P]:
     reached: list[float] = []
     while iterations < effort.iterations:
         reached.append(trial.chi_square)
-        if gone_behind(reached, effort.limit):
+        if cannot_catch_up(reached, effort.limit):
             break
         point = known = descent.linearise(trial)
         iterations += 1
@@ -117,10 +117,10 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> Ended[T, P]:
         if not accepted:
             converged = converged or gained < 5.0 * goal
             break
-    return Ended(trial, known, (iterations, evaluations, converged))
+    return DescentResult(trial, known, (iterations, evaluations, converged))
 
 
-def gone_behind(reached: Sequence[float], limit: float) -> bool:
+def cannot_catch_up(reached: Sequence[float], limit: float) -> bool:
     """Return whether a descent that goes on gaining as it does stays above a chi-square.
 
     It would gain less and less: what it has gained lately, times the iterations ahead, is more than it can.

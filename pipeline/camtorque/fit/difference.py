@@ -83,7 +83,7 @@ def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairStat
 
 
 def by_angle(pair: Pair) -> Array:
-    """Return by how much later the second recording is read, per difference of each parameter, (k,) [rad per SI]."""
+    """Return the angle shift of the second recording per unit difference of each parameter, (k,) [rad per SI]."""
     rates = {"trigger_offset": -1.0, "delay_error": pair.items[1].chain.speed}
     return np.array([rates.get(name, 0.0) for name in pair.names])
 
@@ -107,27 +107,22 @@ def along(pair: Pair, state: PairState, basis: Basis) -> PairState:
     return evaluated(pair, state.before, basis, np.array([gone.get(label, 0.0) for label in basis.labels]))
 
 
-def loosened(pair: Pair, state: PairState) -> Pair:
+def with_updated_covariance(pair: Pair, state: PairState) -> Pair:
     """Return the pair with the covariance of the difference as it is at a state."""
     return with_difference(pair, pair.values(state.before), 0.5 * (state.residuals[0] + state.residuals[1]))
 
 
-@dataclass(frozen=True)
-class Linear:
-    """The pair linearised: whitened columns of common values and of directions, and the whitened residual.
+def linearised(pair: Pair, state: PairState, columns: Array) -> tuple[Array, Array]:
+    """Return the pair linearised: its whitened derivatives and residual.
 
-    Attributes
+    Parameters
     ----------
-    matrix : (2 BINS, k + m) by common values [SI], then by the directions
-    residual : (2 BINS,) at the state
+    columns : directions of differences, (k, m)
+
+    Returns
+    -------
+    (2 BINS, k + m) by common values [1/SI], then by the directions; (2 BINS,) at the state
     """
-
-    matrix: Array
-    residual: Array
-
-
-def linearised(pair: Pair, state: PairState, columns: Array) -> Linear:
-    """Return the whitened residual and columns for differences along some directions, (k, m)."""
     one, two = state.jacobians
     way = (two + state.turned) @ columns
     first = np.column_stack([0.5 * (one + two), 0.5 * way, 0.5 * (state.residuals[0] + state.residuals[1])])
@@ -136,7 +131,7 @@ def linearised(pair: Pair, state: PairState, columns: Array) -> Linear:
         solve_triangular(pair.mean_root, first, lower=True),
         solve_triangular(pair.difference_root, second, lower=True),
     ])  # fmt: skip
-    return Linear(stacked[:, :-1], stacked[:, -1])
+    return stacked[:, :-1], stacked[:, -1]
 
 
 def chi_squares(pair: Pair, state: PairState) -> tuple[float, float]:
@@ -162,9 +157,9 @@ def normal_equations(pair: Pair, state: PairState, columns: Array, moved: Array)
     columns, moved : directions, (k, m), and how far each has gone, (m,)
     """
     means, stds = pair.priors
-    line = linearised(pair, state, columns)
-    jacobian = line.matrix * np.r_[stds, np.ones(moved.size)]
-    vector = jacobian.T @ line.residual - np.r_[(state.before - means) / stds, moved]
+    derivatives, residual = linearised(pair, state, columns)
+    jacobian = derivatives * np.r_[stds, np.ones(moved.size)]
+    vector = jacobian.T @ residual - np.r_[(state.before - means) / stds, moved]
     return np.asarray(jacobian.T @ jacobian + np.eye(stds.size + moved.size)), np.asarray(vector)
 
 

@@ -66,7 +66,10 @@ def _ending_by(known: KnownFit, speed: float, structure: str) -> FittedAt:
 
 
 def either(one: Forecast, other: Forecast) -> Forecast:
-    """Return a run of which nobody knows which of two it is: curves midway between both bands, bands that hold both."""
+    """Return a run of which it cannot be decided which of two it is.
+
+    Its curves lie midway between both bands, its bands hold both.
+    """
     torque, torque_std = holding(one.torque, one.torque_std, other.torque, other.torque_std)
     pressure, pressure_std = holding(one.pressure, one.pressure_std, other.pressure, other.pressure_std)
     contact, contact_std = holding(one.contact, one.contact_std, other.contact, other.contact_std)

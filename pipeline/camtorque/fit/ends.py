@@ -21,12 +21,12 @@ from camtorque.fit.end_shape import MATCH_WINDOW, Curve, KnownEnd, away, matched
 from camtorque.fit.firm_end import (
     END_OF,
     WIDTHS_OF,
+    EndTradeOff,
     Flank,
-    Lever,
     combined,
     firm_place,
     flank_of,
-    levers_of,
+    trade_offs_of,
     variance_of,
 )
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -75,11 +75,12 @@ def load_for(
     shown = [item for item in known.recordings if item.structure in END_OF and item.id in templates]
     alike = [item for item in shown if item.structure == source.structure]
     teachers = sorted(alike or shown, key=lambda item: abs(np.log(item.speed / curve.speed)))[:MOST_ENDS]
-    levers = levers_of(known, source.structure, teachers) if alike else (Lever(teachers[0].structure),)
-    tried = [_ends_at(known, lever, flank, {item.id: templates[item.id] for item in teachers}) for lever in levers]
-    lever, (ends, taught, _) = min(zip(levers, tried, strict=True), key=lambda pair: pair[1][2])
-    taught = taught_by(known, ends, flank.theta, curve.pause) if curve.pause else taught
-    end = found_end(ends, curve, flank.theta, taught)
+    trade_offs = trade_offs_of(known, source.structure, teachers) if alike else (EndTradeOff(teachers[0].structure),)
+    shapes = {item.id: templates[item.id] for item in teachers}
+    tried = [_ends_at(known, trade_off, flank, shapes) for trade_off in trade_offs]
+    trade_off, (ends, learned, _) = min(zip(trade_offs, tried, strict=True), key=lambda pair: pair[1][2])
+    learned = learned_from(known, ends, flank.theta, curve.pause) if curve.pause else learned
+    end = found_end(ends, curve, flank.theta, learned)
     near = nearest_ends(ends, curve.speed)
     if not alike:
         left_open = np.mean([variance_of(known, item.moves) for item in near])
@@ -88,25 +89,25 @@ def load_for(
     place = Estimate(flank.place(source.structure, end.value), end.stderr * slope)
     if not alike:
         return Load({END_OF[source.structure]: place, **_usual_widths(source.structure)}, curve.std)
-    return _with_widths(known, source, teachers, lever, place, [item.id for item in near], curve.std)
+    return _with_widths(known, source, teachers, trade_off, place, [item.id for item in near], curve.std)
 
 
 def _ends_at(
-    known: KnownFit, lever: Lever, flank: Flank, templates: Mapping[str, Curve]
-) -> tuple[list[KnownEnd], Taught | None, float]:
-    """Return fitted ends where a lever has them, what they teach, and how far they miss each other [SI^2]."""
+    known: KnownFit, trade_off: EndTradeOff, flank: Flank, templates: Mapping[str, Curve]
+) -> tuple[list[KnownEnd], EndErrorModel | None, float]:
+    """Return fitted ends where a trade-off has them, what they teach, and how far they miss each other [SI^2]."""
     ends, per = [], []
     for recording, one in templates.items():
-        place, weights = firm_place(known, lever, recording)
-        angle = flank.angle(lever.structure, place)
-        per.append(flank.per_angle(lever.structure, angle))
+        place, weights = firm_place(known, trade_off, recording)
+        angle = flank.angle(trade_off.structure, place)
+        per.append(flank.per_angle(trade_off.structure, angle))
         ends.append(KnownEnd(recording, angle, one, combined([(1.0 / per[-1], weights)])))
-    taught = taught_by(known, ends, flank.theta, 0.0)
-    return ends, taught, 0.0 if taught is None else float(taught.rest @ np.square(per))
+    learned = learned_from(known, ends, flank.theta, 0.0)
+    return ends, learned, 0.0 if learned is None else float(learned.rest @ np.square(per))
 
 
 def _with_widths(
-    known: KnownFit, source: FittedAt, teachers: Sequence[FittedAt], lever: Lever, place: Estimate,
+    known: KnownFit, source: FittedAt, teachers: Sequence[FittedAt], trade_off: EndTradeOff, place: Estimate,
     near: Sequence[str], pressure_std: Array,
 ) -> Load:  # fmt: skip
     """Return the load whose delivery ends at a place as the fit knows it, and as sharply as others of its structure."""
@@ -115,13 +116,13 @@ def _with_widths(
     means = {name: weights for name, (_, weights) in widths.items()}
     ends = {name: width for name, (width, _) in widths.items()}
     own = known.own(source.id)
-    about = [(1.0 / len(near), firm_place(known, lever, item)[1]) for item in near]
+    about = [(1.0 / len(near), firm_place(known, trade_off, item)[1]) for item in near]
     if first not in own:
         return Load({end: place, **ends}, pressure_std, {end: combined(about), **means})
     sharp = ends[first].value if first in ends else float(known.values[own[first]])
-    pull = lever.slope(sharp)
+    pull = trade_off.slope(sharp)
     moved = combined([*about, (pull, means.get(first, {own[first]: 1.0}))])
-    begins = Estimate(place.value + lever.shift(sharp), place.stderr)
+    begins = Estimate(place.value + trade_off.shift(sharp), place.stderr)
     return Load({end: begins, **ends}, pressure_std, {end: moved, **means}, {end: (first, pull)})
 
 
@@ -168,7 +169,7 @@ def _seen(curve: Curve, pause: float) -> list[Curve]:
 
 
 @dataclass(frozen=True)
-class Taught(ReadOnly):
+class EndErrorModel(ReadOnly):
     """How far the ends of fitted recordings are missed by the others'.
 
     growth : per ln speed [rad], with its information ``known_growth``; rest : (n,) mean squares of what remains
@@ -181,7 +182,7 @@ class Taught(ReadOnly):
     left_open: Array
 
 
-def taught_by(known: KnownFit, ends: Sequence[KnownEnd], rising: Array, pause: float) -> Taught | None:
+def learned_from(known: KnownFit, ends: Sequence[KnownEnd], rising: Array, pause: float) -> EndErrorModel | None:
     """Return what the fitted recordings teach, each left out in turn; None where they are too few.
 
     ``pause`` : time between the points of a file, as which they are looked at [s]; 0 for a recording
@@ -202,21 +203,21 @@ def taught_by(known: KnownFit, ends: Sequence[KnownEnd], rising: Array, pause: f
     known_growth = squares / scatter + 1.0 / GROWTH_STD**2
     growth = float(distance @ mean) / scatter / known_growth
     rest = np.mean(np.square(np.array(missed) - growth * distance[:, None]), axis=1)
-    return Taught(growth, known_growth, rest, left_open)
+    return EndErrorModel(growth, known_growth, rest, left_open)
 
 
-def found_end(ends: Sequence[KnownEnd], curve: Curve, rising: Array, taught: Taught | None) -> Estimate:
+def found_end(ends: Sequence[KnownEnd], curve: Curve, rising: Array, learned: EndErrorModel | None) -> Estimate:
     """Return the angle at which delivery ends by shape [rad], as the fitted recordings teach.
 
     Misses that grow with the distance in speed are taken off; the standard error is that of what remains, less what the
     fit itself leaves open, and of that growth.
     """
     match, coarse = matched_end(ends, curve, rising), curve.coarse * curve.step
-    if taught is None:
+    if learned is None:
         return Estimate(match.angle, float(np.sqrt(UNKNOWN_STD**2 + coarse**2 / 12.0 + match.variance)))
     freedom, new = len(ends) - 1, away(ends, curve.speed)
     widened = student(freedom) ** 2
-    seen = widened * float(np.sum(taught.rest - taught.left_open)) / freedom
+    seen = widened * float(np.sum(learned.rest - learned.left_open)) / freedom
     variance = max(seen, match.variance, LEAST_STD**2)
-    variance += widened * new**2 / taught.known_growth
-    return Estimate(match.angle - taught.growth * new, float(np.sqrt(variance)))
+    variance += widened * new**2 / learned.known_growth
+    return Estimate(match.angle - learned.growth * new, float(np.sqrt(variance)))

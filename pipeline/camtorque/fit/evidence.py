@@ -53,8 +53,8 @@ LOSSES: dict[str, tuple[str, ...]] = {
 }
 """Loss -> parameters that vanish with it."""
 MEMBERS = {**LOSSES, EITHER_LOSS: tuple(name for loss in APART for name in LOSSES[loss])}
-"""The same, and both together: told where one of them is needed and nobody knows which, as of a constant at one speed.
-"""
+"""The same, and both together: told where one of them is needed and it cannot be decided which, as of a constant at one
+speed."""
 
 
 def unbounded_mean(solution: Solution, cov: Covariance) -> Array:

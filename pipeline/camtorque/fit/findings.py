@@ -11,7 +11,7 @@ from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ChainInput, ChainOutput
-from camtorque.mechanism.outliers import outlying_points
+from camtorque.mechanism.outliers import lift_outlier_findings
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import CamTable, Finding, ParameterEstimate
 from camtorque.units import DEGREE, short
@@ -106,15 +106,7 @@ def largest_chi_square(degrees: float) -> float:
 
 def table_findings(table: CamTable) -> tuple[Finding, ...]:
     """Return what is odd about a lift table: single points that stick out, and scatter beyond the stated resolution."""
-    result = []
-    outliers = outlying_points(table)
-    if outliers.size:
-        where = ", ".join(f"{angle / DEGREE:.1f}" for angle in table.theta[outliers[:5]])
-        text = (
-            f"points of the lift table that stick out of their neighbours: {outliers.size}; torque and stress are "
-            "wrong there"
-        )
-        result.append(Finding("lift_outlier", "warning", text, f"{where} deg"))
+    result = list(lift_outlier_findings(table))
     scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)
     if scatter > 0.6 * table.resolution:
         text = (

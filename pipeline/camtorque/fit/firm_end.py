@@ -56,7 +56,7 @@ def flank_of(chain: ChainInput) -> Flank:
 
 
 @dataclass(frozen=True)
-class Lever:
+class EndTradeOff:
     """How fits of recordings that end alike trade the place of an end against its width w.
 
     A land has closed by some size at a constant share of its end's w; the edge of a spill has opened some area at a
@@ -81,7 +81,7 @@ class Lever:
         return self.pull * (1.0 if self.structure == "land" else -1.0 / width**2) if self.pull else 0.0
 
 
-def levers_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) -> tuple[Lever, ...]:
+def trade_offs_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) -> tuple[EndTradeOff, ...]:
     """Return the trade that the covariance of some recordings' ends shows from one to another, none without widths.
 
     What the fit trades in all of them alike does not count: it moves no end against another. Whether the line pressure
@@ -90,8 +90,8 @@ def levers_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) -
     owns = [own for item in recordings if WIDTHS_OF[structure][0] in (own := known.own(item.id))]
     n = len(owns)
     if n < 2:
-        return (Lever(structure),)
-    one = Lever(structure, 1.0)
+        return (EndTradeOff(structure),)
+    one = EndTradeOff(structure, 1.0)
     places = [own[END_OF[structure]] for own in owns] + [own[WIDTHS_OF[structure][0]] for own in owns]
     widths = known.values[places[n:]].tolist()
     scale = np.r_[np.ones(n), [one.slope(width) for width in widths]]
@@ -100,17 +100,17 @@ def levers_of(known: KnownFit, structure: str, recordings: Sequence[FittedAt]) -
     alone = float(np.sum(apart * covariance[n:, n:]))
     pull = float(np.sum(apart * covariance[:n, n:])) / alone if alone > 0.0 else 0.0
     middle = float(np.mean([one.along(width) for width in widths]))
-    return Lever(structure, pull, middle), Lever(structure, pull)
+    return EndTradeOff(structure, pull, middle), EndTradeOff(structure, pull)
 
 
-def firm_place(known: KnownFit, lever: Lever, recording: str) -> tuple[float, Mapping[int, float]]:
+def firm_place(known: KnownFit, trade_off: EndTradeOff, recording: str) -> tuple[float, Mapping[int, float]]:
     """Return where a fitted end is known [SI], and how that moves with the fit's values: place of each -> weight."""
     own = known.own(recording)
-    place, width = own[END_OF[lever.structure]], own.get(WIDTHS_OF[lever.structure][0])
+    place, width = own[END_OF[trade_off.structure]], own.get(WIDTHS_OF[trade_off.structure][0])
     if width is None:
         return float(known.values[place]), {place: 1.0}
     at = float(known.values[width])
-    return float(known.values[place]) - lever.shift(at), {place: 1.0, width: -lever.slope(at)}
+    return float(known.values[place]) - trade_off.shift(at), {place: 1.0, width: -trade_off.slope(at)}
 
 
 def combined(parts: Sequence[tuple[float, Mapping[int, float]]]) -> dict[int, float]:

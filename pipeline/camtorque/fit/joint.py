@@ -164,7 +164,7 @@ def met_badly(solution: JointSolution) -> list[bool]:
     return [bool(value > limit) for value in solution.misfits]
 
 
-def with_bad_anew(problem: Problem, solution: JointSolution, each: Each = in_turn) -> tuple[Problem, JointSolution]:
+def with_bad_anew(problem: Problem, solution: JointSolution, each: Each) -> tuple[Problem, JointSolution]:
     """Return a joint minimum with what it meets much worse than the median searched anew, where that ends lower."""
     bad = met_badly(solution)
     if not any(bad):
@@ -243,7 +243,7 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     return replace(best, lift_basis=item.lift_basis)
 
 
-def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads: int = 1) -> CampaignFit:
+def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads: int) -> CampaignFit:
     """Return the joint fit of several recordings of one pump.
 
     Parameters
@@ -281,7 +281,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         return joint_recording(fit, index, item), alone if others is None else predicted(fit, others, index, item)
 
     fitted, without = zip(*each(told, range(len(used))), strict=True)
-    shared = tuple(row for row in parameter_estimates(fit.recording(0), 0) if row.role == "shared")
+    shared = tuple(row for row in parameter_estimates(fit.recording(0)) if row.role == "shared")
     findings = (
         *prior_findings(shared),
         *(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,10 +27,14 @@ class JointCovariance(ReadOnly):
     """Covariance of all parameters of a joint fit; its fields are those of `uncertainty.Covariance`."""
 
     arrow: ArrowCovariance
-    std: Array
     prior_std: Array
     inflation: float
     freedom: float
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations, (k,) [SI]; kept, as every recording that is left out asks for them."""
+        return self.arrow.std
 
 
 @dataclass(frozen=True)
@@ -63,9 +68,8 @@ class JointFit(ReadOnly):
             self.solution.gradient[places], (), (), (), self.solution.iterations, self.solution.evaluations,
             self.solution.converged,
         )  # fmt: skip
-        return Fit(
-            small, light, known, {name: shift[places] for name, shift in self.shifts.items()}, (), (), (), (), (), ()
-        )
+        shifts = {name: shift[places] for name, shift in self.shifts.items()}
+        return Fit(small, light, known, shifts, nothing, (), (), (), np.zeros(0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ class JointRecording:
 
 
 def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovariance:
-    """Return the covariance at a joint minimum, as `uncertainty.covariance_of` does for one recording."""
+    """Return the covariance at a joint minimum, as `uncertainty.covariance` does for one recording."""
     before = prior_std(problem)
     blocks, count = solution.hessian.blocks, len(problem.data)
 
@@ -91,7 +95,7 @@ def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovarian
     freedom = max(INDEPENDENT * count - taken, LEAST_FREEDOM * count)
     inflation = max(1.0, solution.data_chi_square / freedom)
     found = inverse(inflation)
-    return JointCovariance(found, found.std, before, inflation, freedom)
+    return JointCovariance(found, before, inflation, freedom)
 
 
 def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
@@ -146,5 +150,5 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
         "fitted_held_out_cycles": scored(means.held_torque, held),
     }  # fmt: skip
     explained = is_explained(means.torque - fitted, means.odd_even, float(np.max(means.torque_all)))
-    own = tuple(row for row in parameter_estimates(fit.recording(index), 0) if row.role == "own")
+    own = tuple(row for row in parameter_estimates(fit.recording(index)) if row.role == "own")
     return JointRecording(own, problem.data[index].structure, found, explained)

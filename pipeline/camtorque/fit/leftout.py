@@ -108,7 +108,7 @@ def left_out_values(fit: JointFit, found: Shares, index: int) -> Array:
     z, scale = fit.solution.z.copy(), fit.covariance.prior_std[places]
     here = z[places]
     lower, upper = (bound[places] for bound in fit.problem.bounds)
-    information = _cautious((found.matrix - matrix) * np.outer(scale, scale))
+    information = _regularised((found.matrix - matrix) * np.outer(scale, scale))
     pull = scale * (found.vector - vector)
     step = scale * bounded_quadratic(
         information, pull, (lower - here) / scale, (upper - here) / scale, np.zeros(here.size)
@@ -118,7 +118,7 @@ def left_out_values(fit: JointFit, found: Shares, index: int) -> Array:
     return z
 
 
-def _cautious(information: Array) -> Array:
+def _regularised(information: Array) -> Array:
     """Return information in units of the prior's; what it says less of than the prior stays put."""
     values, vectors = np.linalg.eigh(information)
     kept = np.where(values > LEAST_INFORMATION, values, max(float(values[-1]), 1.0) / LEAST_INFORMATION)
@@ -169,7 +169,7 @@ def _key(problem: Problem, k: int) -> tuple[str, str]:
 
 
 @dataclass(frozen=True)
-class Others:
+class LeaveOneOut:
     """What predictions of each recording by the others rest on.
 
     found : shares of the equations; known : the joint fit as `predict --from` takes it; curves : line pressures by
@@ -182,14 +182,14 @@ class Others:
     lift: Asked
 
 
-def left_out(fit: JointFit) -> Others:
+def left_out(fit: JointFit) -> LeaveOneOut:
     """Return what predictions of left-out recordings rest on."""
     data, cov = fit.problem.data, fit.covariance
     recordings = tuple(FittedAt(item.name, item.chain.speed, item.structure, 0.0, True) for item in data)
     shown = shown_covariance(fit.solution, cov)
     known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, shown)
     curves = {item.name: Curve(item.chain.theta, item.chain.line_pressure, item.chain.speed) for item in data}
-    return Others(shares(fit.solution), known, curves, asked_by_all(fit.problem, fit.solution.z, cov.inflation))
+    return LeaveOneOut(shares(fit.solution), known, curves, asked_by_all(fit.problem, fit.solution.z, cov.inflation))
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class Predicted:
     settled: bool
 
 
-def predicted(fit: JointFit, others: Others, index: int, item: JointInput) -> Predicted:
+def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) -> Predicted:
     """Return both predictions of a recording by the others."""
     problem = fit.problem
     z, settled = fitted_without(fit, others.found, index)

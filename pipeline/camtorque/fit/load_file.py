@@ -42,7 +42,7 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
     ------
     Refusal : no pressure, or so few points that what lies between them is a guess
     """
-    theta = np.arange(FIT_GRID) * 2.0 * np.pi / FIT_GRID
+    theta = np.arange(FIT_GRID) * TURN / FIT_GRID
     top = float(np.max(file.pressure))
     if top <= 0.0:
         raise Refusal(
@@ -58,7 +58,7 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
             f"{100.0 * worst:.0f} % of its highest only, expected {100.0 * MOST_GUESSED:.0f} % or better; give a point "
             "every half degree, or name the recording itself with --load-of"
         )
-    std = np.interp(theta, file.theta, known, period=2.0 * np.pi)
+    std = np.interp(theta, file.theta, known, period=TURN)
     return Curve(theta, pressure_at(file, theta), float("nan"), step, file.theta, std)
 
 

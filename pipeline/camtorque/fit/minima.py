@@ -41,10 +41,10 @@ class Candidate:
     @property
     def value(self) -> float:
         """Chi-square with priors, and what the other half of the cycles and the sheet's cam say."""
-        return self.solution.chi_square + self.unseen + self.light
+        return self.solution.chi_square + self.unseen + self.light_cam_penalty
 
     @property
-    def light(self) -> float:
+    def light_cam_penalty(self) -> float:
         """Chi-square of a cam's side that turns more lightly than the sheet's cam alone: no bench has that."""
         values, _ = self.problem.values(self.solution.z, 0)
         if values["shaft_compliance"] <= RIGID:

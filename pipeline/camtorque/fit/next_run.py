@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import Trial, normal_equations
 from camtorque.fit.uncertainty import inverse
-from camtorque.laws.chain import SHIFT_NAMES
+from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput
 from camtorque.records import Array
 
 TOOTH_STD = np.radians(0.02)
@@ -46,16 +46,21 @@ def proposals(fit: Fit) -> list[tuple[str, Array]]:
     return result
 
 
+def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
+    """Return by how much each parameter of the driveline turns a second tooth against the first [rad/SI]."""
+    place, columns = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi), output.motion.shifts[0].T
+    return {
+        name: float(np.interp(place, chain.theta, column, period=2.0 * np.pi))
+        for name, column in zip(SHIFT_NAMES, columns, strict=True)
+        if name != "trigger_offset"
+    }
+
+
 def _tooth(fit: Fit) -> Array:
     """Return the information that the angle between two teeth brings."""
-    problem, output = fit.problem, fit.solution.outputs[0]
-    chain = problem.data[0].chain
-    place = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi)
-    row = np.zeros(problem.size)
-    for k, parameter in enumerate(problem.parameters):
-        if parameter.row.name in SHIFT_NAMES and parameter.row.name != "trigger_offset":
-            column = output.motion.shifts[0][:, SHIFT_NAMES.index(parameter.row.name)]
-            row[k] = np.interp(place, chain.theta, column, period=2.0 * np.pi)
+    problem = fit.problem
+    turned = tooth_shifts(problem.data[0].chain, fit.solution.outputs[0])
+    row = np.array([turned.get(parameter.row.name, 0.0) for parameter in problem.parameters])
     return np.outer(row, row) / TOOTH_STD**2
 
 

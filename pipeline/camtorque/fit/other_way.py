@@ -30,7 +30,7 @@ SHAFTS, CAM_SIDES = (15.0e-6, 150.0e-6), (1.5, 4.0)
 OCTAVES = (0.5, 2.0)
 """Factors at which the coupling's frequency is tried."""
 TOO_LIGHT = 1.0
-"""Chi-square of a light cam's side (`Candidate.light`) from which shafts that ring alike are tried."""
+"""Chi-square of a light cam's side (`Candidate.light_cam_penalty`) from which shafts that ring alike are tried."""
 GAINED, SHARE, ROUNDS = 0.5, 0.03, 3
 """What a minimum has to gain, and as a share of chi-square; how often all is turned once more from the one that did."""
 
@@ -41,7 +41,7 @@ def turned(best: Candidate) -> list[FitData]:
     if best.doubt > UNSURE:
         found = [{name: other_end(data, name, ends)} for name, ends in WAYS.items() if best.problem.index(name) >= 0]
         found += driveline_turned(data)
-    if best.light > TOO_LIGHT:
+    if best.light_cam_penalty > TOO_LIGHT:
         found += ringing_alike(data)
     return [with_starts(data, values) for values in found]
 

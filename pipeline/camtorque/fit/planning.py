@@ -14,7 +14,7 @@ import numpy as np
 
 from camtorque.fit.forecast import settled, values_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.next_run import TOOTH_ANGLE, TOOTH_STD
+from camtorque.fit.next_run import TOOTH_STD, tooth_shifts
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
@@ -63,7 +63,7 @@ class Point(ReadOnly):
 
 
 @dataclass(frozen=True)
-class Number(ReadOnly):
+class TargetQuantity(ReadOnly):
     """A number of a fit: gradient by its parameters (k,), and the part of its uncertainty that no run narrows [SI].
 
     That part is what the report states beside the covariance of the fit: other structures and laws, the sensor's gain.
@@ -103,16 +103,13 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, sc
     by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
     tooth = np.zeros(len(known.names))
-    angle = np.mod(chain.trigger_angle + TOOTH_ANGLE, 2.0 * np.pi)
-    own = []
+    turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):
         if ROWS[name].role == "own":
             own.append(by[:, at] * _spread(name))
             continue
         shared[:, k] = by[:, at]
-        if name in SHIFT_NAMES and name != "trigger_offset":
-            column = output.motion.shifts[0][:, SHIFT_NAMES.index(name)]
-            tooth[k] = np.interp(angle, chain.theta, column, period=2.0 * np.pi)
+        tooth[k] = turned.get(name, 0.0)
     torque = output.torque + output.linear @ coefficients_of(values)
     return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, scatter)
 
@@ -139,7 +136,7 @@ def information(point: Point, offer: Offer, runs: int) -> Array:
 
 
 def plan(
-    known: KnownFit, target: Number, wanted: float, points: Sequence[Point], durations: Sequence[float],
+    known: KnownFit, target: TargetQuantity, wanted: float, points: Sequence[Point], durations: Sequence[float],
     teeth: Sequence[bool] = (False, True),
 ) -> tuple[Step, ...]:  # fmt: skip
     """Return the runs that bring the standard uncertainty of a number to ``wanted`` [SI], best first.
@@ -165,7 +162,7 @@ def plan(
         enough = [row for row in tried if row.std <= wanted]
         if enough:
             sufficient.append([*chosen, min(enough, key=lambda row: (row.minutes, row.std))])
-        best = _most_per_minute(tried, std)
+        best = max(tried, key=lambda row: float(np.log(std / row.std)) / row.minutes)
         chosen, std = [*chosen, best], best.std
     if std <= wanted and chosen:
         sufficient.append(chosen)
@@ -175,13 +172,8 @@ def plan(
     return tuple(min(trimmed, key=lambda rows: sum(row.minutes for row in rows)))
 
 
-def _most_per_minute(tried: Sequence[Step], std: float) -> Step:
-    """Return the run that narrows most per minute."""
-    return max(tried, key=lambda row: float(np.log(std / row.std)) / row.minutes)
-
-
 def weighed(
-    known: KnownFit, target: Number, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
+    known: KnownFit, target: TargetQuantity, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
 ) -> list[Step]:
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
@@ -198,8 +190,8 @@ def weighed(
     return found
 
 
-def needed(known: KnownFit, target: Number, wanted: float, chosen: Sequence[Step]) -> list[Step]:
-    """Return the runs without those that later ones made needless, the dearest of these first."""
+def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step]) -> list[Step]:
+    """Return the runs without those that later ones made needless, the most expensive of these first."""
     kept = list(chosen)
     for row in sorted(chosen, key=lambda item: -item.minutes):
         rest: list[Step] = []

@@ -36,20 +36,20 @@ def explains(item: FitData, solution: Solution, odd_even: float) -> bool:
     return is_explained(left, odd_even, float(np.max(item.torque)))
 
 
-def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance, index: int) -> Array:
+def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance) -> Array:
     """Return the rms error on each block of `BLOCK_DEG` that the fit has not seen, by its own linear model, (m,) [N m].
 
     Each block's residual without it is ``(I - J_b C J_b')^-1 r_b``, exact where the model is linear. Where one block
     alone tells a parameter the matrix is nearly singular: the size of such an error says no more than that.
     """
-    item, output = problem.data[index], solution.outputs[index]
-    own, chain = problem.places[index]
+    item, output = problem.data[0], solution.outputs[0]
+    own, chain = problem.places[0]
     jacobian = np.column_stack([output.derivative, output.linear])[:, chain] * item.weight[:, None]  # type: ignore[list-item]
-    lift = solution.lifts[index]
+    lift = solution.lifts[0]
     scale = cov.prior_std[own]
     columns = np.column_stack([jacobian * scale, lift.vectors * lift.strength])
     matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
-    residual = solution.residuals[index]
+    residual = solution.residuals[0]
     left = lift.beside(residual)
     errors = []
     for place in np.array_split(np.arange(BINS), round(360.0 / BLOCK_DEG)):

@@ -28,7 +28,7 @@ from camtorque.fit.uncertainty import (
     knowledge,
     pressure_jacobian,
     uncertainty_budget,
-    untold,
+    unresolved_amplitude,
     without_spikes,
 )
 from camtorque.fit.work import sureness
@@ -76,11 +76,11 @@ class Modelled:
         return np.sum(list(self.by_cause.values()), axis=0)
 
 
-def model_on_grid(fit: Fit, index: int, torque: Array, pressure: Array) -> Modelled:
-    """Return the model of one recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
+def model_on_grid(fit: Fit, torque: Array, pressure: Array) -> Modelled:
+    """Return the model of a recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
     solution = fit.solution
-    lifts = solution.lifts[index].coefficients(solution.residuals[index])
-    return modelled(fit.problem, solution.z, index, lifts, fit.measured[index], (torque, pressure))
+    lifts = solution.lifts[0].coefficients(solution.residuals[0])
+    return modelled(fit.problem, solution.z, 0, lifts, fit.measured, (torque, pressure))
 
 
 def modelled(
@@ -149,38 +149,37 @@ def resampled(values: Array, n: int) -> Array:
 
 
 def fitted_torque(
-    fit: Fit, index: int, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
+    fit: Fit, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
 ) -> FittedTorque:
-    """Return the record of one recording of a fit.
+    """Return the record of a fit.
 
     Parameters
     ----------
-    fit : full model of one or several recordings
-    index : which recording
+    fit : full model of the recording
     recording, cycles, rigid, means : the recording, its cycles, rigid solution and mean cycles
     """
-    fitted = model_on_grid(fit, index, means.torque, means.pressure)
-    held = model_on_grid(fit, index, means.held_torque, means.held_pressure)
-    parameters = parameter_estimates(fit, index)
+    fitted = model_on_grid(fit, means.torque, means.pressure)
+    held = model_on_grid(fit, means.held_torque, means.held_pressure)
+    parameters = parameter_estimates(fit)
     config = recording.config
     smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
     motion = fitted.output.motion
-    _, coefficients = fit.problem.values(fit.solution.z, index)
+    _, coefficients = fit.problem.values(fit.solution.z, 0)
     arms = (float(coefficients[COLUMN_NAMES.index(name)]) for name in ("bearing_arm", "pin_arm"))
     friction = Friction(fitted.values["guide_friction"], *arms)
     mounting = Mounting(rotation=config.rotation)
     tables = closed_form_tables(config.pump, smooth, motion.theta, mounting, friction)
     forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
-    pressure_std = _pressure_std(fit, index, fitted)
+    pressure_std = _pressure_std(fit, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
-    sure = sureness(fit, index, rigid, means.torque_all)
+    sure = sureness(fit, rigid, means.torque_all)
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
     left = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
     chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
-    delivered = delivered_volume(fit, index) if "delivered_volume" in cycles.channels else None
+    delivered = delivered_volume(fit) if "delivered_volume" in cycles.channels else None
     return FittedTorque(
         effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
         parameters=parameters, correlation=_correlation(fit),
@@ -188,30 +187,28 @@ def fitted_torque(
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
         chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
-        contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, index, fitted, means),
+        contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, fitted, means),
         losses_stderr=sure.work, gap_stderr=sure.gap,
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
-        next_measurement=next_measurement(fit) if len(fit.problem.data) == 1 else (),
+        next_measurement=next_measurement(fit),
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
             *fit_findings(fit, fitted.chain, fitted.output, None if explained else left),
         ),
-        details={**_details(fit, index, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
+        details={**_details(fit, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
         bumps=residual_bumps(residual, means.torque - means.held_torque, fitted), explained=explained,
     )  # fmt: skip
 
 
-def parameter_estimates(fit: Fit, index: int) -> tuple[ParameterEstimate, ...]:
-    """Return the parameters of one recording: shared ones and its own, then what the structure leaves out."""
+def parameter_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
+    """Return the parameters of a recording, then what the structure leaves out."""
     problem, total = fit.problem, fit.std
     rows = []
     for k, parameter in enumerate(problem.parameters):
-        if parameter.recording not in (-1, index):
-            continue
         row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
         low, high = confidence(value, std, row.lower, row.upper)
         before = float(fit.covariance.prior_std[k])
@@ -248,18 +245,18 @@ def _correlation(fit: Fit) -> Array:
     return fit.covariance.matrix / np.outer(std, std)
 
 
-def _details(fit: Fit, index: int, fitted: Modelled, recording: Recording, peak: float) -> dict[str, object]:
+def _details(fit: Fit, fitted: Modelled, recording: Recording, peak: float) -> dict[str, object]:
     solution, problem = fit.solution, fit.problem
-    blocks = 100.0 / peak * block_cross_validation(problem, solution, fit.covariance, index)
+    blocks = 100.0 / peak * block_cross_validation(problem, solution, fit.covariance)
     sheet = recording.of("torque")[0].calibration
-    absolute, zero = float("nan"), problem.data[index].rows["torque_zero"].prior
+    absolute, zero = float("nan"), problem.data[0].rows["torque_zero"].prior
     if sheet is not None and zero is not None:
         absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(zero[1], sheet.nonlinearity_std) / peak))
     spreads = dict(fit.shifts)
     return {
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": fitted.lift_correction, "flows": fitted.output.flows,
-        "delivery": problem.data[index].structure, "budget": uncertainty_budget(problem, fit.covariance, spreads),
+        "delivery": problem.data[0].structure, "budget": uncertainty_budget(problem, fit.covariance, spreads),
         "block_cv_percent": blocks.tolist(), "absolute_uncertainty_percent": absolute,
         "freedom": fit.covariance.freedom,
     }  # fmt: skip
@@ -274,28 +271,29 @@ def _metrics(means: MeanCycles, fitted: Array, held: Array, rigid: RigidTorque) 
     }
 
 
-def _losses(fit: Fit, index: int, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
+def _losses(fit: Fit, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
     """Return work per revolution by cause [J], the input and how well they close."""
     work = work_per_revolution(fitted.chain, fitted.values, fitted.output, fitted.cam)
-    _, coefficients = fit.problem.values(fit.solution.z, index)
+    _, coefficients = fit.problem.values(fit.solution.z, 0)
     felt = sum(float(np.mean(fitted.cam[name])) for name in ON_BRIDGE_ALONE)
     total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]) - felt) + drive_work(
         fitted.chain, fitted.values
     )
-    return {**work, "input": total, "closure_percent": 100.0 * (total - sum(work.values())) / total}
+    closure = 100.0 * (total - sum(work.values())) / total if total else float("nan")
+    return {**work, "input": total, "closure_percent": closure}
 
 
-def _pressure_std(fit: Fit, index: int, fitted: Modelled) -> Array | None:
+def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:
     """Return the total standard uncertainty of the chamber pressure over angle, (n_theta,) [Pa]."""
     tangents = fitted.output.pressure_tangents
     if tangents is None or not fitted.chain.uses_chamber:
         return None
-    jacobian, own = pressure_jacobian(fit.problem, index, tangents)
+    jacobian, own = pressure_jacobian(fit.problem, tangents)
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(own, own)], jacobian)
-    for shift in fit.pressure_shifts[index]:
+    for shift in fit.pressure_shifts:
         variance = variance + resampled(shift, variance.size) ** 2
-    gain = fit.pressure_gain_std[index] * fitted.output.pressure
-    variance = variance + gain**2 + untold(fitted.output, fitted.chain.line_pressure) ** 2
+    gain = fit.pressure_gain_std * fitted.output.pressure
+    variance = variance + gain**2 + unresolved_amplitude(fitted.output, fitted.chain.line_pressure) ** 2
     return without_spikes(fitted.output.pressure, np.sqrt(np.maximum(variance, 0.0)))
 
 

@@ -69,7 +69,7 @@ Items = dict[str, list[FitData]]
 
 
 @dataclass(frozen=True)
-class Seen:
+class SearchData:
     """Both halves of a recording as a search sees them.
 
     ``lost`` is the torque that twists the shaft unseen by the transducer, on the fine grid [N m].
@@ -166,7 +166,7 @@ def hop_from(found: Found, hop: int, elsewhere: bool) -> FitData:
     return redrawn(start, REDRAWN[part % len(REDRAWN)], hop)
 
 
-def hops(found: Found, seen: Seen, most: Hops) -> Iterator[tuple[str, Found]]:
+def hops(found: Found, seen: SearchData, most: Hops) -> Iterator[tuple[str, Found]]:
     """Yield what was found with what follows from drawing liquid, valve or driveline of the best minimum anew.
 
     They stand in for one another in many ways, each a minimum of its own that no small step leaves. Two at a time hop
@@ -261,7 +261,7 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     structures : that are tried
     most : hops between minima
     """
-    seen = Seen(halves, np.zeros(halves.fitted.chain.theta.size))
+    seen = SearchData(halves, np.zeros(halves.fitted.chain.theta.size))
     first = descend({name: candidates(seen.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
     found = extended(Found({name: [] for name in structures}), first, seen)
     seen, found = with_lost_torque_anew(seen, found)
@@ -282,7 +282,7 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     yield from hops(found, seen, most)
 
 
-def with_lost_torque_anew(seen: Seen, found: Found) -> tuple[Seen, Found]:
+def with_lost_torque_anew(seen: SearchData, found: Found) -> tuple[SearchData, Found]:
     """Return both halves with the torque that the transducer does not see at the best minimum, and that one again."""
     if found.best is None or found.value > UNEXPLAINED:
         return seen, found
@@ -291,7 +291,7 @@ def with_lost_torque_anew(seen: Seen, found: Found) -> tuple[Seen, Found]:
     return seen, extended(found, {start.data.structure: [found.start]}, seen)
 
 
-def extended(found: Found, more: Starts, seen: Seen) -> Found:
+def extended(found: Found, more: Starts, seen: SearchData) -> Found:
     """Return what was found with further starts and the minima that the promising ones among them lead to."""
     starts = joined(found.starts, more)
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)

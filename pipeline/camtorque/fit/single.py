@@ -65,23 +65,23 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Fit:
-    """Everything that the fit of one or several recordings consists of.
+    """Everything that the fit of a recording consists of.
 
     ``shifts`` are further standard uncertainties by source, (k,) each [SI]; ``pressure_shifts`` those of the chamber
-    pressure by recording, (n_shift, n) [Pa]; ``probabilities`` of the candidates; ``measured`` the mean torque of each
-    recording on the grid of the fit [N m]; ``pressure_gain_std`` relative, of each recording.
+    pressure, (n_shift, n) [Pa]; ``probabilities`` of the candidates; ``measured`` the mean torque on the grid of the
+    fit, (n,) [N m]; ``pressure_gain_std`` relative.
     """
 
     problem: Problem
     solution: Solution
     covariance: Covariance
     shifts: Mapping[str, Array]
-    pressure_shifts: tuple[Array, ...]
+    pressure_shifts: Array
     candidates: tuple[Candidate, ...]
     probabilities: tuple[float, ...]
     evidence: tuple[LossEvidence, ...]
-    measured: tuple[Array, ...]
-    pressure_gain_std: tuple[float, ...]
+    measured: Array
+    pressure_gain_std: float
 
     @property
     def std(self) -> Array:
@@ -187,8 +187,8 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     gain = pressure_gain_std(prepared.recording)
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)
     return Fit(
-        problem, solution, cov, shifts, (np.array(pressures),), prepared.candidates, probabilities, evidence,
-        (prepared.measured,), (gain,),
+        problem, solution, cov, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
+        prepared.measured, gain,
     )  # fmt: skip
 
 
@@ -196,7 +196,7 @@ def pressure_moved(best: Candidate, shift: Array) -> Array:
     """Return how far a shift of the parameters (k,) [SI] moves the chamber pressure, (n,) [Pa]."""
     tangents = best.solution.outputs[0].pressure_tangents
     assert tangents is not None
-    jacobian, places = pressure_jacobian(best.problem, 0, tangents)
+    jacobian, places = pressure_jacobian(best.problem, tangents)
     return np.asarray(jacobian @ shift[places])
 
 

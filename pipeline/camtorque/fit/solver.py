@@ -1,4 +1,6 @@
-"""Separable least squares for 1 to n recordings: exact derivatives, bounds, priors, one test of convergence.
+"""Separable least squares for one recording or a few: exact derivatives, bounds, priors, one test of convergence.
+
+Many recordings go through `joint_solver`.
 
 At each trial of the non-linear parameters the linear ones are solved within their bounds (variable projection; Golub
 & Pereyra, Inverse Problems 19 (2003), Kaufman's form of the derivative). The correction of the lift table enters as

@@ -41,7 +41,7 @@ RETRACTIONS = (5.0e-9, 25.0e-9)
 SMOOTHINGS_DEG = (14.0, 7.0, 3.5, 1.5, 0.0)
 SEARCH_LIFT_CUT = 0.3
 """Weakest mode of the lift correction in the search, where only what is large counts."""
-ITERATIONS, TEMPERINGS = 8, 2
+ITERATIONS, REWEIGHTINGS = 8, 2
 """Iterations of a rung, and how often the weights are adapted to the residual within them."""
 LEFT_AT_LAST = 2
 """Starts of a structure that are followed to the end of the ladder."""
@@ -145,8 +145,8 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     smooth = smoother(width)
     try:
         trial = try_at(problem, problem.start, lifts, smooth, first)
-        for _ in range(TEMPERINGS):
-            near = approach(tempered(problem, trial), trial, iterations // TEMPERINGS, lifts, width)
+        for _ in range(REWEIGHTINGS):
+            near = approach(reweighted(problem, trial), trial, iterations // REWEIGHTINGS, lifts, width)
             trial = try_at(problem, near.z, lifts, smooth, near.outputs)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None  # a start so far off that its tangents overflow
@@ -154,7 +154,7 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     return Start(with_starts(data, starts), lifts, trial.chi_square)
 
 
-def tempered(problem: Problem, trial: Trial) -> Problem:
+def reweighted(problem: Problem, trial: Trial) -> Problem:
     """Return a problem of one recording whose weights make the residual of a trial just what they expect.
 
     Far from the truth the sheets and what is usual would else count nothing against a residual of ten thousand, and

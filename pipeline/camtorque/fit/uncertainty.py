@@ -72,27 +72,15 @@ def inverse(matrix: Array) -> Array:
 
 def covariance(problem: Problem, solution: Solution) -> Covariance:
     """Return the covariance at a minimum; a parameter at its bound keeps the width that it has without it."""
-    lift_share = sum(float(np.sum(lift.shrink)) for lift in solution.lifts)
-    return covariance_of(problem, solution.data_hessian, lift_share, solution.data_chi_square)
-
-
-def covariance_of(problem: Problem, data_hessian: Array, lift_share: float, data_chi_square: float) -> Covariance:
-    """Return the covariance at a minimum.
-
-    Parameters
-    ----------
-    data_hessian : (k, k) Gauss-Newton matrix without the priors [1/SI^2]
-    lift_share : number of values that the lift correction takes
-    data_chi_square : of the residuals, without the priors
-    """
     before = prior_std(problem)
     prior = np.diag(1.0 / before**2)
-    matrix = inverse(data_hessian + prior)
-    taken = float(np.sum(matrix * data_hessian)) + lift_share
+    matrix = inverse(solution.data_hessian + prior)
+    lift_share = sum(float(np.sum(lift.shrink)) for lift in solution.lifts)
+    taken = float(np.sum(matrix * solution.data_hessian)) + lift_share
     total = INDEPENDENT * len(problem.data)
     freedom = max(total - taken, LEAST_FREEDOM * len(problem.data))
-    inflation = max(1.0, data_chi_square / freedom)
-    information = data_hessian / inflation
+    inflation = max(1.0, solution.data_chi_square / freedom)
+    information = solution.data_hessian / inflation
     matrix = inverse(information + prior)
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
 
@@ -112,14 +100,13 @@ def along_valley(cov: Covariance, index: int, std: float) -> Array:
     return np.asarray(column / column[index] * np.sqrt(missing) if missing > 0.0 else np.zeros(column.size))
 
 
-def pressure_jacobian(problem: Problem, index: int, tangents: Array) -> tuple[Array, list[int]]:
+def pressure_jacobian(problem: Problem, tangents: Array) -> tuple[Array, list[int]]:
     """Return the derivative of a recording's chamber pressure (n, m) [Pa/SI] by parameters, and their places (m,).
 
     ``tangents`` are those of `camtorque.laws.chain.ChainOutput`.
     """
     columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
-    free = enumerate(problem.parameters)
-    own = [k for k, one in free if one.recording in (-1, index) and one.row.name in columns]
+    own = [k for k, one in enumerate(problem.parameters) if one.row.name in columns]
     return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
 
 
@@ -129,7 +116,7 @@ def delivering(output: ChainOutput) -> NDArray[np.bool_]:
     return np.asarray(flow > DELIVERING * np.max(flow))
 
 
-def untold(output: ChainOutput, line: Array) -> Array:
+def unresolved_amplitude(output: ChainOutput, line: Array) -> Array:
     """Return the amplitude of what may swing in the chamber too fast for the torque to tell, (n,) [Pa].
 
     That is what the fitted chamber does and, while it delivers, what the line pressure (n,) [Pa] does: how much of that

@@ -133,7 +133,7 @@ def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
         slope = slopes[name]
         std = float(np.sqrt(np.maximum(slope @ found.covariance @ slope, 0.0)))
         free = float(np.sqrt(np.sum((slope * found.free_std) ** 2)))
-        told = bool(members) and _group_probability(found, members) > TOLD
+        told = bool(members) and found.moved(*members) > TOLD
         moved = after[name] - base[name]
         matters = SMALL_LOSS * max(abs(base[name]), 0.01 * abs(total))
         mean = float(slope @ found.free_mean)
@@ -143,12 +143,6 @@ def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
             Difference(name, base[name], after[name], moved, std, "J per revolution", kind, SEEN * free, matters)
         )
     return tuple(result)
-
-
-def _group_probability(found: Attribution, members: tuple[str, ...]) -> float:
-    """Return the probability that some event moved parameters of a loss."""
-    pairs = zip(found.hypotheses, found.probabilities, strict=True)
-    return float(sum(p for item, p in pairs if any(n in CHANGES[g] for g in item.groups for n in members)))
 
 
 def _slopes(pair: Pair, found: Attribution) -> Mapping[str, Array]:

@@ -38,42 +38,41 @@ def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array)
     return _work(chain, values, *_caused(chain, values, coefficients))
 
 
-def sureness(fit: Fit, index: int, rigid: RigidTorque, measured: Array) -> Sureness:
-    """Return how sure work and torque by cause of one recording are.
+def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> Sureness:
+    """Return how sure work and torque by cause of a recording are.
 
     Parameters
     ----------
     rigid : rigid solution, whose strokes are meant
     measured : (n_theta,) mean measured torque on the grid of ``rigid`` [N m]
     """
-    chain = fit.problem.data[index].chain
+    chain = fit.problem.data[0].chain
     parts = _parts(chain, rigid, measured)
-    work, gap = _both(chain, *fit.problem.values(fit.solution.z, index), rigid, parts)
+    work, gap = _both(chain, *fit.problem.values(fit.solution.z, 0), rigid, parts)
 
     def flat(values: Mapping[str, float], coefficients: Array) -> Array:
         after = _both(chain, values, coefficients, rigid, parts)
         return np.concatenate([list(after[0].values()), *after[1].values()])
 
-    std = carried(fit, index, flat)
+    std = carried(fit, flat)
     works = dict(zip(work, std.tolist(), strict=False))
     gaps = dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True))
     del works[NOT_CARRIED], gaps[NOT_CARRIED]
     return Sureness(works, gaps)
 
 
-def carried(fit: Fit, index: int, at: Callable[[Mapping[str, float], Array], Array]) -> Array:
-    """Return the standard uncertainty of numbers (m,) that hang on the values of one recording.
+def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Array:
+    """Return the standard uncertainty of numbers (m,) that hang on the values of a fit.
 
     Covariance and further shifts of the fit are carried on by differences, one parameter after the other.
     """
     problem, z = fit.problem, fit.solution.z
-    here = at(*problem.values(z, index))
+    here = at(*problem.values(z, 0))
     slopes = np.zeros((here.size, z.size))
-    for k, one in enumerate(problem.parameters):
-        if one.recording in (-1, index):
-            moved, step = z.copy(), STEP * float(fit.std[k])
-            moved[k] += step
-            slopes[:, k] = (at(*problem.values(moved, index)) - here) / step
+    for k in range(z.size):
+        moved, step = z.copy(), STEP * float(fit.std[k])
+        moved[k] += step
+        slopes[:, k] = (at(*problem.values(moved, 0)) - here) / step
     variance = np.einsum("ij,jk,ik->i", slopes, fit.covariance.matrix, slopes)
     for shift in fit.shifts.values():
         variance = variance + (slopes @ shift) ** 2

@@ -48,19 +48,19 @@ class Segment:
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a LabVIEW measurement file."""
-    result = read_table(path, _layout(path, tuple(spec.channel for spec in specs)), specs, hint)
+    segment = _segment(path)
+    result = read_table(path, _layout(path, segment, tuple(spec.channel for spec in specs)), specs, hint)
     found = max(channel.source.n_samples for channel in result.channels)
-    missing = missing_samples(found, _segment(path).largest("Samples", path), path.name)
+    missing = missing_samples(found, segment.largest("Samples", path), path.name)
     return RawFile(result.channels, (*result.findings, *missing))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the columns of a LabVIEW measurement file."""
-    return channels_of(path, _layout(path, ()))
+    return channels_of(path, _layout(path, _segment(path), ()))
 
 
-def _layout(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
-    segment = _segment(path)
+def _layout(path: Path, segment: Segment, wanted: tuple[str, ...]) -> CsvLayout:
     layout = sniff(path, wanted or (TIME,))
     # a column of times comes before all channels or before each of them, whether it is filled or not
     times = [number for number, name in enumerate(layout.names) if name == TIME]
@@ -79,10 +79,11 @@ def _layout(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
 
 
 def _segment(path: Path) -> Segment:
-    text, ends = "", 0
+    text, ends, cut = "", 0, ""
     for number, piece in enumerate(text_pieces(path, SNIFF_BYTES)):
         shown = piece.decode(encoding_of(piece), errors="replace")
-        ends += shown.count(END)
+        joined = cut + shown  # the border of two pieces may cut a mark
+        ends, cut = ends + joined.count(END), joined[1 - len(END) :]
         text += shown if number == 0 else ""
     if ends != 2:
         raise Refusal(

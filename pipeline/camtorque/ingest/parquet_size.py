@@ -15,7 +15,7 @@ from camtorque.records import Refusal
 
 HEAD_BYTES = 4096
 """A page header with its statistics is smaller."""
-TYPE, UNPACKED, PACKED, DATA, DATA_2, COUNT = 1, 2, 3, 5, 8, 1
+UNPACKED, PACKED, DATA, DATA_2, COUNT = 2, 3, 5, 8, 1
 """Fields of PageHeader, and of its data page headers."""
 STRUCT, LISTS, TEXT, DOUBLE, BOOLS, BYTE = 12, (9, 10), 8, 7, (1, 2), 3
 """Kinds of fields in the compact protocol."""

@@ -72,9 +72,7 @@ def _pitch_curvature(pump: PumpData, table: CamTable) -> float:
     """Return roller radius times the largest curvature of its centre's path: at 1 the cam ends in a point."""
     step = np.radians(SMOOTHED)
     angle = np.arange(0.0, 2.0 * np.pi, step)
-    before, lift, after = (
-        np.interp(angle + d, table.theta, table.lift, period=2.0 * np.pi) for d in (-step, 0.0, step)
-    )
+    before, lift, after = (table.at(angle + d) for d in (-step, 0.0, step))
     slope, bend = (after - before) / (2.0 * step), (after - 2.0 * lift + before) / step**2
     away, offset = slope - pump.follower_offset, pump.follower_offset
     centre = np.sqrt(max((pump.base_circle_radius + pump.roller_radius) ** 2 - offset**2, 0.0)) + lift
@@ -180,16 +178,16 @@ def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:
         return []
     at = trigger.nominal_angle + trigger.installation_tolerance * np.linspace(-1.0, 1.0, 21)
     step = np.radians(2.0)
-    lift = [np.interp(at + shift, table.theta, table.lift, period=2.0 * np.pi) for shift in (-step, step)]
+    lift = [table.at(at + shift) for shift in (-step, step)]
     where = f"{config.path} [trigger] nominal_angle_deg"
     said = f"{np.degrees(trigger.nominal_angle):g} degrees is said to be the {trigger.meaning!r}"
     hint = "the lift table is turned or the angle is wrong"
     if not np.any(lift[1] - lift[0] > 4.0 * table.resolution):
         grid = np.radians(np.arange(0.0, 360.0, 1.0))
-        rise = np.diff(np.interp(np.append(grid, grid[0] + 2.0 * np.pi), table.theta, table.lift, period=2.0 * np.pi))
+        rise = np.diff(table.at(np.append(grid, grid[0] + 2.0 * np.pi)))
         rising = np.degrees(grid[rise > 0.05 * rise.max()])
         raise Refusal(f"{where}: {said}, but the lift rises from {rising.min():g} to {rising.max():g} degrees; {hint}")
-    share = (np.interp(at, table.theta, table.lift, period=2.0 * np.pi) - table.lift.min()) / np.ptp(table.lift)
+    share = (table.at(at) - table.lift.min()) / np.ptp(table.lift)
     if share.max() >= CLOSING_LIFT[0] and share.min() <= CLOSING_LIFT[1]:
         return []
     text = (
@@ -301,7 +299,7 @@ def _contact(pump: PumpData, force: float, where: str) -> list[Finding]:
 def _steepest(table: CamTable) -> tuple[float, float]:
     """Return largest slope [m/rad] and largest rise of slope [m/rad^2], of the lift smoothed."""
     grid = np.radians(np.arange(0.0, 360.0 + SMOOTHED, SMOOTHED))
-    lift = np.interp(grid, table.theta, table.lift, period=2.0 * np.pi)
+    lift = table.at(grid)
     slope = np.diff(lift) / np.diff(grid)
     return float(np.max(np.abs(slope))), float(np.max(np.abs(np.diff(slope)))) / float(np.radians(SMOOTHED))
 

@@ -243,8 +243,8 @@ def _refuse_millivolts(
         meant = " and ".join(f"{reading:g} mV = {1e-3 * reading:g} V" for reading in large)
         raise Refusal(
             f"[sensors.{calibration.quantity}] zero_before_V, zero_after_V: found {said} V, "
-            f"{100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's on average: did you "
-            f"mean {meant}?"
+            f"{100.0 * abs(off) / calibration.largest_reading:.2g} % of the range off the certificate's on average: "
+            f"did you mean {meant}?"
         )
 
 
@@ -275,10 +275,11 @@ def _zero_findings(
         return [], 0.0
     if readings.unit == "V":
         _refuse_millivolts(off, tolerance, calibration, line, readings)
+    largest = calibration.largest_reading
     text = (
-        f"the standstill zero is {100.0 * abs(off) / calibration.range_max:.2g} % of the range off the certificate's, "
-        f"the sheet allows {100.0 * tolerance / calibration.range_max:.2g} %; the standstill zero is used, and what it "
-        f"lies beyond that ({100.0 * (abs(off) - tolerance) / calibration.range_max:.2g} %) counts as its uncertainty"
+        f"the standstill zero is {100.0 * abs(off) / largest:.2g} % of the range off the certificate's, "
+        f"the sheet allows {100.0 * tolerance / largest:.2g} %; the standstill zero is used, and what it lies beyond "
+        f"that ({100.0 * (abs(off) - tolerance) / largest:.2g} %) counts as its uncertainty"
     )
     return [Finding("zero_off_certificate", "warning", text, sheet.place)], abs(off) - tolerance
 
@@ -302,13 +303,12 @@ def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Fin
 
 def _zero_tolerance(sheet: Sheet, calibration: SensorCalibration, gain: float) -> float:
     """Return the half width of the zero in SI from the sheet: in volts, in percent of range, or the accuracy."""
-    span = max(abs(calibration.range_min), abs(calibration.range_max))
     if sheet["zero_tolerance"] is not None:
         return gain * sheet["zero_tolerance"]
     percent, accuracy = sheet.percent("zero_drift_note"), sheet.accuracy()
     if percent is not None:
-        return percent / 100.0 * span
-    return (USUAL_ACCURACY if accuracy is None else accuracy) * span
+        return percent / 100.0 * calibration.largest_reading
+    return (USUAL_ACCURACY if accuracy is None else accuracy) * calibration.largest_reading
 
 
 def _gain_std(sheet: Sheet, line: CertificateLine) -> tuple[float, list[Finding]]:

@@ -31,18 +31,14 @@ ACTIVE_MARGIN = 30.0
 """Pressure below that which opens the valve at which the finer steps begin [bar]."""
 SHIFT_NAMES = ("trigger_offset", *driveline.COMPLIANCE_NAMES)
 """Parameters that move the cam angle."""
-SHAFT_NAMES = driveline.COMPLIANCE_NAMES
-"""Parameters of the transfer from the load to the shaft."""
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
-NONLINEAR_NAMES = tuple(
-    dict.fromkeys((*chamber.NAMES, *SHIFT_NAMES, *SHAFT_NAMES, *SENSOR_NAMES, "guide_friction", "gain_error"))
-)
+NONLINEAR_NAMES = (*chamber.NAMES, *SHIFT_NAMES, *SENSOR_NAMES, "guide_friction", "gain_error")
 """Parameters that the torque is not linear in, in the order of the derivative's columns."""
 COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero")
 """Parameters that it is linear in, in the order of the columns."""
 TANGENT_UNITS = np.r_[chamber.UNITS, np.ones(len(SHIFT_NAMES))] * 1e5
 """Pressure tangents in SI per those of the compiled chamber."""
-SHAFT_PLACES = [NONLINEAR_NAMES.index(name) for name in SHAFT_NAMES]
+SHAFT_PLACES = [NONLINEAR_NAMES.index(name) for name in driveline.COMPLIANCE_NAMES]
 SENSOR_PLACES = [NONLINEAR_NAMES.index(name) for name in SENSOR_NAMES]
 BRIDGE = np.array([False, *ON_BRIDGE])
 """Which of the torque without linear parameters and its columns the bridge alone feels."""
@@ -112,7 +108,7 @@ class ChainInput(ReadOnly):
 class Motion:
     """Cam angle, its rates, and the lift with three derivatives at one set of values, (n,) and (4, n).
 
-    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 13) each.
+    ``shifts`` holds the derivatives of the angle by `SHIFT_NAMES` and of its first two angle derivatives, (n, 14) each.
     """
 
     theta: Array

@@ -109,7 +109,7 @@ class TwistBasis:
     phase: NDArray[np.complex128]
 
 
-def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: int = 0) -> TwistBasis:
+def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: int) -> TwistBasis:
     """Return the basis of a mean cycle of the shaft's torque (n,) [N m] at a speed [rad/s].
 
     A wheel on the camshaft has measured the angle up to the order ``seen``: only what is above is rebuilt.
@@ -134,9 +134,10 @@ COMPLIANCE_NAMES = (
 
 
 def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES` (k, 13) where asked for.
+    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES`, (k, 13).
 
-    The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
+    Derivatives that are not asked for are none, (k, 0). The mean torque turns nothing that a trigger on the camshaft
+    could see: the drive's term is zero at w = 0.
     """
     both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), tangents)
     return both[:, 0], both[:, 1:]

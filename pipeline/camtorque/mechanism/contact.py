@@ -57,7 +57,7 @@ def jump_speed(theta: Array, force_at_rest: Array, force_per_speed_squared: Arra
     -----
     F = F_0 + F_2 omega^2 <= 0, per angle omega^2 = -F_0 / F_2 where F_2 < 0; a negative force at rest means speed 0.
     """
-    # below a billionth of the greatest inertia the force could not vanish at any speed of this world
+    # below a billionth of the greatest inertia the force could not vanish at any realistic speed
     least = 1e-9 * np.max(np.abs(force_per_speed_squared), initial=1e-21)
     pulled = force_per_speed_squared < -least
     squared = np.maximum(force_at_rest, 0.0) / np.where(pulled, -force_per_speed_squared, least)

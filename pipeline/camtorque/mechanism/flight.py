@@ -75,7 +75,7 @@ def fly(
     lift = law.derivatives(fine, 2)
     force = c.preload + c.weight + c.stiffness * lift[0] + c.area * load
     force += c.mass * (lift[2] * speed**2 + lift[1] * change)
-    gap, events = np.zeros(fine.size), np.zeros((fine.size, 4))
+    gap, events = np.zeros(fine.size), np.zeros((fine.size, 3))
     steps = np.diff(np.append(fine, fine[0] + TURN))
     count = _fly(c, lift, force, (load, speed, change), steps, _surest(force), gap, events)
     if count < 0:
@@ -84,9 +84,7 @@ def fly(
             "expected it to land; lower the speed, or choose a stiffer or more preloaded spring"
         )
     rows = events[:count]
-    flights = tuple(
-        Flight(float(fine[int(a)]), float(fine[int(b)]), float(v), float(c.mass * v)) for a, b, v, _ in rows
-    )
+    flights = tuple(Flight(float(fine[int(a)]), float(fine[int(b)]), float(v), float(c.mass * v)) for a, b, v in rows)
     return Airborne(flights, gap[::SUBSTEPS] > 0.0)
 
 

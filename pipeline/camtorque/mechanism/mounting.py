@@ -41,6 +41,10 @@ class Mounting:
             raise ValueError(f"spring mass is {self.spring_mass} kg, expected 0 or more")
 
 
+NO_GRAVITY = Mounting()
+"""Positive rotation without gravity."""
+
+
 @dataclass(frozen=True)
 class Roller:
     """Mass [kg], moment of inertia about its axis [kg m^2], and whether they are assumed."""
@@ -74,5 +78,5 @@ class PumpUnit:
     pump: PumpData
     law: CamLaw
     phase: float = 0.0
-    mounting: Mounting = Mounting()
+    mounting: Mounting = NO_GRAVITY
     friction: Friction = NO_FRICTION

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records import CamTable
+from camtorque.records import CamTable, Finding
+from camtorque.units import DEGREE
 
 ORDER = 6
 """Order of the differences, in which a smooth lift vanishes and one wrong point leaves a row of binomials."""
@@ -38,3 +39,16 @@ def outlying_points(table: CamTable) -> NDArray[np.int64]:
     explained = size**2 * (pattern @ pattern) / np.where(energy > 0.0, energy, 1.0)
     spread = max(table.resolution / np.sqrt(12.0), FINEST, 1.4826 * float(np.median(np.abs(size))))
     return np.flatnonzero((np.abs(size) > LEAST * spread) & (explained > LIKENESS))
+
+
+def lift_outlier_findings(table: CamTable) -> tuple[Finding, ...]:
+    """Return a warning for single points that stick out: no smoothing would take them for wrong."""
+    found = outlying_points(table)
+    if not found.size:
+        return ()
+    where = ", ".join(f"{angle / DEGREE:g}" for angle in table.theta[found[:5]])
+    text = (
+        f"{found.size} point(s) of the lift table stick out of their neighbours, at {where} deg: torque and stress are "
+        "wrong there; measure them again"
+    )
+    return (Finding("lift_outlier", "warning", text, f"{where} deg"),)

@@ -18,7 +18,8 @@ from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
-from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings, table_findings
+from camtorque.mechanism.outliers import lift_outlier_findings
+from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings
 from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
@@ -150,7 +151,7 @@ def predict(
     )
     roller = assumed_roller(config.pump)
     findings = (
-        *table_findings(config), *curve_findings(pressure),
+        *(lift_outlier_findings(config.cam_table) if config.cam_table else ()), *curve_findings(pressure),
         *cam_findings(tables.kinematics, law, roller, pressure is None), *flight_findings(flights, speed),
     )  # fmt: skip
     return Prediction(

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.config.pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.flight import Flight
 from camtorque.mechanism.friction import jamming_friction
 from camtorque.mechanism.kinematics import Kinematics
 from camtorque.mechanism.mounting import Roller
-from camtorque.mechanism.outliers import outlying_points
 from camtorque.records import Array, Finding
 from camtorque.units import DEGREE, RPM
 
 WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
 """Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
-
-
-def table_findings(config: PumpConfig) -> tuple[Finding, ...]:
-    """Return a warning for single points of the lift table that stick out: no smoothing would take them for wrong."""
-    found = outlying_points(config.cam_table) if config.cam_table is not None else ()
-    if config.cam_table is None or not len(found):
-        return ()
-    where = ", ".join(f"{np.rad2deg(config.cam_table.theta[k]):g}" for k in found[:5])
-    text = f"{len(found)} point(s) of the lift table stick out of their neighbours, at {where} deg; measure them again"
-    return (Finding("lift_outlier", "warning", text, f"{where} deg"),)
 
 
 def curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:

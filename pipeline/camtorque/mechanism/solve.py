@@ -12,7 +12,7 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
 from camtorque.mechanism.flight import fly, is_revolution
 from camtorque.mechanism.friction import NO_FRICTION, Friction
-from camtorque.mechanism.mounting import Mounting, PumpUnit
+from camtorque.mechanism.mounting import NO_GRAVITY, Mounting, PumpUnit
 from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array, Forces, RigidTorque
@@ -27,7 +27,7 @@ def solve_rigid(
     acceleration: Array | float | None = None,
     *,
     method: str = "closed",
-    mounting: Mounting | None = None,
+    mounting: Mounting = NO_GRAVITY,
     friction: Friction = NO_FRICTION,
 ) -> RigidTorque:
     """Return torque by cause and all forces of one rigid pump.
@@ -53,7 +53,6 @@ def solve_rigid(
     Hertz stress read 0, bearing and guide carry weight alone. On angles that are no revolution nothing tells when it
     lands: the torque reads nan where the cam would have to pull.
     """
-    mounting = Mounting() if mounting is None else mounting
     tables = closed_form_tables(pump, law, theta, mounting, friction)
     run = prescribed_motion(1, theta, pressure, speed, acceleration)
     if method == "closed":

@@ -28,7 +28,7 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss, hertz_factor, hertz_pressure, jump_speed
 from camtorque.mechanism.friction import NO_FRICTION, Friction, guide_gain, guide_share, refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, base_height, kinematics, path_at
-from camtorque.mechanism.mounting import Mounting, assumed_roller, moving_mass
+from camtorque.mechanism.mounting import NO_GRAVITY, Mounting, assumed_roller, moving_mass
 from camtorque.records import Array, ReadOnly
 
 OUTPUTS = (
@@ -45,7 +45,6 @@ OUTPUTS = (
     "pin_y",
 )
 """What the closed form gives, in this order; signs in `ClosedForm`."""
-CAUSES = ("pressure", "spring", "inertia_follower", "inertia_cam", "inertia_roller", "gravity")
 
 
 class Constants(NamedTuple):
@@ -212,7 +211,7 @@ class ClosedForm(ReadOnly):
 
     @property
     def causes(self) -> dict[str, Array]:
-        """Name of `CAUSES`, and of the frictions that there are -> (4, n_theta); they sum to the torque's table."""
+        """Cause, and each friction that there is -> (4, n_theta); they sum to the torque's table."""
         return _causes(self.constants, self.kinematics, self.outputs["contact_y"], self.friction)
 
     def evaluate(self, name: str, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> Array:
@@ -268,20 +267,19 @@ def _causes(c: Constants, path: Kinematics, load: Array, friction: Friction) -> 
 
 
 def closed_form_tables(
-    pump: PumpData, law: CamLaw, theta: Array, mounting: Mounting | None = None, friction: Friction = NO_FRICTION
+    pump: PumpData, law: CamLaw, theta: Array, mounting: Mounting = NO_GRAVITY, friction: Friction = NO_FRICTION
 ) -> ClosedForm:
     """Return the tables of a pump at any cam angles.
 
     Parameters
     ----------
     theta : (n_theta,) cam angle, any spacing, any range [rad]
-    mounting : direction of running, gravity, guide point; positive rotation without gravity when None
+    mounting : direction of running, gravity, guide point; positive rotation without gravity where none is given
 
     Raises
     ------
     Refusal : offset too large, or a guide friction that jams the follower
     """
-    mounting = Mounting() if mounting is None else mounting
     path = kinematics(pump, law, theta, mounting.rotation)
     refuse_jammed(path, friction)
     constants = constants_of(pump, mounting, friction)

@@ -143,7 +143,7 @@ class FittedTorque(ReadOnly):
     chamber_pressure_std : (n_theta,) its total standard uncertainty [Pa]
     true_angle : (n_theta,) cam angle of each grid point after trigger angle, twist and delay [rad]
     forces : forces of the fitted model
-    losses : cause -> J per revolution, with ``input`` and ``closure_percent``
+    losses : cause -> J per revolution, with ``input`` and ``closure_percent`` (nan without input)
     losses_stderr : cause -> standard uncertainty [J per revolution], and of friction and damping together
     gap_stderr : cause -> (3,) standard uncertainty of its torque [N m]: mean over the loaded part of the forward
         stroke, over the return stroke, and where the measured torque is least there

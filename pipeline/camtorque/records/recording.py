@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.records.base import Array, Finding, ReadOnly, Refusal
 
@@ -68,6 +69,11 @@ class SensorCalibration:
     output_min_volts: float = -math.inf
     output_max_volts: float = math.inf
     filter_damping: float = math.nan
+
+    @property
+    def largest_reading(self) -> float:
+        """Largest size of a reading in the nominal range [SI]; the range of one direction may end at zero."""
+        return max(abs(self.range_min), abs(self.range_max))
 
 
 class SampleSource(Protocol):
@@ -168,6 +174,10 @@ class CamTable(ReadOnly):
         if not np.all(np.diff(self.theta) > 0.0) or self.theta[-1] - self.theta[0] >= 2.0 * np.pi:
             raise ValueError("lift table: angles have to increase strictly within one revolution")
         super().__post_init__()
+
+    def at(self, theta: NDArray[np.floating[Any]]) -> Array:
+        """Return the lift at any cam angles [rad], straight between the points of the table [m]."""
+        return np.interp(theta, self.theta, self.lift, period=2.0 * np.pi)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,16 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from camtorque.records import APART, EITHER_LOSS, KNOWLEDGE, TOGETHER, Metrics
-from camtorque.report.numbers import MINUS, fixed, near, num, plus, plus_minus, signed, words
+from camtorque.report.numbers import (
+    MINUS,
+    plus_minus,
+    rounded_to_error,
+    signed_significant,
+    significant,
+    with_decimals,
+    with_sign,
+    words,
+)
 
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 """What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
@@ -66,8 +75,8 @@ def verdict(doc: Document) -> dict[str, Any]:
     if not doc["explained"]:
         return {"level": "unexplained", "head": "UNEXPLAINED", "text": unexplained_text(doc)}
     text = (
-        f"{num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, where the "
-        f"rigid model is off by {num(rigid['rms_percent_of_peak'], 2)} %."
+        f"{significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, "
+        f"where the rigid model is off by {significant(rigid['rms_percent_of_peak'], 2)} %."
     )
     missed, odd = missed_limits(held), unusual_values(doc)
     if missed:
@@ -105,7 +114,7 @@ def missed_limits(held: Document) -> list[str]:
         (distance, GOOD_RETURN_NM, "return minimum off by", "N m"),
     )
     return [
-        f"{name} {num(value, 2)} {unit}, at most {limit:g} {unit} expected"
+        f"{name} {significant(value, 2)} {unit}, at most {limit:g} {unit} expected"
         for value, limit, name, unit in checks
         if not value <= limit
     ]
@@ -120,16 +129,16 @@ def bump_place(bump: Mapping[str, Any]) -> str:
     """Return the stretch where a residual stands out, and the phase of its largest value."""
     start, stop = bump["start_deg"], bump["stop_deg"]
     width = (stop - start) % 360.0 or 360.0
-    place = "all around" if width > AROUND_DEG else f"{fixed(start, 0)} to {fixed(stop, 0)} deg"
+    place = "all around" if width > AROUND_DEG else f"{with_decimals(start, 0)} to {with_decimals(stop, 0)} deg"
     return f"{place} ({'largest: ' if width > WIDE_DEG else ''}{bump['phase']})"
 
 
 def bump_places(doc: Document) -> str:
     """Return where the residual stands out, in words, empty where it does not."""
     return "; ".join(
-        f"{bump_place(bump)}: up to "
-        f"{signed(bump['peak_nm'])} N m, {num(bump['times_repeatability'], 2)} times what the cycles repeat"
-        + (f", swinging at {num(bump['frequency_hz'], 2)} Hz" if bump["frequency_hz"] else "")
+        f"{bump_place(bump)}: up to {signed_significant(bump['peak_nm'])} N m, "
+        f"{significant(bump['times_repeatability'], 2)} times what the cycles repeat"
+        + (f", swinging at {significant(bump['frequency_hz'], 2)} Hz" if bump["frequency_hz"] else "")
         for bump in doc["bumps"]
     )
 
@@ -138,8 +147,8 @@ def unexplained_text(doc: Document) -> str:
     """Return where the model fails, and what follows for every value on the page."""
     held, accuracy, places = doc["metrics"]["fitted_held_out_cycles"], doc["accuracy"], bump_places(doc)
     start = (
-        f"the best model stays {num(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the cycles repeat "
-        f"to {num(accuracy['repeatability_percent'], 2)} %. "
+        f"the best model stays {significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the "
+        f"cycles repeat to {significant(accuracy['repeatability_percent'], 2)} %. "
     )
     where = f"It fails (by the fitted cycles) at {places}. " if places else "The misfit is spread over the revolution. "
     return (
@@ -164,9 +173,9 @@ def gap_size(doc: Document) -> str:
     gap = math.nan if rigid["forward_gap_percent"] is None else rigid["forward_gap_percent"]
     side = "above" if gap >= 0.0 else "below"
     return (
-        f"The measured torque lies {num(abs(gap))} % {side} the rigid model on the loaded forward stroke. On the "
-        f"return stroke it falls to {fixed(rigid['return_min_measured_nm'], 1)} N m; the rigid model says "
-        f"{fixed(rigid['return_min_model_nm'], 1)} N m."
+        f"The measured torque lies {significant(abs(gap))} % {side} the rigid model on the loaded forward stroke. On "
+        f"the return stroke it falls to {with_decimals(rigid['return_min_measured_nm'], 1)} N m; the rigid model says "
+        f"{with_decimals(rigid['return_min_model_nm'], 1)} N m."
     )
 
 
@@ -196,12 +205,14 @@ def closing_text(doc: Document) -> str:
         key, error = f"{part}_nm", f"{part}_stderr_nm"
         rows = sorted((row for row in gap["causes"] if row["cause"] != "residual"), key=lambda row: -abs(row[key]))
         named = ", ".join(
-            f"{words(row['cause'])} {plus(row[key])}" + (f" ± {fixed(row[error])}" if sure(doc, row[error]) else "")
+            f"{words(row['cause'])} {with_sign(row[key])}"
+            + (f" ± {with_decimals(row[error])}" if sure(doc, row[error]) else "")
             for row in rows[:NAMED_CAUSES]
         )
-        others = f", all else {plus(sum(row[key] for row in rows[NAMED_CAUSES:]))}" if rows[NAMED_CAUSES:] else ""
+        rest = rows[NAMED_CAUSES:]
+        others = f", all else {with_sign(sum(row[key] for row in rest))}" if rest else ""
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
-        parts.append(f"{what}, {plus(gap['total'][key])} N m: {named}{others}; {plus(left)} left over.")
+        parts.append(f"{what}, {with_sign(gap['total'][key])} N m: {named}{others}; {with_sign(left)} left over.")
     evidence = doc["evidence"]
     if EITHER_LOSS in evidence:  # which of the two nobody knows
         evidence = {name: row for name, row in evidence.items() if name not in APART}
@@ -233,9 +244,9 @@ def sureness_text(doc: Document) -> str:
         text += f" {left_out_text(accuracy['block_cv_percent'])}"
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
-            f" Level: the torque as such is known to ±{num(accuracy['absolute_uncertainty_percent'], 2)} % (sensor and "
-            f"certificate), which no residual shows; plunger, cam and spring are taken as the sheet has them: 1 % "
-            f"of the plunger's diameter is 2 % of the torque of pressure."
+            f" Level: the torque as such is known to ±{significant(accuracy['absolute_uncertainty_percent'], 2)} % "
+            f"(sensor and certificate), which no residual shows; plunger, cam and spring are taken as the sheet has "
+            f"them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
         )
     text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
@@ -245,14 +256,14 @@ def left_out_text(blocks: Sequence[float]) -> str:
     """Return how well stretches of the revolution are predicted without them, in percent of the peak, and the worst."""
     width, worst = 360.0 / len(blocks), blocks.index(max(blocks))
     median, largest = statistics.median(blocks), blocks[worst]
-    place = f"{fixed(worst * width, 0)} to {fixed((worst + 1) * width, 0)} deg"
+    place = f"{with_decimals(worst * width, 0)} to {with_decimals((worst + 1) * width, 0)} deg"
     text = (
-        f"Stretches of {fixed(width, 0)} deg, left out of a fit in turn, are predicted to {num(median, 2)} % of the "
-        "peak in the middle, "
+        f"Stretches of {with_decimals(width, 0)} deg, left out of a fit in turn, are predicted to "
+        f"{significant(median, 2)} % of the peak in the middle, "
     )
     if largest > ALONE_PERCENT:
         return f"{text}but {place} not at all: what acts there, only these angles tell."
-    return f"{text}the worst ({place}) to {num(largest, 2)} %."
+    return f"{text}the worst ({place}) to {significant(largest, 2)} %."
 
 
 def known_text(rows: Collection[Document]) -> str:
@@ -265,18 +276,19 @@ def known_text(rows: Collection[Document]) -> str:
 def shape_text(accuracy: Document) -> str:
     """Return the residual on held-out cycles beside what the cycles repeat."""
     shape, repeat = accuracy["shape_residual_percent"], accuracy["repeatability_percent"]
-    text = f"Shape: the residual is {num(shape, 2)} % of the peak on cycles that were not fitted"
+    text = f"Shape: the residual is {significant(shape, 2)} % of the peak on cycles that were not fitted"
     if repeat and shape > ABOVE_NOISE * repeat:
-        return f"{text}, {num(shape / repeat, 2)} times what the cycles repeat ({num(repeat, 2)} %)."
-    return f"{text}; these repeat the fitted ones to {num(repeat, 2)} %, so they test the noise rather than the model."
+        return f"{text}, {significant(shape / repeat, 2)} times what the cycles repeat ({significant(repeat, 2)} %)."
+    repeated = significant(repeat, 2)
+    return f"{text}; these repeat the fitted ones to {repeated} %, so they test the noise rather than the model."
 
 
 def alternatives_text(doc: Document) -> str:
     """Return the other structures that the data leave possible."""
     rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY and _differs(row, doc)]
     named = "; ".join(
-        f"{_structure(k, rows, doc)} ({num(100.0 * row['probability'], 2)} %), trigger then at "
-        f"{num(row['trigger_angle_deg'], 4)} deg, chamber peak {num(row['chamber_peak_bar'], 4)} bar"
+        f"{_structure(k, rows, doc)} ({significant(100.0 * row['probability'], 2)} %), trigger then at "
+        f"{significant(row['trigger_angle_deg'], 4)} deg, chamber peak {significant(row['chamber_peak_bar'], 4)} bar"
         for k, row in enumerate(rows)
     )
     return f" Not ruled out: {named}." if named else ""
@@ -320,11 +332,11 @@ def unexplained_advice(doc: Document) -> str:
     known = doc["parameters"].get("shaft_resonance")
     if swings:
         at = known["value"] if known else 0.0
-        what = f"Something swings at {num(swings[0], 2)} Hz"
+        what = f"Something swings at {significant(swings[0], 2)} Hz"
         if at and abs(at / swings[0] - 1.0) < SAME_RESONANCE:
             what += ", where the fitted shaft rings, with another damping or driven by something else"
         elif at:
-            what += f", and the fitted shaft rings at {num(at, 2)} Hz"
+            what += f", and the fitted shaft rings at {significant(at, 2)} Hz"
         return (
             f"{what}: look for what is elastic between drive and cam or in the mounting of the transducer; tapping the "
             "shaft at standstill while recording shows how it rings."
@@ -339,18 +351,18 @@ def cards(doc: Document) -> list[dict[str, str]]:
     held, recording, chamber = doc["metrics"]["fitted_held_out_cycles"], doc["recording"], doc["chamber"]
     trigger = doc["alignment"]["trigger_angle_deg"]
     rows = [
-        (f"{fixed(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
-        (f"{num(held['rms_percent_of_peak'], 2)} %", "shape residual, RMS of the peak torque"),
-        (f"{plus(held['forward_gap_percent'])} %", "forward gap after the fit"),
+        (f"{with_decimals(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
+        (f"{significant(held['rms_percent_of_peak'], 2)} %", "shape residual, RMS of the peak torque"),
+        (f"{with_sign(held['forward_gap_percent'])} %", "forward gap after the fit"),
         (f"{_value(doc, trigger)} deg", "trigger angle"),
     ]
     if chamber and chamber["peak_bar"]:
         rows.append((f"{_value(doc, chamber['peak_bar'])} bar", "peak of the chamber pressure"))
     rows += [
-        (f"{num(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
+        (f"{significant(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
         (
-            f"{fixed(doc['losses']['input'], 2)} J",
-            f"work per revolution, {plus(doc['losses']['closure_percent'])} % unaccounted for",
+            f"{with_decimals(doc['losses']['input'], 2)} J",
+            f"work per revolution, {with_sign(doc['losses']['closure_percent'])} % unaccounted for",
         ),
         (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
     ]
@@ -359,6 +371,6 @@ def cards(doc: Document) -> list[dict[str, str]]:
 
 def _value(doc: Document, estimate: Document) -> str:
     """Return a value with its standard error, if that can be relied on."""
-    text = near(estimate["value"], estimate["stderr"])
+    text = rounded_to_error(estimate["value"], estimate["stderr"])
     has_interval = doc["explained"] and (estimate["stderr"] or 0.0) > 0.0
     return f"{text} ± {plus_minus(estimate['stderr'])}" if has_interval else text.replace("-", MINUS)

@@ -15,7 +15,7 @@ from camtorque.report.campaign_figures import drift_chart, overlay, predictions,
 from camtorque.report.campaign_view import MANY, CampaignView
 from camtorque.report.chart import Chart
 from camtorque.report.drawings import drawing_of
-from camtorque.report.numbers import fixed, named, num, plus, words
+from camtorque.report.numbers import named, significant, with_decimals, with_sign, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
@@ -86,7 +86,7 @@ def left_out_text(doc: Mapping[str, Any]) -> str:
     poor = [f"{row['name']}, {error_text(known_metrics(row['metrics']))}" for row in bad]
     text = ""
     if good:
-        ends = dict.fromkeys(num(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
+        ends = dict.fromkeys(significant(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
         who = f"with their own zero and end of delivery, {len(good)} of {len(known)} recordings are"
         text = f" Predicted from the others, {who} met within {' to '.join(ends)} % of the peak torque (RMS)."
     return text + (f" Predicted worse: {_some(poor, '; ')}." if poor else "")
@@ -104,9 +104,9 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     if rows:
         gaps = [row["metrics"]["rigid"]["forward_gap_percent"] or 0.0 for row in rows]
         if min(gaps) > 0.0:
-            how = f"lies {fixed(min(gaps), 0)} to {fixed(max(gaps), 0)} % above the rigid model"
+            how = f"lies {with_decimals(min(gaps), 0)} to {with_decimals(max(gaps), 0)} % above the rigid model"
         else:
-            how = f"differs from the rigid model by {plus(min(gaps), 0)} to {plus(max(gaps), 0)} %"
+            how = f"differs from the rigid model by {with_sign(min(gaps), 0)} to {with_sign(max(gaps), 0)} %"
         text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
     if known:
@@ -130,7 +130,7 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def campaign_page(
-    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing] = ()
+    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing]
 ) -> str:
     """Return campaign.html from campaign.json, the used recordings side by side, thumbnails and figures."""
     serious = any(row["severity"] != "info" for row in doc["findings"])

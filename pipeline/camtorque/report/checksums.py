@@ -36,7 +36,7 @@ def visible_files(folder: Path) -> list[Path]:
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
 
 
-def strangers(folder: Path) -> list[str]:
+def unlisted_files(folder: Path) -> list[str]:
     """Return the files of an output that its SHA256SUMS does not list: somebody put them there; none without one."""
     return _unlisted(folder, {found[2] for found in _lines(folder) if found}) if (folder / SUMS).is_file() else []
 

@@ -15,7 +15,7 @@ from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import write_json, write_page
-from camtorque.report.numbers import UNKNOWN, near, num, plus_minus, unit_text, words
+from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.phases import phases, strokes
 from camtorque.units import BAR, DEGREE
@@ -111,15 +111,16 @@ def compare_answer(document: Mapping[str, Any]) -> str:
     rows = {**document["parameters"], **document["losses"]}
     named = [f"{words(name)} {_difference(rows[name])}" for name in document["changed"] if name in rows]
     torque = document["torque"]
-    repeat = f"; odd and even cycles of one recording differ by {num(torque['odd_even_rms_nm'], 2)} N m"
+    repeat = f"; odd and even cycles of one recording differ by {significant(torque['odd_even_rms_nm'], 2)} N m"
     text = {
         "changed": f"{', '.join(named) or 'the torque'}.",
         "not changed": "no loss and no parameter moved by more than the smallest change that would have been seen.",
         "cannot tell": "what moved, if anything, is smaller than these recordings can tell.",
     }[document["verdict"]]
     return (
-        f"{text} The mean torque differs by {num(torque['rms_difference_nm'], 2)} N m RMS, "
-        f"{num(torque['max_difference_nm'], 2)} N m at most{repeat if torque['odd_even_rms_nm'] is not None else ''}."
+        f"{text} The mean torque differs by {significant(torque['rms_difference_nm'], 2)} N m RMS, "
+        f"{significant(torque['max_difference_nm'], 2)} N m at most"
+        f"{repeat if torque['odd_even_rms_nm'] is not None else ''}."
     )
 
 
@@ -132,16 +133,16 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
     ratio = document.get("torque", {}).get("ratio")
     if ratio is not None:
         found.append(
-            f"The torque after is {num(ratio, 3)} times that before all around the revolution, at about the same line "
-            "pressure: no pump changes so; check the torque transducer, its range and its certificate first."
+            f"The torque after is {significant(ratio, 3)} times that before all around the revolution, at about the "
+            "same line pressure: no pump changes so; check the torque transducer, its range and its certificate first."
         )
     left = max(
         (value for value in document.get("inflation", {}).get("difference", ()) if value is not None), default=0.0
     )
     if left > UNEXPLAINED_DIFFERENCE:
         found.append(
-            f"The events named here explain the difference only in part: they leave {num(left, 2)} times what these "
-            "recordings allow. Something else changed, or a sensor did; take events and sizes as hints."
+            f"The events named here explain the difference only in part: they leave {significant(left, 2)} times what "
+            "these recordings allow. Something else changed, or a sensor did; take events and sizes as hints."
         )
     return tuple(found)
 
@@ -150,7 +151,9 @@ def left_out(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return which recordings found no partner of their speed."""
     found = []
     for side in ("before", "after"):
-        rows = [f"{row['recording']} ({num(row['speed_rpm'], 4)} rpm)" for row in document[side].get("left_out", ())]
+        rows = [
+            f"{row['recording']} ({significant(row['speed_rpm'], 4)} rpm)" for row in document[side].get("left_out", ())
+        ]
         if rows:
             found.append(f"Left out of {side}, no partner of that speed: {', '.join(rows)}.")
     return tuple(found)
@@ -176,7 +179,11 @@ def _difference(row: Mapping[str, Any]) -> str:
 
 def _moved(row: Mapping[str, Any]) -> str:
     """Return a difference with its sign and as many digits as its uncertainty has."""
-    return ("+" if (row["difference"] or 0.0) > 0.0 else "") + near(row["difference"], row["stderr"])
+    return ("+" if (row["difference"] or 0.0) > 0.0 else "") + rounded_to_error(row["difference"], row["stderr"])
+
+
+def _interval(row: Mapping[str, Any]) -> str:
+    return " … ".join(rounded_to_error(end, row["stderr"]) for end in row["ci95"]) if row["stderr"] else UNKNOWN
 
 
 def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -185,11 +192,11 @@ def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
     rows = sorted(part.items(), key=lambda item: order[item[1]["verdict"]])
     return [
         {
-            "name": words(name), "verdict": row["verdict"], "before": near(row["before"], row["stderr"]),
-            "after": near(row["after"], row["stderr"]), "difference": _moved(row),
+            "name": words(name), "verdict": row["verdict"], "before": rounded_to_error(row["before"], row["stderr"]),
+            "after": rounded_to_error(row["after"], row["stderr"]), "difference": _moved(row),
             "error": plus_minus(row["stderr"]), "unit": unit_text(row["unit"]),
-            "interval": " … ".join(near(end, row["stderr"]) for end in row["ci95"]) if row["stderr"] else UNKNOWN,
-            "smallest": UNKNOWN if row["verdict"] == "changed" else num(row.get("smallest_change"), 2),
+            "interval": _interval(row),
+            "smallest": UNKNOWN if row["verdict"] == "changed" else significant(row.get("smallest_change"), 2),
         }
         for name, row in rows
     ]  # fmt: skip

@@ -12,7 +12,7 @@ from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
 from camtorque.report.gaps import RESIDUAL, GapShare, gap_shares
-from camtorque.report.numbers import UNKNOWN, fixed, num, plus, unit_text, words
+from camtorque.report.numbers import UNKNOWN, significant, unit_text, with_decimals, with_sign, words
 from camtorque.report.sources import shares, source_chart
 
 CONSERVED = 1.0e-4
@@ -42,7 +42,7 @@ def evidence(result: RunResult) -> Rows | None:
 
 
 def _evidence_text(value: float) -> str:
-    return f"> {PAST_DOUBT:g}" if value > PAST_DOUBT else num(value, 2)
+    return f"> {PAST_DOUBT:g}" if value > PAST_DOUBT else significant(value, 2)
 
 
 def _sizes(rows: tuple[LossEvidence, ...], tones: tuple[str, ...]) -> RowPanel:
@@ -64,10 +64,10 @@ def size_text(row: LossEvidence) -> str:
     """Return the size of a loss with its interval in words."""
     if not math.isfinite(row.size):
         return UNKNOWN
-    low, high = (num(end, 2) for end in row.size_ci95)
+    low, high = (significant(end, 2) for end in row.size_ci95)
     if low == high:
-        return f"{num(row.size, 2)} {unit_text(row.unit)}"
-    return f"{num(row.size, 2)} ({low} … {high}) {unit_text(row.unit)}"
+        return f"{significant(row.size, 2)} {unit_text(row.unit)}"
+    return f"{significant(row.size, 2)} ({low} … {high}) {unit_text(row.unit)}"
 
 
 def priors(result: RunResult) -> Rows | None:
@@ -96,7 +96,7 @@ def losses(result: RunResult) -> Rows:
     values = tuple(rows.values())
     errors = result.fitted.losses_stderr if result.fitted.explained else {}
     bars = _bars(values, [errors.get(name) for name in rows])
-    panel = RowPanel("work [J per revolution]", (bars,), notes=tuple(fixed(value) for value in values))
+    panel = RowPanel("work [J per revolution]", (bars,), notes=tuple(with_decimals(value) for value in values))
     return Rows(tuple(words(name) for name in rows), (panel,))
 
 
@@ -113,7 +113,7 @@ def gap(result: RunResult) -> Rows:
     sure = [row.stderr if result.fitted.explained else None for row in rows]
     panels = tuple(
         RowPanel(name, (_bars(values, [None if one is None else float(one[part]) for one in sure]),),
-                 notes=tuple(plus(v) for v in values))
+                 notes=tuple(with_sign(v) for v in values))
         for name, part, values in (
             ("forward stroke, mean [N m]", 0, tuple(row.forward for row in rows)),
             ("at the return minimum [N m]", 2, tuple(row.return_minimum for row in rows)),

@@ -12,12 +12,13 @@ from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
 from camtorque.records import Array
 from camtorque.report.bundle import CampaignResult, RunResult
+from camtorque.report.files import short
 from camtorque.units import RPM
 
 NAME = "fit.json"
 SCHEMA = "camtorque.fit/1"
 DIGITS = 7
-"""Of what ties a recording's own parameters to the shared ones."""
+"""Of what ties a recording's own parameters to the shared ones: a thousand recordings fill a file."""
 
 
 def run_fit_document(result: RunResult) -> dict[str, Any]:
@@ -57,7 +58,7 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
     lift = joint.lift
     document["lift_correction"] = {
         "first_knot": float(lift.knots[0]), "knot_step": float(lift.knots[1] - lift.knots[0]),
-        "coefficients": _rounded(lift.values[None])[0], "slope_stderr": _rounded(lift.slope_std[None])[0],
+        "coefficients": short(lift.values.tolist(), DIGITS), "slope_stderr": short(lift.slope_std.tolist(), DIGITS),
     }  # fmt: skip
     return document
 
@@ -69,8 +70,8 @@ def _told(names: Sequence[str], rows: Sequence[dict[str, Any]], arrow: ArrowCova
     for row, place, through, rest in zip(rows, arrow.own, arrow.through, arrow.rest, strict=True):
         own = std[place]
         row["own"] = {
-            "names": [names[k] for k in place], "through": _rounded(through * scale / own[:, None]),
-            "rest": _rounded(rest / np.outer(own, own)),
+            "names": [names[k] for k in place], "through": short((through * scale / own[:, None]).tolist(), DIGITS),
+            "rest": short((rest / np.outer(own, own)).tolist(), DIGITS),
         }  # fmt: skip
     return std, arrow.matrix / np.outer(scale, scale)
 
@@ -110,11 +111,6 @@ def known_covariance(document: Mapping[str, Any]) -> ArrowCovariance:
         for at, own in zip(places, owns, strict=True)
     ]
     return ArrowCovariance(shared, matrix, tuple(places), tuple(through), tuple(rest))
-
-
-def _rounded(matrix: Array) -> list[list[float]]:
-    """Return a matrix with as many digits as its numbers have: those of a thousand recordings fill a file."""
-    return [[float(f"{value:.{DIGITS}g}") for value in row] for row in matrix]
 
 
 def _recording(name: str, folder: str, speed: object, about: tuple[str, float, bool]) -> dict[str, Any]:

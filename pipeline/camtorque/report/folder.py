@@ -19,7 +19,7 @@ from typing import Any
 from camtorque.process.stopping import removed_when_stopped
 from camtorque.process.system import described
 from camtorque.records import Refusal
-from camtorque.report.checksums import strangers, visible_files, write_checksums
+from camtorque.report.checksums import unlisted_files, visible_files, write_checksums
 from camtorque.report.provenance import write_crate
 
 try:
@@ -72,7 +72,7 @@ def check_output(target: Path, marker: str) -> None:
             f"output {target}: found a report of another command ({other[0]}), expected a new folder or one with "
             f"{marker}; choose another name"
         )
-    if target.is_dir() and (more := strangers(target)):
+    if target.is_dir() and (more := unlisted_files(target)):
         named = ", ".join(more[:3]) + (f" and {len(more) - 3} more" if len(more) > 3 else "")
         raise Refusal(
             f"output {target}: found {named} beside an earlier report, which would be lost, expected files of the "

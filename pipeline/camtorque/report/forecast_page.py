@@ -18,7 +18,7 @@ from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.forecast_texts import ENDED_BY, ending_text, step_text
-from camtorque.report.numbers import near, num, plus_minus, words
+from camtorque.report.numbers import plus_minus, rounded_to_error, significant, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
 from camtorque.units import BAR, DEGREE, RPM
@@ -129,7 +129,9 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
     drawings = [_drawing(f"speed_{k + 1}", item) for k, item in enumerate(items)]
     rows = document["sweep"]
     beyond = [f"{row['speed_rpm']:.0f}" for row in rows if row["beyond_fitted_speeds"]]
-    peaks = "; ".join(f"{with_band(row['torque_max_nm'])} N m at {num(row['speed_rpm'], 4)} rpm" for row in rows)
+    peaks = "; ".join(
+        f"{with_band(row['torque_max_nm'])} N m at {significant(row['speed_rpm'], 4)} rpm" for row in rows
+    )
     answer = f"{peaks}."
     if beyond:
         answer += (
@@ -150,11 +152,11 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
 def with_band(estimate: Mapping[str, Any]) -> str:
     """Return a value with half the width of its 95 % interval, as many decimals as that has."""
     half = COVERAGE * estimate["stderr"]
-    return f"{near(estimate['value'], half)} ± {plus_minus(half)}"
+    return f"{rounded_to_error(estimate['value'], half)} ± {plus_minus(half)}"
 
 
 def _cell(value: Any) -> str:
-    return with_band(value) if isinstance(value, Mapping) else num(value)
+    return with_band(value) if isinstance(value, Mapping) else significant(value)
 
 
 def _drawing(name: str, item: Forecast) -> Drawing:
@@ -178,4 +180,6 @@ def _drawing(name: str, item: Forecast) -> Drawing:
         Panel("other causes [N m]", causes, height=140.0),
         panel("chamber [bar]", "pressure on the plunger", item.pressure / BAR, item.pressure_std / BAR, 120.0),
     )
-    return drawing_of(name, Curves(item.theta / DEGREE, CAM_ANGLE, panels), f"Torque at {num(item.speed / RPM, 4)} rpm")
+    return drawing_of(
+        name, Curves(item.theta / DEGREE, CAM_ANGLE, panels), f"Torque at {significant(item.speed / RPM, 4)} rpm"
+    )

@@ -15,9 +15,9 @@ LOADED_SHARE = 0.3
 """Share of the rebuilt peak above which an angle counts as loaded."""
 
 
-def measured_mean(result: RunResult, quantity: str) -> Array | None:
-    """Return the mean cycle of a channel beside torque and pressure (n_theta,) [SI], None where it was not recorded."""
-    values = result.cycles.channels.get(quantity)
+def measured_chamber(result: RunResult) -> Array | None:
+    """Return the mean cycle of the chamber pressure (n_theta,) [Pa], None where it was not recorded."""
+    values = result.cycles.channels.get("chamber_pressure")
     if values is None:
         return None
     whole = np.isfinite(values).all(axis=1)
@@ -30,7 +30,7 @@ def measured_document(result: RunResult) -> dict[str, Any]:
 
 
 def _chamber(result: RunResult) -> dict[str, Any] | None:
-    measured, rebuilt = measured_mean(result, "chamber_pressure"), result.fitted.chamber_pressure
+    measured, rebuilt = measured_chamber(result), result.fitted.chamber_pressure
     if measured is None or rebuilt is None:
         return None
     difference, peak = measured - rebuilt, float(np.max(rebuilt))

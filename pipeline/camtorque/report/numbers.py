@@ -43,7 +43,7 @@ def exponents(text: str) -> str:
     return re.sub(r"(?<=\d)e([+-]?\d+)\b", lambda found: "\u00b710" + str(int(found[1])).translate(POWERS), text)
 
 
-def tied(text: str) -> str:
+def no_break(text: str) -> str:
     """Return a sentence with hard spaces between numbers and units, so that no line breaks there."""
     return TIES.sub("\u00a0", text)
 
@@ -69,27 +69,27 @@ def _known(value: float | None) -> bool:
     return value is not None and math.isfinite(value)
 
 
-def num(value: float | None, digits: int = 3) -> str:
+def significant(value: float | None, digits: int = 3) -> str:
     """Return a number with ``digits`` significant digits."""
     if value is None or not _known(value):
         return UNKNOWN
     return exponents(short(value, digits)).replace("-", MINUS)
 
 
-def signed(value: float | None, digits: int = 2) -> str:
-    """Return a number with its sign."""
+def signed_significant(value: float | None, digits: int = 2) -> str:
+    """Return a number with its sign and ``digits`` significant digits."""
     if value is None or not _known(value):
         return UNKNOWN
-    return ("+" if value >= 0.0 else "") + num(value, digits)
+    return ("+" if value >= 0.0 else "") + significant(value, digits)
 
 
-def plus(value: float | None, decimals: int = 2) -> str:
+def with_sign(value: float | None, decimals: int = 2) -> str:
     """Return a number with its sign and ``decimals`` decimals."""
-    text = fixed(value, decimals)
+    text = with_decimals(value, decimals)
     return f"+{text}" if _known(value) and value > 0.0 and float(text) else text  # type: ignore[operator]
 
 
-def fixed(value: float | None, decimals: int = 2) -> str:
+def with_decimals(value: float | None, decimals: int = 2) -> str:
     """Return a number with ``decimals`` decimals."""
     if value is None or not _known(value):
         return UNKNOWN
@@ -99,26 +99,26 @@ def fixed(value: float | None, decimals: int = 2) -> str:
 
 def scaled(value: float | None, factor: float) -> str:
     """Return a number in a smaller unit."""
-    return UNKNOWN if value is None or not _known(value) else num(value * factor, 2)
+    return UNKNOWN if value is None or not _known(value) else significant(value * factor, 2)
 
 
-def near(value: float | None, stderr: float | None) -> str:
+def rounded_to_error(value: float | None, stderr: float | None) -> str:
     """Return a value with the decimals that show two digits of its standard error."""
     if value is None or stderr is None or not _known(value) or not _known(stderr) or stderr <= 0.0:
-        return num(value, 4)
+        return significant(value, 4)
     decimals = 1 - math.floor(math.log10(stderr))
-    return fixed(round(value, decimals), max(decimals, 0)) if -3 <= decimals <= 7 else num(value, 4)
+    return with_decimals(round(value, decimals), max(decimals, 0)) if -3 <= decimals <= 7 else significant(value, 4)
 
 
 def plus_minus(stderr: float | None) -> str:
     """Return a standard error with two digits; one that is zero or unknown says nothing."""
-    return UNKNOWN if stderr is None or not _known(stderr) or stderr <= 0.0 else near(stderr, stderr)
+    return UNKNOWN if stderr is None or not _known(stderr) or stderr <= 0.0 else rounded_to_error(stderr, stderr)
 
 
 FILTERS = {
-    "num": num, "signed": signed, "fixed": fixed, "scaled": scaled, "near": near, "plus_minus": plus_minus,
-    "tied": tied,
-    "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(named(text))), "plus": plus,
+    "significant": significant, "signed_significant": signed_significant, "with_decimals": with_decimals,
+    "with_sign": with_sign, "scaled": scaled, "rounded_to_error": rounded_to_error, "plus_minus": plus_minus,
+    "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(named(text))), "no_break": no_break,
     "path": posixpath.normpath, "sentence": lambda text: text[:1].upper() + text[1:],
 }  # fmt: skip
 """Name in a template -> function."""

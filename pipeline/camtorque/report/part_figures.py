@@ -6,8 +6,8 @@ import numpy as np
 
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel
-from camtorque.report.measured import measured_mean
-from camtorque.report.numbers import plus
+from camtorque.report.measured import measured_chamber
+from camtorque.report.numbers import with_sign
 from camtorque.report.torque_figures import spans
 from camtorque.stacks import distance_of, std_of
 from camtorque.units import BAR, DEGREE, RPM
@@ -26,7 +26,7 @@ def pressures(result: RunResult) -> Curves:
         if fitted.chamber_pressure_std is not None and result.fitted.explained:
             width = 2.0 * fitted.chamber_pressure_std / BAR
             bands.append(Band("chamber, ±2 standard uncertainties", chamber - width, chamber + width, "chamber"))
-    inside = measured_mean(result, "chamber_pressure")
+    inside = measured_chamber(result)
     if inside is not None:
         lines.append(Line("chamber pressure, measured", inside / BAR, "c3", 1.4, "6 3"))
     panel = Panel("gauge pressure [bar]", tuple(lines), tuple(bands), 190.0)
@@ -75,7 +75,7 @@ def cam_angle(result: RunResult) -> Curves:
     theta, fitted = result.cycles.theta, result.fitted
     nominal = (fitted.trigger_angle.value - fitted.trigger_angle.nominal) / DEGREE
     lines = (
-        Line(f"trigger angle alone, {plus(nominal)} deg", np.full(theta.size, nominal), "c1", 1.2, "6 4"),
+        Line(f"trigger angle alone, {with_sign(nominal)} deg", np.full(theta.size, nominal), "c1", 1.2, "6 4"),
         Line("true − nominal cam angle", (fitted.true_angle - theta) / DEGREE, "fitted"),
     )
     return Curves(theta / DEGREE, CAM_ANGLE, (Panel("angle [deg]", lines, height=170.0),), width=HALF)

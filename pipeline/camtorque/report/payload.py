@@ -39,12 +39,6 @@ def packed(values: Array) -> dict[str, Any]:
     }
 
 
-def unpacked(data: Mapping[str, Any]) -> Array:
-    """Return the values of `packed`, as the script does."""
-    numbers = np.frombuffer(base64.b64decode(data["d"]), dtype="<i2")
-    return np.where(numbers == MISSING, np.nan, data["o"] + data["k"] * numbers)
-
-
 def curves_payload(name: str, chart: Curves) -> dict[str, Any]:
     """Return one chart as JSON-ready values; ``name`` is the id of its figure in the page."""
     keep = slice(None, None, max(1, -(-chart.x.size // LARGEST_LIVE)))

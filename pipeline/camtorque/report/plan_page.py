@@ -12,7 +12,7 @@ import numpy as np
 from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
-from camtorque.report.numbers import near, plus_minus, unit_text, words
+from camtorque.report.numbers import plus_minus, rounded_to_error, unit_text, words
 from camtorque.report.page import Drawing, render
 from camtorque.report.tones import CYCLE
 
@@ -45,7 +45,7 @@ def plan_answer(document: Mapping[str, Any]) -> str:
     """Return what to record next and what it is expected to bring, in sentences."""
     unit, runs = unit_text(document["unit"]), document["runs"]
     now, wanted = (f"± {plus_minus(document[key])} {unit}".strip() for key in ("stderr_now", "stderr_wanted"))
-    value = f"{near(document['value'], document['stderr_now'])} {now}"
+    value = f"{rounded_to_error(document['value'], document['stderr_now'])} {now}"
     known = f"{target_text(document)} is {value} now, wanted {wanted}."
     if not runs:
         end = "Nothing needs to be recorded." if document["reached"] else (

@@ -13,7 +13,7 @@ from camtorque.report.chart import CAM_ANGLE, HALF, WIDE, Curves, Line, Panel
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import output_folder
-from camtorque.report.numbers import fixed, num, words
+from camtorque.report.numbers import significant, with_decimals, words
 from camtorque.report.page import live_charts, render
 from camtorque.report.phases import phases, strokes
 from camtorque.report.tones import CYCLE
@@ -51,7 +51,7 @@ def _line(label: str, values: np.ndarray, place: int) -> Line:
 
 def _by_speed(prediction: Prediction, curves: Any) -> tuple[Line, ...]:
     return tuple(
-        _line(f"{num(speed / RPM, 4)} rpm", values, k)
+        _line(f"{significant(speed / RPM, 4)} rpm", values, k)
         for k, (speed, values) in enumerate(zip(prediction.speeds, curves, strict=True))
     )
 
@@ -111,7 +111,7 @@ def _cell(key: str, value: float | bool) -> str:
     """Return a number with four digits, an angle with one decimal, or yes or no."""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return fixed(value, 1) if key.endswith("_deg") else num(value, 4)
+    return with_decimals(value, 1) if key.endswith("_deg") else significant(value, 4)
 
 
 def contact_text(prediction: Prediction) -> str:
@@ -128,8 +128,8 @@ def peak_text(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the largest torque and Hertz pressure of every speed, at most three of them."""
     shown = rows if len(rows) <= MOST_NAMED else [max(rows, key=lambda row: row["shaft_torque_max_nm"])]
     return "; ".join(
-        f"{num(row['shaft_torque_max_nm'])} N m at {num(row['speed_rpm'], 4)} rpm (Hertz pressure "
-        f"{num(row['hertz_max_gpa'])} GPa)" for row in shown
+        f"{significant(row['shaft_torque_max_nm'])} N m at {significant(row['speed_rpm'], 4)} rpm (Hertz pressure "
+        f"{significant(row['hertz_max_gpa'])} GPa)" for row in shown
     ) + "."  # fmt: skip
 
 

@@ -7,7 +7,16 @@ from typing import Any
 
 from camtorque.records import APART, KNOWLEDGE, TOGETHER
 from camtorque.report.answer import NOT_LOSSES, Document, sure
-from camtorque.report.numbers import UNKNOWN, fixed, near, num, plus_minus, signed, unit_text, words
+from camtorque.report.numbers import (
+    UNKNOWN,
+    plus_minus,
+    rounded_to_error,
+    signed_significant,
+    significant,
+    unit_text,
+    with_decimals,
+    words,
+)
 
 METRIC_NAMES = {
     "rigid": "rigid model",
@@ -24,14 +33,15 @@ def inside_text(doc: Document) -> str:
     """Return chamber and forces in words."""
     forces, chamber = doc["forces"], doc["chamber"]
     text = (
-        f"Largest values: contact {num(forces['contact_normal_max_n'])} N, bearing {num(forces['bearing_max_n'])} N, "
-        f"guide {num(forces['guide_max_n'])} N, Hertz pressure {num(forces['hertz_max_gpa'])} GPa. "
+        f"Largest values: contact {significant(forces['contact_normal_max_n'])} N, "
+        f"bearing {significant(forces['bearing_max_n'])} N, "
+        f"guide {significant(forces['guide_max_n'])} N, Hertz pressure {significant(forces['hertz_max_gpa'])} GPa. "
     )
     for key, what in (("peak_bar", "peaks at"), ("return_start_bar", "stands, where the lift has fallen to 95 %, at")):
         value = chamber[key] if chamber else None
         if value and value["value"] is not None:
             interval = f" ± {plus_minus(value['stderr'])}" if doc["explained"] and value["stderr"] else ""
-            text += f"The chamber pressure {what} {near(value['value'], value['stderr'])}{interval} bar. "
+            text += f"The chamber pressure {what} {rounded_to_error(value['value'], value['stderr'])}{interval} bar. "
     lost = "The follower leaves the cam." if forces["contact_lost"] else "The follower stays on the cam."
     return text + lost + measured_text(doc["measured"])
 
@@ -41,19 +51,20 @@ def measured_text(measured: Document) -> str:
     text, chamber, volume = "", measured["chamber_pressure"], measured["delivered_volume"]
     if chamber:
         text += (
-            f" The measured chamber pressure peaks at {num(chamber['peak_bar'], 4)} bar, the rebuilt one at "
-            f"{num(chamber['rebuilt_peak_bar'], 4)} bar; they differ by {num(chamber['rms_difference_bar'], 2)} bar "
-            f"RMS ({num(chamber['rms_difference_percent'], 2)} % of the peak), most at "
-            f"{fixed(chamber['largest_difference_at_deg'], 0)} deg ({signed(chamber['largest_difference_bar'])} bar), "
-            f"and agree within two standard uncertainties at {fixed(chamber['loaded_inside_two_std_percent'], 0)} % of "
-            "the loaded angles."
+            f" The measured chamber pressure peaks at {significant(chamber['peak_bar'], 4)} bar, the rebuilt one at "
+            f"{significant(chamber['rebuilt_peak_bar'], 4)} bar; they differ by "
+            f"{significant(chamber['rms_difference_bar'], 2)} bar RMS "
+            f"({significant(chamber['rms_difference_percent'], 2)} % of the peak), most at "
+            f"{with_decimals(chamber['largest_difference_at_deg'], 0)} deg "
+            f"({signed_significant(chamber['largest_difference_bar'])} bar), and agree within two standard "
+            f"uncertainties at {with_decimals(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
         )
     if volume:
         model = volume["modelled_mm3"]
         text += (
-            f" Delivered per stroke: {num(volume['measured_mm3'], 4)} mm³ measured, "
-            f"{near(model['value'], model['stderr'])} ± {plus_minus(model['stderr'])} mm³ by the model "
-            f"({signed(volume['difference_percent'])} %)."
+            f" Delivered per stroke: {significant(volume['measured_mm3'], 4)} mm³ measured, "
+            f"{rounded_to_error(model['value'], model['stderr'])} ± {plus_minus(model['stderr'])} mm³ by the model "
+            f"({signed_significant(volume['difference_percent'])} %)."
         )
     return text
 
@@ -62,12 +73,12 @@ def alignment_text(doc: Document) -> str:
     """Return trigger angle and delay in words."""
     trigger, delay = doc["alignment"]["trigger_angle_deg"], doc["alignment"]["torque_delay_s"]
     sure = doc["explained"]
-    text = f"Trigger angle {near(trigger['value'], trigger['stderr'])}"
+    text = f"Trigger angle {rounded_to_error(trigger['value'], trigger['stderr'])}"
     text += f" ± {plus_minus(trigger['stderr'])} deg" if sure and trigger["stderr"] else " deg"
-    text += f" (nominal {num(trigger['nominal'], 4)} deg). "
+    text += f" (nominal {significant(trigger['nominal'], 4)} deg). "
     if delay["value"] is not None:
-        text += f"Torque delay {fixed(1e3 * delay['value'], 4)}"
-        text += f" ± {fixed(1e3 * delay['stderr'], 4)} ms. " if sure and delay["stderr"] else " ms. "
+        text += f"Torque delay {with_decimals(1e3 * delay['value'], 4)}"
+        text += f" ± {with_decimals(1e3 * delay['stderr'], 4)} ms. " if sure and delay["stderr"] else " ms. "
     return text + "The residual errors of the cam angle, as standard deviations:"
 
 
@@ -117,14 +128,15 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     ]
 
 
-def parameter_row(name: str, row: Document, explained: bool = True) -> dict[str, Any]:
+def parameter_row(name: str, row: Document, explained: bool) -> dict[str, Any]:
     """Return one parameter as the texts of a table; no interval where the model does not explain the data."""
     has_interval = explained and row["stderr"] is not None
-    ends = [near(end, row["stderr"]) for end in row["ci95"]]
-    prior = f"{num(row['prior'][0])} ± {num(row['prior'][1], 2)}" if row["prior"] else UNKNOWN
+    ends = [rounded_to_error(end, row["stderr"]) for end in row["ci95"]]
+    prior = f"{significant(row['prior'][0])} ± {significant(row['prior'][1], 2)}" if row["prior"] else UNKNOWN
     return {
         "name": words(name), "meaning": row["meaning"], "unit": unit_text(row["unit"]), "knowledge": row["knowledge"],
-        "value": near(row["value"], row["stderr"]), "error": plus_minus(row["stderr"]) if has_interval else UNKNOWN,
+        "value": rounded_to_error(row["value"], row["stderr"]),
+        "error": plus_minus(row["stderr"]) if has_interval else UNKNOWN,
         "interval": f"{ends[0]} … {ends[1]}" if has_interval else UNKNOWN, "prior": prior, "at_bound": row["at_bound"],
         "mixed": [words(other) for other in row["confounded_with"]],
         "source": row["source"],
@@ -155,9 +167,10 @@ def loss_rows(doc: Document) -> list[dict[str, str]]:
         conserved = abs(value) < 1e-6 * abs(total) and (error or 0.0) < 1e-3 * abs(total)
         known = not conserved and sure(doc, error)
         rows.append({
-            "name": words(name), "work": "0" if conserved else near(value, error) if known else num(value),
+            "name": words(name),
+            "work": "0" if conserved else rounded_to_error(value, error) if known else significant(value),
             "error": f"± {plus_minus(error)}" if known else "",
-            "share": "0" if conserved else fixed(100.0 * value / total, 2),
+            "share": "0" if conserved else with_decimals(_share(value, total), 2),
         })  # fmt: skip
     return rows
 
@@ -171,7 +184,7 @@ def gap_rows(doc: Document) -> list[dict[str, Any]]:
             **row,
             "name": words(row["cause"]),
             **{
-                f"{part}_error": f"± {fixed(error, 3)}" if sure(doc, error := row[f"{part}_stderr_nm"]) else ""
+                f"{part}_error": f"± {with_decimals(error, 3)}" if sure(doc, error := row[f"{part}_stderr_nm"]) else ""
                 for part in ("forward", "return_stroke", "return_minimum")
             },
             "forward_share": _share(row["forward_nm"], total["forward_nm"]),

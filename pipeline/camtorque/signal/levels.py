@@ -49,7 +49,7 @@ def looked_at(volts: Array, compiled: bool) -> tuple[Array, int, tuple[Array, Ar
     return volts, missing, _fine_extremes(volts)
 
 
-def level_windows(volts: Array, extremes: tuple[Array, Array], least: float = 0.0) -> tuple[int, Array, Array]:
+def level_windows(volts: Array, extremes: tuple[Array, Array], least: float) -> tuple[int, Array, Array]:
     """Return samples per window, half height and hysteresis of each window of a block [V].
 
     ``extremes`` are those of its fine windows. Pulses are higher than the noise and than ``least`` [V]. A window

@@ -100,7 +100,7 @@ def _ends(volts: Array) -> tuple[float, float, bool]:
     return float(np.min(known, initial=np.inf)), float(np.max(known, initial=-np.inf)), False
 
 
-def isolated_samples(volts: Array, compiled: bool = False) -> NDArray[np.int64]:
+def isolated_samples(volts: Array, compiled: bool) -> NDArray[np.int64]:
     """Return indices of samples that stand out from both neighbours while these agree with each other.
 
     With the bend d_i = x_i - (x_(i-1) + x_(i+1))/2, one wrong sample gives d_i = s and d_(i+-1) = -s/2; an edge gives
