@@ -18,8 +18,8 @@ from typing import Any, TypeVar
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import numpy as np
+from camtorque.finished_fit import Rig
 from camtorque.fit.single import Prepared
-from camtorque.predict_from import Rig
 from rigs.rig import RigRun
 from rigs.truth import RigTruth, change
 from rigs.write import write_recording

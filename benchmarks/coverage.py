@@ -18,7 +18,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from benches import as_declared, bench_parser, interval_table, outcomes, run_from_files, tell
-from camtorque.report.answer import verdict
+from camtorque.report.verdict import verdict
 from rigs.families import FAMILIES
 from rigs.rig import RigRun, end_angle, lift_of, simulate
 from rigs.truth import RigTruth, change

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
+from camtorque.finished_fit import chain_of
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
@@ -25,7 +26,6 @@ from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import TargetQuantity, plan, point_of
 from camtorque.fit.single import Prepared, prepare
 from camtorque.plan import SPEED_FACTORS
-from camtorque.predict_from import chain_of
 from camtorque.units import RPM
 from compare_twins import compared_side, recorded
 from rigs.families import FAMILIES

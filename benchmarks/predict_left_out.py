@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
+from camtorque.finished_fit import chain_of
 from camtorque.fit import leftout
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER, either, endings_of
@@ -41,7 +42,6 @@ from camtorque.fit.shared_lift import shared_lift
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
-from camtorque.predict_from import chain_of
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.units import BAR, RPM

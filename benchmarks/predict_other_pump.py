@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
+from camtorque.finished_fit import chain_of
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.ends import load_for
@@ -19,7 +20,6 @@ from camtorque.fit.forecast import forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
-from camtorque.predict_from import chain_of
 from compare_twins import compared_side, recorded
 from rigs.families import FAMILIES
 from rigs.truth import RigTruth, change

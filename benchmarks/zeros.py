@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from camtorque.config import SensorRef
 from camtorque.ingest import read_recording
-from camtorque.ingest.sensors import READING_STEP, read_sensor
+from camtorque.ingest.sensors import read_sensor
+from camtorque.ingest.zeros import READING_STEP
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))

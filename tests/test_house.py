@@ -24,7 +24,7 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py"))
 LEFT = {"compiled", "config", "grid_choice", "hashes", "jsonable", "limits", "process", "progress", "records",
         "results", "stacks", "units", "version"}  # fmt: skip
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
-FLOWS = ["rehearsal", "run", "campaign", "compare", "predict_from", "design_from", "plan", "studies"]
+FLOWS = ["rehearsal", "run", "campaign", "compare", "finished_fit", "predict_from", "design_from", "plan", "studies"]
 FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_fit", "commands", "cli", "__init__"]
 ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf"}

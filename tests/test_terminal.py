@@ -16,9 +16,9 @@ from camtorque.commands.texts import campaign_table, finding_lines, loud_finding
 from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import CutFlowRow
-from camtorque.report.answer import bump_place
 from camtorque.report.numbers import UNKNOWN
 from camtorque.report.texts import loss_rows
+from camtorque.report.verdict import bump_place
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "raw_examples" / "A_1000rpm"
 LOSSES = {"unit": "J", "pressure": 7.7, "friction": 4.3, "driveline": -0.2, "inertia": 1e-7}

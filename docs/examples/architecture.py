@@ -25,8 +25,8 @@ ROOMS = {
 """Room -> what it does, what it hands on. Left of them: records, units, config, process; below: flows, then faces."""
 FLOWS = {
     "run": "one recording", "campaign": "many recordings", "compare": "before and after",
-    "predict_from": "runs not made", "design_from": "cam under fitted loads", "plan": "what to record next",
-    "studies": "speed, stability",
+    "finished_fit": "values of a fit", "predict_from": "runs not made", "design_from": "cam under fitted loads",
+    "plan": "what to record next", "studies": "speed, stability",
 }  # fmt: skip
 FACES = {
     "api": "import camtorque", "watch": "during a test", "export, trend": "tables", "commands": "camtorque COMMAND",

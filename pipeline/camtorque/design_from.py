@@ -19,6 +19,7 @@ from camtorque.design.answer import Answer
 from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
+from camtorque.finished_fit import Rig, chain_of, curve_of, read_fit, rig_of
 from camtorque.fit.draws import Load
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.forecast import Forecast
@@ -26,7 +27,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.lift_laws import lift_law
-from camtorque.predict_from import Rig, chain_of, curve_of, friction_of, read_fit, rig_of, with_forces
+from camtorque.predict_from import friction_of, with_forces
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Estimate, Forces, Refusal
 from camtorque.report.forecast_page import sweep_row

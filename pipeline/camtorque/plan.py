@@ -11,6 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from camtorque.finished_fit import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import (
     AS_GOOD,
@@ -27,7 +28,6 @@ from camtorque.fit.planning import (
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
-from camtorque.predict_from import CYCLES, chain_of, curve_of, read_fit, rig_of
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Refusal
 from camtorque.results import CAMPAIGN, NAME, read_campaign, read_result

@@ -12,14 +12,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from camtorque.align import align
-from camtorque.config import PumpData
-from camtorque.config.pump import PumpConfig
-from camtorque.config.recording import load_recording_config
 from camtorque.design.fitted import FRICTION_NAMES
+from camtorque.finished_fit import (
+    Rig,
+    chain_of,
+    curve_of,
+    load_curve,
+    read_fit,
+    refuse_load_of_another_pump,
+    rig_of,
+)
 from camtorque.fit.clearance import leakage_factor, refuse_leaky
 from camtorque.fit.draws import Load
 from camtorque.fit.end_shape import Curve
@@ -36,23 +40,16 @@ from camtorque.fit.load_file import (
     rise_range,
     top_range,
 )
-from camtorque.fit.prepare import FIT_GRID, on_grid
-from camtorque.fit.problem import SEPARATOR
-from camtorque.ingest import read_recording
-from camtorque.ingest.cam_table import read_cam_table
-from camtorque.ingest.pump_file import read_pressure_curve, read_pump
-from camtorque.ingest.sheet import read_sheet
-from camtorque.laws import ROWS
-from camtorque.laws.chain import ChainInput, angle_grid
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import forces_of
-from camtorque.mechanism.spectral import spectral_law
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.process.threads import on_one_thread
-from camtorque.records import Array, CamTable, Estimate, Forces, Refusal
-from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
+from camtorque.records import Estimate, Forces, Refusal
+from camtorque.report.fit_file import NAME
 from camtorque.report.forecast_page import forecast_document
 from camtorque.report.forecast_texts import (
     assumptions,
@@ -64,13 +61,7 @@ from camtorque.report.forecast_texts import (
     load_text,
     step_text,
 )
-from camtorque.results import read_document, read_result, recording_of
 from camtorque.units import RPM
-from camtorque.version import __version__
-
-CYCLES = "cycles.h5"
-SAME_SIZE = 0.01
-"""Share by which plungers and strokes of one pump may differ: a lift table is measured."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,131 +74,6 @@ class Found:
     def __repr__(self) -> str:
         peaks = ", ".join(f"{np.max(one.torque):.4g} N m at {one.speed / RPM:.4g} rpm" for one in self.items)
         return f"<Found {peaks}>"
-
-
-@dataclass(frozen=True)
-class Rig:
-    """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter."""
-
-    pump: PumpData
-    table: CamTable
-    rotation: int
-    trigger_angle: float
-    low_pass_order: int = 0
-
-
-def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
-    """Return the fit beside a result.json or campaign.json (or in such a folder), its folder, and its recordings.
-
-    Raises
-    ------
-    Refusal : there is none, or it is of another schema or of a version with other parameters
-    """
-    folder = path if path.is_dir() else path.parent
-    file = folder / NAME
-    if not file.is_file():
-        raise Refusal(
-            f"{path}: found no {NAME} beside it, expected the report of `camtorque run` or of a campaign with a joint "
-            "fit; make the report again"
-        )
-    doc = read_document(file, SCHEMA, "a report of `camtorque run`, or make it again")
-    rows = [row for row in doc["recordings"] if row["explained"]]
-    if not rows:
-        raise Refusal(
-            f"{file}: its model leaves {', '.join(row['id'] for row in doc['recordings'])} unexplained, expected a fit "
-            "whose intervals can be relied on; mend what the report names and make it again"
-        )
-    strange = [name for name in doc["names"] if name.split(SEPARATOR)[0] not in ROWS]
-    if strange:
-        raise Refusal(
-            f"{file}: holds {', '.join(strange[:3])}, expected parameters of this version ({__version__}); it was "
-            "written by another one: make the report again"
-        )
-    recordings = tuple(_fitted_at(row) for row in doc["recordings"])
-    values = np.array(doc["values"], dtype=np.float64)
-    known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings, known_shown(doc), known_lift(doc))
-    return known.without([row["id"] for row in doc["recordings"] if not row["explained"]]), folder, rows
-
-
-def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
-    share = (row["left_out_rms_percent"] or {}).get("own_zero_and_end")
-    used = row["rms_percent_of_peak"] if share is None else share
-    return FittedAt(row["id"], row["speed_rpm"] * RPM, row["structure"], used / 100.0, share is not None)
-
-
-def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
-    """Return the pump of a report's recording, with another pump or cam if one is given.
-
-    Raises
-    ------
-    Refusal : the recording's sheets are gone
-    """
-    config = load_recording_config(recording_of(report))
-    data, rotation, table = config.pump, config.rotation, None
-    if pump is not None:
-        other: PumpConfig = read_pump(pump)[0]
-        if other.cam_table is None and cam is None:
-            raise Refusal(f"{pump}: its cam is given by sections, expected a lift table; name one with --cam")
-        data, rotation, table = other.pump, other.rotation, other.cam_table
-    if cam is not None:
-        data, table = replace(data, cam_table_path=cam), None
-    table = read_cam_table(data)[0] if table is None else table
-    torque = config.sensors.get("torque")
-    order = read_sheet(torque).filter_order if torque is not None else 0
-    return Rig(data, table, rotation, config.trigger.nominal_angle, order)
-
-
-def curve_of(report: Path, speed: float) -> Curve:
-    """Return the mean line pressure of a report."""
-    with h5py.File(report / CYCLES) as file:
-        return Curve(
-            np.asarray(file["theta"], dtype=np.float64), np.asarray(file["mean/pressure"], dtype=np.float64), speed
-        )
-
-
-def load_curve(path: Path) -> tuple[str, Curve]:
-    """Return the name of a recording, or of that of a report, and its mean line pressure.
-
-    Raises
-    ------
-    Refusal : it is neither, or has no pressure
-    """
-    if (path / CYCLES).is_file():
-        said = read_result(path / "result.json")["recording"]
-        return said["name"], curve_of(path, said["speed_rpm"] * RPM)
-    recording = read_recording(path)
-    cycles = align(recording)
-    if not cycles.pressure.size:
-        raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
-    return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
-
-
-def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
-    """Refuse a load that neither the fitted pump nor the one that is asked for made, by plunger and stroke.
-
-    Raises
-    ------
-    Refusal : see above; a recording without [pump] does not tell whose load it is
-    """
-    config = load_recording_config(recording_of(path) if (path / CYCLES).is_file() else path)
-    if config.pump_sheet is None:
-        return
-    other = _sizes(config.pump_sheet, read_cam_table(config.pump_sheet)[0])
-    known = [_sizes(rig.pump, rig.table) for rig in rigs]
-    if any(np.allclose(other, sizes, rtol=SAME_SIZE) for sizes in known):
-        return
-    (bore, stroke), (own_bore, own_stroke) = other, known[0]
-    raise Refusal(
-        f"--load-of {path}: found the load of a pump with a plunger of {1e3 * bore:.4g} mm and a stroke of "
-        f"{1e3 * stroke:.4g} mm, expected {1e3 * own_bore:.4g} mm and {1e3 * own_stroke:.4g} mm as the fitted one: "
-        "another pump makes another line pressure; name a recording of this pump, the other pump with --pump and "
-        "--cam, or give the pressure as a file with --pressure"
-    )
-
-
-def _sizes(pump: PumpData, table: CamTable) -> tuple[float, float]:
-    """Return the diameter of the plunger and its stroke [m]."""
-    return pump.plunger_diameter, float(np.ptp(table.lift))
 
 
 def predict_from(
@@ -354,13 +220,3 @@ def friction_of(known: KnownFit, source: FittedAt) -> tuple[float, float, float]
     places = known.own(source.id)
     guide, bearing, pin = (float(known.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES)
     return guide, bearing, pin
-
-
-def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
-    """Return the chain of a pump at a speed and a line pressure; its torque is still zero."""
-    pressure: Array = on_grid(curve.pressure, FIT_GRID)
-    return ChainInput(
-        theta=angle_grid(FIT_GRID), speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
-        trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
-        offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
-    )  # fmt: skip

@@ -184,7 +184,7 @@ def test_recordings_contradict_one_another_where_sharing_costs_more_than_each_le
     assert contradiction_findings(0.4) == ()
     (told,) = contradiction_findings(0.8)
     assert told.severity == "warning"
-    assert "64% of the residual's variance" in told.text
+    assert "64 % of the residual's variance" in told.text
 
 
 def test_intervals_of_recordings_that_contradict_one_another_reach_to_what_each_says(prepared, solved):
@@ -204,7 +204,7 @@ def test_intervals_of_recordings_that_contradict_one_another_reach_to_what_each_
     assert drift_spread(problem, solution.z, drifting, 0.0)[place] == all_of_it[place]
     worse = replace(solution, data_chi_square=10.0 * INDEPENDENT * len(prepared))
     widened = joint_fit_of(prepared, problem, worse, drifts)
-    spread = widened.shifts["drift of what should be the same"]
+    (spread,) = widened.shifts["drift of what should be the same"]
     assert 0.5 * all_of_it[place] < spread[place] < all_of_it[place]
 
 

@@ -23,7 +23,7 @@ from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
 from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled
 from camtorque.fit.search import Found
-from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std
+from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std, structure_spread
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
@@ -73,7 +73,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
             np.std(curves[:, lowest]),
         ]
         np.testing.assert_allclose(found, stated.gap[name], rtol=0.2, err_msg=name)
-    moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std})
+    moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std[None]})
     assert sureness(moved, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
 
 
@@ -97,6 +97,27 @@ def test_words_for_what_the_data_added(ratio, least, lower, word):
 def test_intervals_stop_at_bounds():
     assert confidence(1.0, 1.0, 0.0, 10.0) == pytest.approx((0.0, 2.959964))
     assert confidence(0.0, 1.0, 0.0, 10.0) == pytest.approx((0.0, 1.959964))
+    assert confidence(-0.3, 1.0, -0.3, 10.0)[0] == -0.3
+    assert confidence(4.0, 1.0, 4.0, 10.0)[0] == pytest.approx(2.040036), "a bound of the search is no limit"
+    assert confidence(4.0, 9.0, 4.0, 10.0)[0] == 0.0
+
+
+def test_structures_that_exchange_two_losses_leave_their_sum_sure():
+    def minimum(z, pressure):
+        chain = SimpleNamespace(theta=np.zeros(2))
+        return SimpleNamespace(
+            problem=SimpleNamespace(names=("friction", "damping")), data=SimpleNamespace(chain=chain),
+            solution=SimpleNamespace(z=np.array(z), outputs=[SimpleNamespace(pressure=np.array(pressure))]),
+        )  # fmt: skip
+
+    found = (minimum([4.0, 2.0], [5.0, 5.0]), minimum([1.0, 5.0], [6.0, 5.0]), minimum([9.0, 9.0], [0.0, 0.0]))
+    shifts, pressures = structure_spread(found, (0.75, 0.25, 0.0))
+    np.testing.assert_allclose(np.sqrt(np.sum(shifts**2, axis=0)), [1.5, 1.5])
+    np.testing.assert_allclose(shifts @ [1.0, 1.0], 0.0)
+    np.testing.assert_allclose(np.sqrt(np.sum(pressures**2, axis=0)), [0.5, 0.0])
+    (alone,), (still,) = structure_spread(found[:1], (1.0,))
+    assert not alone.any()
+    assert not still.any()
 
 
 def test_variants_only_widen(fit):

@@ -212,7 +212,7 @@ def test_data_that_do_not_match_are_refused(data):
     with pytest.raises(ValueError, match="expected one of"):
         replace(data, structure="helix")
     with pytest.raises(ValueError, match="multiple of"):
-        chain_input(n=BINS + 1)
+        evaluate(chain_input(n=BINS + 1), dict.fromkeys(NONLINEAR_NAMES, 0.0))
 
 
 def test_columns_beyond_the_largest_square_are_infinite_without_a_warning():

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.ingest import read_recording, summarise
-from camtorque.ingest.sensors import zero_of_readings
+from camtorque.ingest.zeros import zero_of_readings
 from camtorque.records import Refusal
 from camtorque.units import BAR
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder

@@ -11,7 +11,8 @@ import pytest
 from camtorque.config import SensorRef
 from camtorque.ingest import read_recording
 from camtorque.ingest.certificate import read_certificate
-from camtorque.ingest.sensors import certificate_age, read_sensor, zero_of_readings
+from camtorque.ingest.sensors import certificate_age, read_sensor
+from camtorque.ingest.zeros import zero_of_readings
 from camtorque.records import Refusal
 from camtorque.units import ATMOSPHERE
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder

@@ -13,22 +13,18 @@ from camtorque.limits import Limit
 from camtorque.records import Finding, Refusal
 from camtorque.report.answer import (
     CHECKS,
-    DOUBTFUL,
-    UNUSUAL,
     alternatives_text,
     answer,
     cards,
     closing_text,
     left_out_text,
-    missed_limits,
     shape_text,
     unexplained_advice,
-    unexplained_text,
-    verdict,
     work_parts,
 )
 from camtorque.report.document import result_document
 from camtorque.report.texts import budget_rows, by_size, parameter_groups
+from camtorque.report.verdict import DOUBTFUL, UNUSUAL, missed_limits, unexplained_text, verdict
 from camtorque.report.write import write_pdf, write_run
 from report_cases import NASTY, parameter, run_result
 

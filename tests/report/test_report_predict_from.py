@@ -14,6 +14,7 @@ import pytest
 from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
+from camtorque.finished_fit import read_fit
 from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
@@ -26,7 +27,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.ingest.pump_file import read_pressure_curve
-from camtorque.predict_from import Found, read_fit
+from camtorque.predict_from import Found
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.answer import bump_place, doubtful_input, known_metrics, missed_limits, unusual_values, work_parts
+from camtorque.report.answer import work_parts
 from camtorque.report.numbers import named, plus_minus, rounded_to_error, typeset, words
+from camtorque.report.verdict import bump_place, doubtful_input, known_metrics, missed_limits, unusual_values
 
 PULLED, MOST_PULLED = "prior_pulled", 3
 """Finding of a value far from what was expected: a run that fails has many, for one cause that is another."""

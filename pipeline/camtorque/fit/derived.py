@@ -35,7 +35,7 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
             if fit.problem.index(parameter) >= 0:
                 row[fit.problem.index(parameter)] = exponent / values[parameter]
         statistical = float(np.sqrt(row @ fit.covariance.matrix @ row))
-        total = float(np.sqrt(statistical**2 + sum((row @ shift) ** 2 for shift in fit.shifts.values())))
+        total = float(np.sqrt(statistical**2 + sum(float(np.sum((rows @ row) ** 2)) for rows in fit.shifts.values())))
         value = found[name] / per
         rows.append(ParameterEstimate(
             name=name, value=value, unit=unit, stderr=value * total, stderr_statistical=value * statistical,
@@ -72,5 +72,5 @@ def delivered_volume(fit: Fit) -> Estimate | None:
             moved[k] += step
             slope[k] = (volume(moved) - base) / step if step else 0.0
     variance = float(slope @ fit.covariance.matrix @ slope)
-    total = variance + sum(float(slope @ shift) ** 2 for shift in fit.shifts.values())
+    total = variance + sum(float(np.sum((rows @ slope) ** 2)) for rows in fit.shifts.values())
     return Estimate(base, float(np.sqrt(total)), stderr_statistical=float(np.sqrt(variance)))

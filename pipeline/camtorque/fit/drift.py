@@ -16,6 +16,8 @@ DRIFT_SIGMA = 2.5
 """Standard errors beyond which a slope is a finding."""
 CONTRADICTED = 0.5
 """Contradiction beyond which it is a finding: a quarter of the residual's variance comes from sharing parameters."""
+EXCLUSION_FACTOR = 25.0
+"""Times the median misfit of a joint fit from which on a recording is left out of it."""
 
 
 @dataclass(frozen=True)
@@ -113,4 +115,27 @@ def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
             "each alone is met, all together are not; a law is missing or the pump changed between them, and the "
             "intervals of the shared parameters reach to what each recording says alone",
         ),
+    )  # fmt: skip
+
+
+def joint_unexplained_findings(names: Sequence[str]) -> tuple[Finding, ...]:
+    """Return a warning on each recording that the joint fit does not explain."""
+    return tuple(
+        Finding(
+            "joint_unexplained", "warning",
+            f"the joint fit leaves more of {name} than its cycles repeat: predictions take nothing from it", name,
+        )
+        for name in names
+    )  # fmt: skip
+
+
+def exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:
+    """Return a warning on each recording that the joint fit is made without."""
+    return tuple(
+        Finding(
+            "recording_excluded", "warning",
+            f"{name} does not fit the others ({EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit",
+            name,
+        )
+        for name in excluded
     )  # fmt: skip

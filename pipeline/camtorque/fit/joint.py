@@ -16,11 +16,14 @@ import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.drift import (
+    EXCLUSION_FACTOR,
     Drift,
     contradiction,
     contradiction_findings,
     drift_findings,
     drift_spread,
+    exclusion_findings,
+    joint_unexplained_findings,
     shared_drifts,
 )
 from camtorque.fit.joint_fit import (
@@ -58,8 +61,8 @@ START_ITERATIONS = 6
 OWN_ITERATIONS = 12
 BAD_FACTOR = 4.0
 """A recording whose misfit exceeds the median by this factor has its structure searched anew."""
-EXCLUSION_FACTOR, FEWEST = 25.0, 3
-"""A recording with so many times the median misfit fits no other; with the fewest left none is excluded."""
+FEWEST = 3
+"""Recordings of a joint fit below which none is excluded (`EXCLUSION_FACTOR`)."""
 
 
 @dataclass(frozen=True)
@@ -291,8 +294,8 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         ),
         *contradiction_findings(contradicted_by(fit.covariance, used)),
         *drift_findings(drifts),
-        *_exclusion_findings(excluded),
-        *_unexplained_findings([item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
+        *exclusion_findings(excluded),
+        *joint_unexplained_findings([item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
         *poor_findings([row for one in without for row in one.held]),
         *settling_findings([item.name for item, one in zip(used, without, strict=True) if not one.settled]),
     )
@@ -320,9 +323,9 @@ def joint_fit_of(
     covariance = joint_covariance(problem, solution)
     spread = drift_spread(problem, solution.z, drifts, contradicted_by(covariance, inputs))
     shifts = {
-        "drift of what should be the same": spread,
+        "drift of what should be the same": spread[None],
         # one sensor, one delay: the angle at the mean speed
-        SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs]))),
+        SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs])))[None],
     }
     return JointFit(problem, solution, covariance, shifts)
 
@@ -330,24 +333,3 @@ def joint_fit_of(
 def contradicted_by(covariance: JointCovariance, inputs: Sequence[Known]) -> float:
     """Return how far the recordings of a joint fit contradict one another, see `drift.contradiction`."""
     return contradiction(covariance.inflation, [item.inflation for item in inputs])
-
-
-def _unexplained_findings(names: Sequence[str]) -> tuple[Finding, ...]:
-    return tuple(
-        Finding(
-            "joint_unexplained", "warning",
-            f"the joint fit leaves more of {name} than its cycles repeat: predictions take nothing from it", name,
-        )
-        for name in names
-    )  # fmt: skip
-
-
-def _exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:
-    return tuple(
-        Finding(
-            "recording_excluded", "warning",
-            f"{name} does not fit the others ({EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit",
-            name,
-        )
-        for name in excluded
-    )  # fmt: skip

@@ -16,7 +16,7 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import modelled, parameter_estimates
-from camtorque.fit.single import Fit
+from camtorque.fit.single import Fit, variance_of
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
 from camtorque.records import Array, Metrics, ParameterEstimate, ReadOnly
@@ -39,7 +39,7 @@ class JointCovariance(ReadOnly):
 
 @dataclass(frozen=True)
 class JointFit(ReadOnly):
-    """A joint minimum and how sure it is; ``shifts`` as in `single.Fit`, (k,) each [SI]."""
+    """A joint minimum and how sure it is; ``shifts`` as in `single.Fit`, (m, k) each [SI]."""
 
     problem: Problem
     solution: JointSolution
@@ -49,7 +49,7 @@ class JointFit(ReadOnly):
     @property
     def std(self) -> Array:
         """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(self.covariance.std**2 + sum(shift**2 for shift in self.shifts.values()))
+        return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
 
     def recording(self, index: int) -> Fit:
         """Return one recording with the shared parameters as a fit of its own; it holds no curve."""
@@ -68,7 +68,7 @@ class JointFit(ReadOnly):
             self.solution.gradient[places], (), (), (), self.solution.iterations, self.solution.evaluations,
             self.solution.converged,
         )  # fmt: skip
-        shifts = {name: shift[places] for name, shift in self.shifts.items()}
+        shifts = {name: shift[:, places] for name, shift in self.shifts.items()}
         return Fit(small, light, known, shifts, nothing, (), (), (), np.zeros(0), 0.0)
 
 

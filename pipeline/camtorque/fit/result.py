@@ -252,7 +252,7 @@ def _details(fit: Fit, fitted: Modelled, recording: Recording, peak: float) -> d
     absolute, zero = float("nan"), problem.data[0].rows["torque_zero"].prior
     if sheet is not None and zero is not None:
         absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(zero[1], sheet.nonlinearity_std) / peak))
-    spreads = dict(fit.shifts)
+    spreads = {name: np.sqrt(np.sum(rows**2, axis=0)) for name, rows in fit.shifts.items()}
     return {
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": fitted.lift_correction, "flows": fitted.output.flows,

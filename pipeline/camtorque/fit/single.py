@@ -67,9 +67,9 @@ class Prepared:
 class Fit:
     """Everything that the fit of a recording consists of.
 
-    ``shifts`` are further standard uncertainties by source, (k,) each [SI]; ``pressure_shifts`` those of the chamber
-    pressure, (n_shift, n) [Pa]; ``probabilities`` of the candidates; ``measured`` the mean torque on the grid of the
-    fit, (n,) [N m]; ``pressure_gain_std`` relative.
+    ``shifts`` are further deviations by source, (m, k) each [SI]: one standard deviation in each of m directions;
+    ``pressure_shifts`` those of the chamber pressure, (m, n) [Pa]; ``probabilities`` of the candidates; ``measured``
+    the mean torque on the grid of the fit, (n,) [N m]; ``pressure_gain_std`` relative.
     """
 
     problem: Problem
@@ -86,7 +86,12 @@ class Fit:
     @property
     def std(self) -> Array:
         """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(self.covariance.std**2 + sum(shift**2 for shift in self.shifts.values()))
+        return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
+
+
+def variance_of(shifts: Mapping[str, Array], size: int) -> Array:
+    """Return the variance that signed deviations (m, k) of all sources add to each of k parameters [SI^2]."""
+    return sum((np.sum(rows**2, axis=0) for rows in shifts.values()), np.zeros(size))
 
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
@@ -168,13 +173,13 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     cov = covariance(problem, solution)
     probabilities = structure_probabilities(prepared.candidates, cov.inflation)
     along = along_valley(cov, problem.index(ANGLE), prepared.valley.std(cov.inflation))
-    shifts, pressures = {BENT: along}, [pressure_moved(best, along)]
+    shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
-    shifts["what the delivery valve does as it opens"] = relaxed.solution.z - solution.z
+    shifts["what the delivery valve does as it opens"] = (relaxed.solution.z - solution.z)[None]
     pressures.append(relaxed.solution.outputs[0].pressure - solution.outputs[0].pressure)
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
-    pressures.append(moved)
-    shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))
+    pressures.extend(moved)
+    shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))[None]
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
@@ -185,7 +190,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
         if not explains(best.data, solution, odd_even):
             evidence = where_unexplained(evidence)
     gain = pressure_gain_std(prepared.recording)
-    shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)
+    shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)[None]
     return Fit(
         problem, solution, cov, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
         prepared.measured, gain,
@@ -239,19 +244,23 @@ def structure_probabilities(candidates: tuple[Candidate, ...], inflation: float)
 
 
 def structure_spread(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return the standard deviation that the other structures add to each parameter and to the chamber pressure."""
+    """Return what the other structures add to parameters (m, k) and chamber pressure (m, n), as signed deviations.
+
+    Each moves all parameters together, by the root of its probability: the sum of two that stand in for one another
+    does not move.
+    """
     best = candidates[0]
     names = best.problem.names
-    variance = np.zeros(len(names))
-    pressure = np.zeros(best.data.chain.theta.size)
+    shifts, pressures = [np.zeros(len(names))], [np.zeros(best.data.chain.theta.size)]
     for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
         if probability < 1e-4:
             continue
         values = dict(zip(item.problem.names, item.solution.z.tolist(), strict=True))
         delta = np.array([values.get(name, z) - z for name, z in zip(names, best.solution.z, strict=True)])
-        variance += probability * delta**2
-        pressure += probability * (item.solution.outputs[0].pressure - best.solution.outputs[0].pressure) ** 2
-    return np.sqrt(variance), np.sqrt(pressure)
+        moved = item.solution.outputs[0].pressure - best.solution.outputs[0].pressure
+        shifts.append(np.sqrt(probability) * delta)
+        pressures.append(np.sqrt(probability) * moved)
+    return np.array(shifts), np.array(pressures)
 
 
 def relaxed_variant(best: Candidate) -> Candidate:

@@ -204,7 +204,7 @@ def knowledge(std: float, before: float, least: float, lower: float) -> str:
     """
     ratio = std / before
     if ratio < MEASURED:
-        return "upper limit" if 0.0 <= lower == least else "measured"
+        return "upper limit" if 0.0 <= least <= lower else "measured"
     return "narrowed" if ratio < NARROWED else "from the sheet"
 
 
@@ -218,5 +218,8 @@ def confounded_with(problem: Problem, cov: Covariance, index: int) -> tuple[str,
 
 
 def confidence(value: float, std: float, lower: float, upper: float) -> tuple[float, float]:
-    """Return the 95 % interval within the bounds; at a bound it is one-sided and keeps its width."""
-    return max(value - COVERAGE * std, lower), min(value + COVERAGE * std, upper)
+    """Return the 95 % interval within the bounds; at a bound it is one-sided and keeps its width.
+
+    An amount whose lower bound is not zero is bounded for the search alone: nothing says that there is not less of it.
+    """
+    return max(value - COVERAGE * std, min(lower, 0.0)), min(value + COVERAGE * std, upper)

@@ -74,8 +74,8 @@ def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Arra
         moved[k] += step
         slopes[:, k] = (at(*problem.values(moved, 0)) - here) / step
     variance = np.einsum("ij,jk,ik->i", slopes, fit.covariance.matrix, slopes)
-    for shift in fit.shifts.values():
-        variance = variance + (slopes @ shift) ** 2
+    for rows in fit.shifts.values():
+        variance = variance + np.sum((slopes @ rows.T) ** 2, axis=1)
     return np.sqrt(np.maximum(variance, 0.0))
 
 

@@ -21,7 +21,8 @@ from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger, check_trigger_exchanged
 from camtorque.ingest.raw import RawChannel, RawFile
-from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor, with_idle_zero
+from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
+from camtorque.ingest.zeros import with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 

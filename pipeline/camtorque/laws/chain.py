@@ -45,8 +45,6 @@ BRIDGE = np.array([False, *ON_BRIDGE])
 GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
 assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
 NO_PATH = np.zeros((0, 3))
-
-
 SEEN_ORDER = 1.0e-9
 """Least share of the largest harmonic that is no rounding."""
 
@@ -269,12 +267,9 @@ def evaluate(
     coefficients : (15,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
-
-    Raises
-    ------
-    ValueError : the bins do not divide the grid
     """
-    if data.theta.size % BINS:
+    each, over = divmod(data.theta.size, BINS)
+    if over:
         raise ValueError(f"chain: {data.theta.size} angles, expected a multiple of {BINS}")
     response = drive_response(data, values, tangents)
     motion = cam_motion(data, values, response)
@@ -287,11 +282,9 @@ def evaluate(
     shaft, measured, shaft_by, measured_by = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
     ways = (shaft * measured * gain, measured * gain)
-    each = data.theta.size // BINS
     taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
     spectra = np.fft.rfft(binned_by(torques, taps, BINS), axis=0) * restoring
-    torque, linear = _behind(spectra, *ways)
-    derivative = None
+    (torque, linear), derivative = _behind(spectra, *ways), None
     if tangents:
         width = len(NONLINEAR_NAMES)
         spectrum = sum(

@@ -7,20 +7,18 @@ import statistics
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from camtorque.records import APART, EITHER_LOSS, KNOWLEDGE, TOGETHER, Metrics
+from camtorque.records import APART, EITHER_LOSS, KNOWLEDGE, TOGETHER
 from camtorque.report.numbers import (
     MINUS,
     plus_minus,
     rounded_to_error,
-    signed_significant,
     significant,
     with_decimals,
     with_sign,
     words,
 )
+from camtorque.report.verdict import Document, bump_places
 
-GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
-"""What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
 ABOVE_NOISE = 2.0
 """A residual above this multiple of the repeatability is a shape, not noise."""
 LIKELY = 0.05
@@ -42,119 +40,14 @@ INPUT_CAUSES = frozenset({
     "torque_drifts",
 })  # fmt: skip
 """Findings on the input that explain a model that fails: the first of them is said first."""
-UNUSUAL = {
-    "values_implausible": "values that are unusual together",
-    "cam_side_too_light": "a shaft that rings as if the cam were lighter than it is",
-    "prior_pulled": "values far off what was known of them",
-    "trigger_beyond_tolerance": "a trigger beyond its mounting tolerance",
-}
-"""Finding on values that may stand in for what the model lacks -> how the headline names them."""
-DOUBTFUL = {
-    "base_torque_negative": "a torque that is negative on the base circle",
-    "torque_against_model": "a torque that does not suit the plunger of the sheet",
-    "mains_hum": "mains hum that stays in the mean torque",
-    "not_converged": "a search that ended before its minimum",
-}
-"""Warning on what a fit rests on -> how the headline names it; an error is named by its code."""
 NOT_LOSSES = ("unit", "input", "closure_percent")
 """Keys of the losses that are no cause."""
 MIXED = 2.0
 """Losses whose sum is so many times surer than the surer of them are told as one."""
-WIDE_DEG, AROUND_DEG = 90.0, 320.0
-"""A wider stretch of the residual has more than one phase; one all around the revolution is nowhere."""
 ALONE_PERCENT = 20.0
 """Error of a stretch that was left out, in percent of the peak, above which its size tells nothing."""
 NOTICED = 0.5
 """A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
-Document = Mapping[str, Any]
-
-
-def verdict(doc: Document) -> dict[str, Any]:
-    """Return the headline of a run: ``level`` is ``good``, ``look`` or ``unexplained``."""
-    held, rigid = doc["metrics"]["fitted_held_out_cycles"], doc["metrics"]["rigid"]
-    if not doc["explained"]:
-        return {"level": "unexplained", "head": "UNEXPLAINED", "text": unexplained_text(doc)}
-    text = (
-        f"{significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, "
-        f"where the rigid model is off by {significant(rigid['rms_percent_of_peak'], 2)} %."
-    )
-    missed, odd = missed_limits(held), unusual_values(doc)
-    if missed:
-        text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
-    if odd:
-        text += f" The model meets it only with {' and '.join(odd)}: see the warnings before using the values."
-    doubtful = doubtful_input(doc)
-    if doubtful:
-        text += f" What it rests on is doubtful ({'; '.join(doubtful)}): see the findings before using the values."
-    look = bool(missed or odd or doubtful)
-    return {"level": "look" if look else "good", "head": "Look closer" if look else "Explained", "text": text}
-
-
-def unusual_values(doc: Document) -> list[str]:
-    """Return that the values are unusual, in words, where no bench as expected has them."""
-    return list(dict.fromkeys(UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL))
-
-
-def doubtful_input(doc: Document) -> list[str]:
-    """Return what is wrong with that on which an explained fit rests, in words, each once."""
-    loud = [row for row in doc["findings"] if row["severity"] != "info"]
-    return list(dict.fromkeys(
-        DOUBTFUL.get(row["code"], words(row["code"])) for row in loud
-        if row["code"] in DOUBTFUL or row["severity"] == "error"
-    ))  # fmt: skip
-
-
-def missed_limits(held: Document) -> list[str]:
-    """Return which limits of a good fit the held-out cycles miss, in words."""
-    known = {key: math.nan if value is None else value for key, value in held.items()}
-    distance = abs(known["return_min_measured_nm"] - known["return_min_model_nm"])
-    checks = (
-        (known["rms_percent_of_peak"], GOOD_RMS_PERCENT, "residual", "%"),
-        (abs(known["forward_gap_percent"]), GOOD_GAP_PERCENT, "forward gap", "%"),
-        (distance, GOOD_RETURN_NM, "return minimum off by", "N m"),
-    )
-    return [
-        f"{name} {significant(value, 2)} {unit}, at most {limit:g} {unit} expected"
-        for value, limit, name, unit in checks
-        if not value <= limit
-    ]
-
-
-def known_metrics(row: Document) -> Metrics:
-    """Return the metrics of a result; null is nan."""
-    return Metrics(**{key: math.nan if value is None else value for key, value in row.items()})
-
-
-def bump_place(bump: Mapping[str, Any]) -> str:
-    """Return the stretch where a residual stands out, and the phase of its largest value."""
-    start, stop = bump["start_deg"], bump["stop_deg"]
-    width = (stop - start) % 360.0 or 360.0
-    place = "all around" if width > AROUND_DEG else f"{with_decimals(start, 0)} to {with_decimals(stop, 0)} deg"
-    return f"{place} ({'largest: ' if width > WIDE_DEG else ''}{bump['phase']})"
-
-
-def bump_places(doc: Document) -> str:
-    """Return where the residual stands out, in words, empty where it does not."""
-    return "; ".join(
-        f"{bump_place(bump)}: up to {signed_significant(bump['peak_nm'])} N m, "
-        f"{significant(bump['times_repeatability'], 2)} times what the cycles repeat"
-        + (f", swinging at {significant(bump['frequency_hz'], 2)} Hz" if bump["frequency_hz"] else "")
-        for bump in doc["bumps"]
-    )
-
-
-def unexplained_text(doc: Document) -> str:
-    """Return where the model fails, and what follows for every value on the page."""
-    held, accuracy, places = doc["metrics"]["fitted_held_out_cycles"], doc["accuracy"], bump_places(doc)
-    start = (
-        f"the best model stays {significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the "
-        f"cycles repeat to {significant(accuracy['repeatability_percent'], 2)} %. "
-    )
-    where = f"It fails (by the fitted cycles) at {places}. " if places else "The misfit is spread over the revolution. "
-    return (
-        start + where + "Something acts there that is not in the model. The values below are the best of an incomplete "
-        "model: none of their intervals can be relied on."
-    )
 
 
 def answer(doc: Document) -> list[dict[str, str]]:

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor
 from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import known_metrics, known_text, missed_limits
+from camtorque.report.answer import known_text
 from camtorque.report.bundle import CampaignResult
 from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
 from camtorque.report.campaign_view import MANY, CampaignView
@@ -19,6 +19,7 @@ from camtorque.report.numbers import named, significant, with_decimals, with_sig
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
+from camtorque.report.verdict import known_metrics, missed_limits
 
 MOST_NAMED, MOST_QUOTED = 5, 2
 """Recordings and warnings that the answer names."""

@@ -19,12 +19,12 @@ from camtorque.records import (
     ParameterEstimate,
     ResidualBump,
 )
-from camtorque.report.answer import verdict
 from camtorque.report.bundle import RunResult
 from camtorque.report.files import findings_document, inputs_document
 from camtorque.report.gaps import gap_shares
 from camtorque.report.measured import measured_document
 from camtorque.report.numbers import typeset
+from camtorque.report.verdict import verdict
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 

@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from camtorque.jsonable import clean
-from camtorque.report.answer import answer, cards, verdict
+from camtorque.report.answer import answer, cards
 from camtorque.report.chart import Chart, Curves, Span
 from camtorque.report.numbers import FILTERS
 from camtorque.report.payload import chart_data
@@ -33,6 +33,7 @@ from camtorque.report.texts import (
     parameter_groups,
 )
 from camtorque.report.tones import tone_css
+from camtorque.report.verdict import verdict
 
 VERSIONS_OF = ("numpy", "scipy", "h5py", "lmfit", "numba", "pandas")
 HERE = Path(__file__).parent

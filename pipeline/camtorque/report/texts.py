@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from camtorque.records import APART, KNOWLEDGE, TOGETHER
-from camtorque.report.answer import NOT_LOSSES, Document, sure
+from camtorque.report.answer import NOT_LOSSES, sure
 from camtorque.report.numbers import (
     UNKNOWN,
     plus_minus,
@@ -17,6 +17,7 @@ from camtorque.report.numbers import (
     with_decimals,
     words,
 )
+from camtorque.report.verdict import Document
 
 METRIC_NAMES = {
     "rigid": "rigid model",
