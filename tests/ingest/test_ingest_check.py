@@ -143,12 +143,12 @@ def test_missing_pulses_are_no_other_speed(tmp_path: Path):
     assert "pulses_irregular" in codes
 
 
-@pytest.mark.parametrize(("share", "expected"), [(0.004, False), (0.05, True)])
-def test_noise_below_vacuum_is_no_deep_vacuum(tmp_path: Path, share: float, expected: bool):
+@pytest.mark.parametrize(("share", "count", "expected"), [(0.004, 10, False), (0.05, 10, True), (0.05, 3, False)])
+def test_noise_and_strays_below_vacuum_are_no_deep_vacuum(tmp_path: Path, share: float, count: int, expected: bool):
     plain = read_recording(write_folder(tmp_path / "plain", [LOG], Plan("hdf5"))).of("pressure")[0].calibration
     volts = LOG.volts["pressure"].copy()
     reach = plain.range_max / plain.gain
-    volts[5000:5010] = plain.zero_volts - (1.5e5 / plain.gain if not expected else 0.0) - share * reach
+    volts[5000 : 5000 + count] = plain.zero_volts - (1.5e5 / plain.gain if not expected else 0.0) - share * reach
     folder = write_folder(tmp_path / "r", [LOG.with_volts("pressure", volts)], Plan("hdf5"))
     codes = {finding.code for finding in summarise(read_recording(folder)).findings}
     assert bool(codes & {"pressure_below_vacuum", "channels_swapped"}) is expected

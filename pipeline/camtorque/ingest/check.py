@@ -19,6 +19,8 @@ VACUUM = -1.5 * BAR
 """Gauge pressure that no liquid line keeps up [Pa]."""
 VACUUM_SHARE = 0.005
 """Room below it for zero, noise and steps of the converter, as a share of the sensor's range."""
+STRAY, BLOCK = 3, 1 << 20
+"""Samples below it that are strays and tell nothing of the line, and how many are looked at together."""
 SPEED_TOLERANCE = 0.1
 """Relative difference of pulse count and nominal speed that is worth a finding."""
 PERIOD_TOLERANCE = 0.3
@@ -225,11 +227,20 @@ def least_pressure(recording: Recording) -> float:
     return VACUUM - VACUUM_SHARE * max((end for end in ends if np.isfinite(end)), default=0.0)
 
 
+def _below(channel: Channel, limit: float) -> int:
+    """Return how many samples of a channel lie below a limit [SI]."""
+    blocks = (channel.read_volts(first, first + BLOCK) for first in range(0, channel.n_samples, BLOCK))
+    return sum(int(np.count_nonzero(channel.from_volts(volts) < limit)) for volts in blocks)
+
+
 def _swapped(recording: Recording, summaries: list[ChannelSummary]) -> list[Finding]:
     """Find swapped torque and pressure: a line has no deep vacuum, and a cam drives back."""
     by_quantity = {summary.quantity: summary for summary in summaries}
     torque, pressure = by_quantity.get("torque"), by_quantity.get("pressure")
-    if pressure is None or pressure.low > least_pressure(recording):
+    least = least_pressure(recording)
+    if pressure is None or pressure.low > least:
+        return []
+    if all(_below(channel, least) <= STRAY for channel in recording.of("pressure")):
         return []
     where = f"{pressure.file} {pressure.name}"
     text = f"pressure goes down to {pressure.low / BAR:.3g} bar gauge, which no line can hold"
