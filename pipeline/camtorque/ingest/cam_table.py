@@ -103,11 +103,13 @@ def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
         return
     back_from_top = (highest - np.arange(theta.size)) % theta.size
     start = theta[back_from_top[int(np.argmax(above[back_from_top] <= ABOVE_ZERO))]]
+    against = at_zero <= MOST_AT_ZERO and 2.0 * np.pi - top <= LAST_TOP
+    hint = "; or it runs against the direction of running: then each angle is 360 deg less itself" if against else ""
     raise Refusal(
         f"{table.path}: the lift stands at {100.0 * at_zero:.0f} % of its stroke at angle zero and is highest at "
         f"{np.rad2deg(top):.0f} deg, expected zero at the start of lift and the top before "
         f"{np.rad2deg(LAST_TOP):.0f} deg; the lift starts at about {np.rad2deg(start):.0f} deg: take that off the "
-        "angles of the table and off nominal_angle_deg"
+        f"angles of the table and off nominal_angle_deg{hint}"
     )
 
 
