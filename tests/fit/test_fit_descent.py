@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from camtorque.fit.descent import LOOKED_BACK, Descent, Effort, cannot_catch_up, minimise
+from camtorque.fit.descent import LOOKED_BACK, Basin, Descent, Effort, cannot_catch_up, minimise
 
 
 @dataclass(frozen=True)
@@ -93,3 +93,18 @@ def test_a_descent_is_not_given_up_before_its_gain_is_known():
     assert not cannot_catch_up(falling, 0.0)  # 12 more steps of 10
     assert cannot_catch_up(falling, -61.0)
     assert not cannot_catch_up([10.0] * 9, 10.0)
+
+
+def test_a_descent_that_has_come_back_to_a_known_minimum_ends():
+    descent, start = valley(), valley().try_at(np.zeros(2))
+    whole = minimise(descent, start, Effort(40, gain=1e-9))
+    matrix = descent.linearise(whole.trial)[0]
+    known = Basin(whole.trial.z, whole.trial.chi_square, matrix)
+    back = minimise(descent, start, Effort(40, gain=1e-9, basin=known))
+    assert back.cost[1] <= whole.cost[1]
+    assert known.holds(back.trial)
+    # nearby, but far above it, or as deep, but elsewhere, is another minimum
+    assert not replace(known, chi_square=known.chi_square - 2.0).holds(back.trial)
+    far = known.z + 40.0
+    assert not replace(known, z=far).holds(back.trial)
+    assert minimise(descent, start, Effort(40, gain=1e-9, basin=replace(known, z=far))).cost == whole.cost

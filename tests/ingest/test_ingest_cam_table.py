@@ -174,7 +174,7 @@ def test_a_table_that_runs_the_other_way_is_told(tmp_path: Path):
     text = (CALIBRATION / "cam_A.csv").read_text().splitlines()
     lift = np.array([float(row.split(",")[1]) for row in text[2:362]])
     file = tmp_path / "cam.csv"
-    for turned, told in ((np.roll(lift[::-1], 1), True), (np.roll(lift, 150), False)):
+    for turned, told in ((np.roll(lift[::-1], 1), True), (np.roll(lift, 320), False)):
         file.write_text(rows(np.arange(360.0), turned))
         with pytest.raises(Refusal, match="take that off the angles") as refused:
             read_cam_table(pump(file))

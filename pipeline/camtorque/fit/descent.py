@@ -11,13 +11,17 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from camtorque.records import Array
+from camtorque.records import Array, ReadOnly
 
 RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 """An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
 LEAST_DAMPING, LARGEST_DAMPING = 1.0e-8, 1.0e9
 LOOKED_BACK, AHEAD = 4, 12
 """Iterations whose mean gain a descent is expected to keep, and for how many more."""
+
+
+WITHIN = 1.0
+"""Chi-square above a minimum, and squared standard deviations from it, within which a descent has come back to it."""
 
 
 class DescentTrial(Protocol):
@@ -55,17 +59,33 @@ class Descent(Generic[T, P]):
 
 
 @dataclass(frozen=True)
+class Basin(ReadOnly):
+    """The surroundings of a known minimum: its place (k,) [SI], chi-square and normal equations (k, k) [1/SI^2]."""
+
+    z: Array
+    chi_square: float
+    matrix: Array
+
+    def holds(self, trial: DescentTrial) -> bool:
+        """Return whether a trial lies within one standard deviation of the minimum, by place and by chi-square."""
+        apart = trial.z - self.z
+        return trial.chi_square < self.chi_square + WITHIN and float(apart @ self.matrix @ apart) < WITHIN
+
+
+@dataclass(frozen=True)
 class Effort:
     """How far a descent is followed.
 
     iterations : of normal equations, at most
     gain : share of chi-square that a step has to promise
     limit : chi-square above which nobody asks for the minimum: the descent is given up where it will not come below
+    basin : of a minimum that is known: a descent that has come back into it ends
     """
 
     iterations: int
     gain: float = RELATIVE_GAIN
     limit: float = np.inf
+    basin: Basin | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +109,7 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> DescentResult[
     reached: list[float] = []
     while iterations < effort.iterations:
         reached.append(trial.chi_square)
-        if cannot_catch_up(reached, effort.limit):
+        if cannot_catch_up(reached, effort.limit) or (effort.basin is not None and effort.basin.holds(trial)):
             break
         point = known = descent.linearise(trial)
         iterations += 1

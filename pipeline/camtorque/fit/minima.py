@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.descent import Effort
+from camtorque.fit.descent import Basin, Effort
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, Solution, solve, try_at
 from camtorque.fit.starts import Start, refined
@@ -42,6 +42,11 @@ class Candidate:
     def value(self) -> float:
         """Chi-square with priors, and what the other half of the cycles and the sheet's cam say."""
         return self.solution.chi_square + self.unseen + self.light_cam_penalty
+
+    @property
+    def basin(self) -> Basin:
+        """Where descents of the same problem with the same lift correction have come back to this minimum."""
+        return Basin(self.solution.z, self.solution.chi_square, self.solution.hessian)
 
     @property
     def light_cam_penalty(self) -> float:

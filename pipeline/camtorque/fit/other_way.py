@@ -8,6 +8,7 @@ cost a descent each.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -73,7 +74,8 @@ def ways(best: Candidate, halves: Halves) -> list[Candidate]:
     found = [best]
     for _ in range(ROUNDS):
         before = found[0]
-        follow = partial(at_minimum, effort=beside(before.value), lifts=before.solution.lifts)
+        effort = replace(beside(before.value), basin=before.basin)
+        follow = partial(at_minimum, effort=effort, lifts=before.solution.lifts)
         ends = in_two(partial(halves.minimum, follow), turned(before))
         found = sorted([*found, *(end for end in ends if end)], key=lambda item: item.value)
         if found[0] is before:
