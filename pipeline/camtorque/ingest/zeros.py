@@ -112,9 +112,10 @@ def _refuse_millivolts(
 def zero_findings(
     calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, readings: Readings
 ) -> tuple[list[Finding], float]:
-    """Tell a standstill zero that lies further from the certificate's than the sheet allows, and by how much.
+    """Tell a standstill zero that lies further from the certificate's than the sheet allows, and how unsure that makes it.
 
-    What it lies beyond is a standard uncertainty of it [SI]: the reading may be of another state.
+    Both zeros may be off by what the sheet allows, each on its side. What lies beyond that is a standard uncertainty of
+    the standstill zero [SI]: the reading may be of another state.
     """
     off = line.gain * (calibration.zero_volts - line.zero_volts)
     tolerance = zero_tolerance_of(sheet, calibration, abs(line.gain))
@@ -125,10 +126,12 @@ def zero_findings(
     largest = calibration.largest_reading
     text = (
         f"the standstill zero is {100.0 * abs(off) / largest:.2g} % of the range off the certificate's, "
-        f"the sheet allows {100.0 * tolerance / largest:.2g} %; the standstill zero is used, and what it lies beyond "
-        f"that ({100.0 * (abs(off) - tolerance) / largest:.2g} %) counts as its uncertainty"
+        f"the sheet allows {100.0 * tolerance / largest:.2g} %; the standstill zero is used"
     )
-    return [Finding("zero_off_certificate", "warning", text, sheet.place)], abs(off) - tolerance
+    beyond = max(abs(off) - 2.0 * tolerance, 0.0)
+    if beyond:
+        text += f", and what lies beyond twice that ({100.0 * beyond / largest:.2g} %) counts as its uncertainty"
+    return [Finding("zero_off_certificate", "warning", text, sheet.place)], beyond
 
 
 def apart_findings(
