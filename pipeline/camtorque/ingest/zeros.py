@@ -112,7 +112,7 @@ def _refuse_millivolts(
 def zero_findings(
     calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, readings: Readings
 ) -> tuple[list[Finding], float]:
-    """Tell a standstill zero that lies further from the certificate's than the sheet allows, and how unsure that makes it.
+    """Tell a standstill zero further from the certificate's than the sheet allows, and how unsure that makes it.
 
     Both zeros may be off by what the sheet allows, each on its side. What lies beyond that is a standard uncertainty of
     the standstill zero [SI]: the reading may be of another state.
