@@ -77,7 +77,8 @@ def ways(best: Candidate, halves: Halves) -> list[Candidate]:
         effort = replace(beside(before.value), basin=before.basin)
         follow = partial(at_minimum, effort=effort, lifts=before.solution.lifts)
         ends = in_two(partial(halves.minimum, follow), turned(before))
-        found = sorted([*found, *(end for end in ends if end)], key=lambda item: item.value)
+        others = (end for end in ends if end and not before.basin.holds(end.solution))
+        found = sorted([*found, *others], key=lambda item: item.value)
         if found[0] is before:
             break
         found[0] = halves.minimum(at_minimum, found[0].data) or found[0]  # with the lift correction of its own force
