@@ -37,7 +37,7 @@ def document(explained: bool = True) -> dict[str, Any]:
         "effects": ["chamber"],
         "losses": {**LOSSES, "input": 12.0, "closure_percent": 100.0 * (12.0 - 11.8) / 12.0},
         "losses_stderr": {"unit": "J", "pressure": 0.2, "friction": 0.3, "driveline": 0.1, "inertia": 0.0},
-        "findings": [],
+        "findings": [], "parameters": {},
     }
 
 

@@ -24,7 +24,7 @@ from camtorque.report.answer import (
 )
 from camtorque.report.document import result_document
 from camtorque.report.texts import budget_rows, by_size, parameter_groups
-from camtorque.report.verdict import DOUBTFUL, UNUSUAL, missed_limits, unexplained_text, verdict
+from camtorque.report.verdict import DOUBTFUL, FAR_OFF, UNUSUAL, missed_limits, unexplained_text, verdict
 from camtorque.report.write import write_pdf, write_run
 from report_cases import NASTY, parameter, run_result
 
@@ -59,6 +59,16 @@ def test_values_that_no_bench_has_ask_to_look_closer(code: str, words: str) -> N
     head = verdict({**doc, "findings": [*doc["findings"], unusual]})
     assert (head["level"], head["head"]) == ("look", "Look closer")
     assert head["text"].endswith(f"only with {words}: see the warnings before using the values.")
+
+
+@pytest.mark.parametrize(("off", "level"), [(3.4, "good"), (-3.4, "good"), (3.6, "look"), (-5.0, "look")])
+def test_a_single_value_far_off_asks_to_look_closer(off: float, level: str) -> None:
+    doc = result_document(run_result())
+    name, row = next((name, row) for name, row in doc["parameters"].items() if row["prior"])
+    mean, std = row["prior"]
+    head = verdict({**doc, "parameters": {**doc["parameters"], name: {**row, "value": mean + off * std}}})
+    assert head["level"] == level
+    assert (f"only with {FAR_OFF}: see the warnings" in head["text"]) == (level == "look")
 
 
 @pytest.mark.parametrize(("code", "severity", "text"), [

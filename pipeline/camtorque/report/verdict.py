@@ -17,10 +17,12 @@ GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 UNUSUAL = {
     "values_implausible": "values that are unusual together",
     "cam_side_too_light": "a shaft that rings as if the cam were lighter than it is",
-    "prior_pulled": "values far off what was known of them",
     "trigger_beyond_tolerance": "a trigger beyond its mounting tolerance",
 }
 """Finding on values that may stand in for what the model lacks -> how the headline names them."""
+FAR_PULLED, FAR_OFF = 3.5, "values far off what was known of them"
+"""Standard deviations off what was expected from which on a single value is named so: with 50 values one bench in forty
+has one."""
 DOUBTFUL = {
     "base_torque_negative": "a torque that is negative on the base circle",
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
@@ -53,7 +55,16 @@ def verdict(doc: Document) -> dict[str, Any]:
 
 def unusual_values(doc: Document) -> list[str]:
     """Return that the values are unusual, in words, where no bench as expected has them."""
-    return list(dict.fromkeys(UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL))
+    far = [FAR_OFF] if any(pull(row) > FAR_PULLED for row in doc["parameters"].values()) else []
+    return list(dict.fromkeys([*far, *(UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL)]))
+
+
+def pull(row: Document) -> float:
+    """Return how many standard deviations a parameter lies off what was expected, 0 where nothing was."""
+    if not row["prior"] or row["value"] is None:
+        return 0.0
+    mean, std = row["prior"]
+    return abs(row["value"] - mean) / std
 
 
 def doubtful_input(doc: Document) -> list[str]:
