@@ -37,7 +37,8 @@ def document(explained: bool = True) -> dict[str, Any]:
         "effects": ["chamber"],
         "losses": {**LOSSES, "input": 12.0, "closure_percent": 100.0 * (12.0 - 11.8) / 12.0},
         "losses_stderr": {"unit": "J", "pressure": 0.2, "friction": 0.3, "driveline": 0.1, "inertia": 0.0},
-        "findings": [], "parameters": {},
+        "findings": [],
+        "parameters": {},
     }
 
 
@@ -144,7 +145,7 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     }  # fmt: skip
     lines = campaign_table(doc).splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[1].endswith("5.00 %   +40.0 %")
+    assert lines[1].endswith("5.000 %     +40.0 %")
     assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")
 
 

@@ -190,7 +190,7 @@ def test_a_zero_beyond_the_sheet_of_a_sensor_for_one_direction_is_a_finding(pape
     rows = [row for row in certificate.read_text().splitlines() if row[:1] in "#a-" or row.startswith("0.0")]
     certificate.write_text("\n".join(rows) + "\n")
     (found,) = read_sensor(reference(papers, before=0.06, after=0.06)).findings
-    assert found.text.startswith("the standstill zero is 1.2 % of the range off the certificate's")
+    assert found.text.startswith("the standstill zero differs from the certificate's by 1.2 % of the range")
     with pytest.raises(Refusal, match=r"found 40 and 40 V, 8e\+02 % of the range off"):
         read_sensor(reference(papers, before=40.0, after=40.0))
 

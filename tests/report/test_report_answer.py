@@ -44,12 +44,12 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert "They cannot tell whether they need friction." in parts["What closes it"]
     assert "do as well without spring; what stands for it here is what sheet" in parts["What closes it"]
     assert (
-        "Stretches of 20 deg, left out of a fit in turn, are predicted to 0.2 % of the peak in the middle, the worst "
+        "Stretches of 20 deg, left out of a fit in turn, are predicted to a median of 0.2 % of the peak, the worst "
         "(80 to 100 deg) to 0.7 %." in parts["How sure"]
     )
-    assert "known to ±0.42 %" in parts["How sure"]
+    assert "Absolute torque: ±0.42 % of the peak (k = 1;" in parts["How sure"]
     assert "Not ruled out: spill (10 %)" in parts["How sure"]
-    assert parts["What to do"].endswith("To learn more: record standstill readings.")
+    assert parts["What to do"].endswith("To learn more, record standstill readings.")
 
 
 @pytest.mark.parametrize(("code", "words"), UNUSUAL.items())
@@ -97,7 +97,7 @@ def test_the_gap_adds_up_in_words() -> None:
     doc = {**doc, "gap_by_cause": {"causes": causes, "total": {"forward_nm": 5.875, "return_minimum_nm": -5.875}}}
     text = closing_text(doc)
     assert "Forward stroke, +5.88 N m: pressure +4.00, bearing +1.00, guide +0.50, all else +0.25; +0.12 left" in text
-    assert "on the return, measured less rigid, −5.88 N m: pressure −4.00" in text
+    assert "At the minimum of the return, measured less rigid, −5.88 N m: pressure −4.00" in text
 
 
 def test_what_was_not_computed_is_not_mentioned() -> None:
@@ -206,7 +206,11 @@ def test_only_the_limits_that_are_missed_are_named() -> None:
 
 def test_held_out_cycles_test_the_noise_only_where_the_residual_is_noise() -> None:
     accuracy = {"shape_residual_percent": 0.05, "repeatability_percent": 0.04}
+    assert shape_text(accuracy).endswith("1.2 times what the cycles repeat (0.04 %).")
+    accuracy["repeatability_percent"] = 0.045
     assert "test the noise" in shape_text(accuracy)
+    assert "test the noise" not in shape_text(accuracy, stands_out=True)
+    accuracy["repeatability_percent"] = 0.04
     assert shape_text({**accuracy, "shape_residual_percent": 0.4}).endswith("10 times what the cycles repeat (0.04 %).")
 
 
@@ -262,7 +266,7 @@ def test_a_section_without_content_is_on_neither_page_nor_list(tmp_path: Path) -
 
 def test_a_stretch_that_alone_tells_what_acts_there_is_not_given_a_size():
     text = left_out_text([0.2] * 17 + [513.0])
-    assert text.endswith("in the middle, but 340 to 360 deg not at all: what acts there, only these angles tell.")
+    assert text.endswith("0.2 % of the peak, but 340 to 360 deg not at all: what acts there, only these angles tell.")
     assert "513" not in text
 
 

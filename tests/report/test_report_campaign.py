@@ -75,7 +75,7 @@ def test_what_is_shown_comes_from_the_reports(small: tuple[Path, CampaignResult]
 
 def test_what_a_revolution_gives_back_is_no_trend() -> None:
     documents = [{"losses": {"unit": "J", "input": 15.0, "friction": 4.0, "inertia": 1e-7, "closure_percent": 0.1}}]
-    assert [column.label for column in trends_of_losses(documents)] == ["loss: friction"]
+    assert [column.label for column in trends_of_losses(documents)] == ["work: friction"]
 
 
 def test_curves_stand_from_slow_to_fast_and_open_their_report(small: tuple[Path, CampaignResult]) -> None:

@@ -95,8 +95,8 @@ def hum_findings(
     hum = max(real, key=lambda h: h.amplitude / h.stderr)
     stays = hum.coherence > LOCKED
     fate = (
-        "the speed is locked to it, so it stays in the mean cycle; earth and shield the cable, or record at a speed "
-        "that is no even fraction of the mains"
+        "the speed is synchronous with the mains, so that it stays in the mean cycle; earth and shield the cable, or "
+        "record at a speed that is no submultiple of the mains frequency"
         if stays
         else f"its phase drifts over the cycles, so {100.0 * hum.coherence:.0f} % of it stay in the mean cycle"
     )

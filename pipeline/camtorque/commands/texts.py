@@ -29,7 +29,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
             f"{label:22}{row['rms_nm']:7.3f} N m{row['rms_percent_of_peak']:6.2f} %"
             f"{row['forward_gap_percent']:+11.2f} %{row['return_min_model_nm']:13.2f} N m"
         )
-    lines.append(f"{'measured':22}{'':32}{metrics['rigid']['return_min_measured_nm']:13.2f} N m")
+    lines.append(f"{'measured (held-out)':22}{'':32}{row['return_min_measured_nm']:13.2f} N m")
     trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
     lines += ["", f"effects   {', '.join(map(words, doc['effects'])) or 'none'}"]
     lines.append(f"trigger   {_value(trigger, 'deg', doc)}, nominal {trigger['nominal']:.2f}")
@@ -79,7 +79,7 @@ def _value(estimate: Mapping[str, Any], unit: str, doc: Mapping[str, Any]) -> st
 
 def campaign_table(doc: Mapping[str, Any]) -> str:
     """Return the content of campaign.json as a compact table."""
-    lines = [f"{'recording':22}{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>10}{'its peak':>10}"]
+    lines = [f"{'recording':22}{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>9}{'peak error':>12}"]
     left = {row["name"]: row["metrics"] for row in doc["held_out"] if row["mode"] == "own_zero_and_end"}
     for row in doc["recordings"]:
         if row["status"] != "ok":
@@ -88,10 +88,10 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
         out = left.get(row["id"])
         shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
                   (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), out]  # fmt: skip
-        texts = [f"{m['rms_percent_of_peak']:.2f} %" if m else "-" for m in shares]
+        texts = [f"{m['rms_percent_of_peak']:.{2 if k == 0 else 3}f} %" if m else "-" for k, m in enumerate(shares)]
         high = f"{known_metrics(out).peak_excess_percent:+.1f} %" if out else "-"
         name = f"{row['name']:22}{row['speed_rpm']:8.1f}"
-        lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>10}{high:>10}")
+        lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
     failed = [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
     told = [f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where"] if failed else []
     return "\n".join([*lines, *told, *loud_findings(doc["findings"])])

@@ -38,7 +38,7 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
                 f"{name.replace('_', ' ')}{f' of {recording}' if recording else ''} is "
                 f"{f'{short(row.value)} {row.unit}'.removesuffix(' -')}{', at its bound,' if row.at_bound else ','} "
                 f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
-                f"{short(row.prior[1], 2)}; {row.source}): if what the sheets say is right, it stands in for something "
+                f"{short(row.prior[1], 2)}; {row.source}): either this bench has it so, or it stands in for something "
                 "that the model lacks"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))

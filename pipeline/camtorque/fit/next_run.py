@@ -32,7 +32,7 @@ def next_measurement(fit: Fit) -> tuple[str, ...]:
         gains = sorted((float(after[names.index(n)] / today[names.index(n)]), n) for n in watched)
         told = [f"{name.replace('_', ' ')} to {100.0 * share:.0f} %" for share, name in gains if share < WORTH]
         if told:
-            texts.append(f"{title}: would narrow the uncertainty of {', '.join(told[:3])} of today's")
+            texts.append(f"{title}: would reduce the uncertainty of {', '.join(told[:3])} of the present one")
     return tuple(texts)
 
 

@@ -125,12 +125,12 @@ def zero_findings(
         _refuse_millivolts(off, tolerance, calibration, line, readings)
     largest = calibration.largest_reading
     text = (
-        f"the standstill zero is {100.0 * abs(off) / largest:.2g} % of the range off the certificate's, "
-        f"the sheet allows {100.0 * tolerance / largest:.2g} %; the standstill zero is used"
+        f"the standstill zero differs from the certificate's by {100.0 * abs(off) / largest:.2g} % of the range, "
+        f"the sheet allows {100.0 * tolerance / largest:.2g} %; the standstill zero is used: check the readings"
     )
     beyond = max(abs(off) - 2.0 * tolerance, 0.0)
     if beyond:
-        text += f", and what lies beyond twice that ({100.0 * beyond / largest:.2g} %) counts as its uncertainty"
+        text += f"; what lies beyond twice that ({100.0 * beyond / largest:.2g} %) counts as its uncertainty"
     return [Finding("zero_off_certificate", "warning", text, sheet.place)], beyond
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -19,7 +20,7 @@ from camtorque.report.numbers import (
 )
 from camtorque.report.verdict import Document, bump_places
 
-ABOVE_NOISE = 2.0
+ABOVE_NOISE = 1.2
 """A residual above this multiple of the repeatability is a shape, not noise."""
 LIKELY = 0.05
 """An alternative this probable is named in the answer."""
@@ -74,7 +75,7 @@ def gap_size(doc: Document) -> str:
 
 STRETCHES = {
     "forward": "Forward stroke",
-    "return_minimum": "Where the measured torque is least on the return, measured less rigid",
+    "return_minimum": "At the minimum of the return, measured less rigid",
 }
 """Key of the gap by cause -> what it is of."""
 NAMED_CAUSES = 3
@@ -130,16 +131,16 @@ def work_parts(losses: Mapping[str, Any], errors: Mapping[str, Any]) -> dict[str
 def sureness_text(doc: Document) -> str:
     """Return shape of the residual, repeatability, absolute uncertainty, and what the data determine at all."""
     accuracy, rows = doc["accuracy"], list(doc["parameters"].values())
-    text = shape_text(accuracy)
+    text = shape_text(accuracy, bool(doc["bumps"]))
     if doc["bumps"] and doc["explained"]:
         text += f" In the fitted cycles it stands out at {bump_places(doc)}."
     if accuracy["block_cv_percent"] and doc["explained"]:
         text += f" {left_out_text(accuracy['block_cv_percent'])}"
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
-            f" Level: the torque as such is known to ±{significant(accuracy['absolute_uncertainty_percent'], 2)} % "
-            f"(sensor and certificate), which no residual shows; plunger, cam and spring are taken as the sheet has "
-            f"them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
+            f" Absolute torque: ±{significant(accuracy['absolute_uncertainty_percent'], 2)} % of the peak (k = 1; "
+            "gain, linearity and zero by the certificate), which no residual reveals; plunger, cam and spring are "
+            "taken as the sheet has them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
         )
     text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
     return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
@@ -151,8 +152,8 @@ def left_out_text(blocks: Sequence[float]) -> str:
     median, largest = statistics.median(blocks), blocks[worst]
     place = f"{with_decimals(worst * width, 0)} to {with_decimals((worst + 1) * width, 0)} deg"
     text = (
-        f"Stretches of {with_decimals(width, 0)} deg, left out of a fit in turn, are predicted to "
-        f"{significant(median, 2)} % of the peak in the middle, "
+        f"Stretches of {with_decimals(width, 0)} deg, left out of a fit in turn, are predicted to a median of "
+        f"{significant(median, 2)} % of the peak, "
     )
     if largest > ALONE_PERCENT:
         return f"{text}but {place} not at all: what acts there, only these angles tell."
@@ -162,15 +163,15 @@ def left_out_text(blocks: Sequence[float]) -> str:
 def known_text(rows: Collection[Document]) -> str:
     """Return how many parameters the data tell something about, and what."""
     counts = [sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE]
-    limits = f"{counts[1]} have an upper limit (its lower bound, mostly zero, is not excluded), " if counts[1] else ""
+    limits = f"{counts[1]} have only an upper limit (zero is not excluded), " if counts[1] else ""
     return f"{counts[0]} are measured, {limits}{counts[2]} narrowed"
 
 
-def shape_text(accuracy: Document) -> str:
-    """Return the residual on held-out cycles beside what the cycles repeat."""
+def shape_text(accuracy: Document, stands_out: bool = False) -> str:
+    """Return the residual on held-out cycles beside what the cycles repeat; ``stands_out``: it does so somewhere."""
     shape, repeat = accuracy["shape_residual_percent"], accuracy["repeatability_percent"]
     text = f"Shape: the residual is {significant(shape, 2)} % of the peak on cycles that were not fitted"
-    if repeat and shape > ABOVE_NOISE * repeat:
+    if repeat and (stands_out or shape > ABOVE_NOISE * repeat):
         return f"{text}, {significant(shape / repeat, 2)} times what the cycles repeat ({significant(repeat, 2)} %)."
     repeated = significant(repeat, 2)
     return f"{text}; these repeat the fitted ones to {repeated} %, so they test the noise rather than the model."
@@ -208,15 +209,16 @@ def _structure(place: int, rows: Sequence[Document], doc: Document) -> str:
 
 def next_text(doc: Document) -> str:
     """Return the first of the next measurements, and how many warnings there are."""
-    serious = sum(row["severity"] != "info" for row in doc["findings"])
-    text = f"Read the {f'{serious} warnings' if serious > 1 else 'warning'} below. " if serious else ""
+    found = Counter(row["severity"] for row in doc["findings"])
+    counts = [f"{found[kind]} {kind}{'s' * (found[kind] > 1)}" for kind in ("error", "warning") if found[kind]]
+    text = f"Read the {' and '.join(counts)} below. " if counts else ""
     if not doc["explained"]:
         odd = next((row["text"] for row in doc["findings"] if row["code"] in INPUT_CAUSES), "")
         return text + (f"First: {odd}. " if odd else "") + unexplained_advice(doc)
     if not doc["next_measurement"]:
         return text + "Nothing: this recording determines everything that was fitted."
     first = doc["next_measurement"][0].split(" (now:")[0]
-    return text + f"To learn more: {first}."
+    return text + f"To learn more, {first}."
 
 
 def unexplained_advice(doc: Document) -> str:

@@ -158,7 +158,7 @@ def trends_of_losses(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
         for name, value in doc.get("losses", {}).items()
         if name not in NOT_LOSSES and abs(value or 0.0) > CONSERVED * abs(doc["losses"]["input"])
     )
-    return [_column(f"loss: {words(name)}", "J per revolution", ("losses", name), documents) for name in names]
+    return [_column(f"work: {words(name)}", "J per revolution", ("losses", name), documents) for name in names]
 
 
 def _parameters(documents: Sequence[Mapping[str, Any]]) -> list[Column]:

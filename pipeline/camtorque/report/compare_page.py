@@ -115,7 +115,7 @@ def compare_answer(document: Mapping[str, Any]) -> str:
     text = {
         "changed": f"{', '.join(named) or 'the torque'}.",
         "not changed": "no loss and no parameter moved by more than the smallest change that would have been seen.",
-        "cannot tell": "what moved, if anything, is smaller than these recordings can tell.",
+        "cannot tell": "no change of the pump is established; load, end of delivery and zero are each recording's own.",
     }[document["verdict"]]
     return (
         f"{text} The mean torque differs by {significant(torque['rms_difference_nm'], 2)} N m RMS, "

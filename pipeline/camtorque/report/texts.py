@@ -38,7 +38,7 @@ def inside_text(doc: Document) -> str:
         f"bearing {significant(forces['bearing_max_n'])} N, "
         f"guide {significant(forces['guide_max_n'])} N, Hertz pressure {significant(forces['hertz_max_gpa'])} GPa. "
     )
-    for key, what in (("peak_bar", "peaks at"), ("return_start_bar", "stands, where the lift has fallen to 95 %, at")):
+    for key, what in (("peak_bar", "peaks at"), ("return_start_bar", "at 95 % of the lift on the return is still")):
         value = chamber[key] if chamber else None
         if value and value["value"] is not None:
             interval = f" ± {plus_minus(value['stderr'])}" if doc["explained"] and value["stderr"] else ""
@@ -80,7 +80,10 @@ def alignment_text(doc: Document) -> str:
     if delay["value"] is not None:
         text += f"Torque delay {with_decimals(1e3 * delay['value'], 4)}"
         text += f" ± {with_decimals(1e3 * delay['stderr'], 4)} ms. " if sure and delay["stderr"] else " ms. "
-    return text + "The residual errors of the cam angle, as standard deviations:"
+    return text + (
+        "The residual errors of the cam angle, as standard deviations; after the fit they are those of single "
+        "parameters, stand in for one another and do not add up:"
+    )
 
 
 def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[dict[str, Any]]:
@@ -117,7 +120,7 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     """Return the parameters by what the data added, each group with its rows in the order of the fit."""
     texts = (
         "The data determine the value; what was known before hardly matters.",
-        "The data tell how large it is at most: its lower bound, mostly zero, is not excluded.",
+        "The data tell how large it is at most: zero is not excluded.",
         "The data narrowed what was known before.",
         "The data made these no surer than sheet, certificate or literature; the fit may lean on them within that.",
     )

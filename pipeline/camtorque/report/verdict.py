@@ -38,8 +38,8 @@ def verdict(doc: Document) -> dict[str, Any]:
     if not doc["explained"]:
         return {"level": "unexplained", "head": "UNEXPLAINED", "text": unexplained_text(doc)}
     text = (
-        f"{significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) separate model and measurement, "
-        f"where the rigid model is off by {significant(rigid['rms_percent_of_peak'], 2)} %."
+        f"the fitted model meets the measured torque to {significant(held['rms_percent_of_peak'], 2)} % of its peak "
+        f"(RMS); the rigid model misses it by {significant(rigid['rms_percent_of_peak'], 2)} %."
     )
     missed, odd = missed_limits(held), unusual_values(doc)
     if missed:
