@@ -49,7 +49,7 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     )
     assert "Absolute torque: ±0.42 % of the peak (k = 1;" in parts["How sure"]
     assert "Not ruled out: spill (10 %)" in parts["How sure"]
-    assert parts["What to do"].endswith("To learn more, record standstill readings.")
+    assert parts["What to do"].endswith("To learn more: record standstill readings.")
 
 
 @pytest.mark.parametrize(("code", "words"), UNUSUAL.items())

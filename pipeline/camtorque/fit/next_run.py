@@ -32,7 +32,7 @@ def next_measurement(fit: Fit) -> tuple[str, ...]:
         gains = sorted((float(after[names.index(n)] / today[names.index(n)]), n) for n in watched)
         told = [f"{name.replace('_', ' ')} to {100.0 * share:.0f} %" for share, name in gains if share < WORTH]
         if told:
-            texts.append(f"{title}: would reduce the uncertainty of {', '.join(told[:3])} of the present one")
+            texts.append(f"{title} would reduce the uncertainty of {', '.join(told[:3])} of the present one")
     return tuple(texts)
 
 
@@ -42,7 +42,7 @@ def proposals(fit: Fit) -> list[tuple[str, Array]]:
     result = [("a second tooth 60 degrees after the first", inverse(information + _tooth(fit)))]
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
-        result.append((f"the same load at {rpm:.0f} rpm, fitted jointly", _joined(fit, information, factor)))
+        result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", _joined(fit, information, factor)))
     return result
 
 

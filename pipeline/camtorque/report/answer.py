@@ -211,14 +211,15 @@ def next_text(doc: Document) -> str:
     """Return the first of the next measurements, and how many warnings there are."""
     found = Counter(row["severity"] for row in doc["findings"])
     counts = [f"{found[kind]} {kind}{'s' * (found[kind] > 1)}" for kind in ("error", "warning") if found[kind]]
-    text = f"Read the {' and '.join(counts)} below. " if counts else ""
+    what = " and ".join(counts).removeprefix("1 ") if len(counts) == 1 else " and ".join(counts)
+    text = f"Read the {what} below. " if counts else ""
     if not doc["explained"]:
         odd = next((row["text"] for row in doc["findings"] if row["code"] in INPUT_CAUSES), "")
         return text + (f"First: {odd}. " if odd else "") + unexplained_advice(doc)
     if not doc["next_measurement"]:
         return text + "Nothing: this recording determines everything that was fitted."
     first = doc["next_measurement"][0].split(" (now:")[0]
-    return text + f"To learn more, {first}."
+    return text + f"To learn more: {first}."
 
 
 def unexplained_advice(doc: Document) -> str:
