@@ -100,6 +100,20 @@ def test_the_gap_adds_up_in_words() -> None:
     assert "At the minimum of the return, measured less rigid, −5.88 N m: pressure −4.00" in text
 
 
+@pytest.mark.parametrize(
+    ("probability", "angle", "told"), [(0.45, 21.0, True), (0.2, 21.0, False), (0.45, 20.0, False)]
+)
+def test_a_second_solution_that_fits_as_well_stands_in_the_headline(
+    probability: float, angle: float, told: bool
+) -> None:
+    doc = result_document(run_result())
+    first = {**doc["alternatives"][0], "trigger_angle_deg": 20.0}
+    second = {**first, "probability": probability, "trigger_angle_deg": angle}
+    head = verdict({**doc, "alternatives": [first, second]})
+    assert head["level"] == "good"
+    assert ("Another solution fits about as well, with the trigger at 21 deg" in head["text"]) == told
+
+
 def test_what_was_not_computed_is_not_mentioned() -> None:
     result = run_result()
     doc = result_document(replace(result, fitted=replace(result.fitted, details={}, evidence=(), alternatives=())))

@@ -40,6 +40,7 @@ SMALL_TORQUE, SMALL_SHARE = 10.0, 0.15
 LEAST_FACTOR = -100.0
 """2 ln K below which the Gaussian lies far outside the bounds and tells nothing: Occam's share is -10 to -50."""
 SMALL_ANGLE = np.radians(0.15)
+LARGE = 1000.0
 REFIT_BELOW = 30.0
 """A loss with more evidence than this is not refitted."""
 SIZE_DRAWS = 400
@@ -193,11 +194,16 @@ def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) ->
     return np.asarray(shifts - np.mean(shifts, axis=0))
 
 
+def strength(factor: float) -> str:
+    """Return 2 ln K in words; beyond `LARGE` its size tells nothing more."""
+    return f"2 ln K > {LARGE:.0f}" if factor > LARGE else f"2 ln K = {factor:.0f}"
+
+
 def _sentence(name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str) -> str:
     what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name.replace("_", " "))
     span = f"between {interval[0]:.2g} and {interval[1]:.2g} {unit} rms"
     if verdict == "needed":
-        return f"the data need {what} ({size:.2g} {unit} rms; 2 ln K = {factor:.0f})"
+        return f"the data need {what} ({size:.2g} {unit} rms; {strength(factor)})"
     if verdict == "not needed":
-        return f"the data do not need {what}: at most {interval[1]:.2g} {unit} rms (2 ln K = {factor:.0f})"
-    return f"the data cannot tell whether there is {what}: {span} (2 ln K = {factor:.0f})"
+        return f"the data do not need {what}: at most {interval[1]:.2g} {unit} rms ({strength(factor)})"
+    return f"the data cannot tell whether there is {what}: {span} ({strength(factor)})"

@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
-from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, where_unexplained
+from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, strength, where_unexplained
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
@@ -293,5 +293,5 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
     verdict = "needed" if factor > NEEDED else "not needed" if factor < NOT_NEEDED else "cannot tell"
     weight = line.data.weight
     size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
-    text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms (2 ln K = {factor:.0f})"
+    text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms ({strength(factor)})"
     return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)

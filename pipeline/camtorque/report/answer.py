@@ -18,7 +18,7 @@ from camtorque.report.numbers import (
     with_sign,
     words,
 )
-from camtorque.report.verdict import Document, bump_places
+from camtorque.report.verdict import Document, bump_places, differs
 
 ABOVE_NOISE = 1.2
 """A residual above this multiple of the repeatability is a shape, not noise."""
@@ -47,8 +47,6 @@ MIXED = 2.0
 """Losses whose sum is so many times surer than the surer of them are told as one."""
 ALONE_PERCENT = 20.0
 """Error of a stretch that was left out, in percent of the peak, above which its size tells nothing."""
-NOTICED = 0.5
-"""A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
 
 
 def answer(doc: Document) -> list[dict[str, str]]:
@@ -179,24 +177,13 @@ def shape_text(accuracy: Document, stands_out: bool = False) -> str:
 
 def alternatives_text(doc: Document) -> str:
     """Return the other structures that the data leave possible."""
-    rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY and _differs(row, doc)]
+    rows = [row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= LIKELY and differs(row, doc)]
     named = "; ".join(
         f"{_structure(k, rows, doc)} ({significant(100.0 * row['probability'], 2)} %), trigger then at "
         f"{significant(row['trigger_angle_deg'], 4)} deg, chamber peak {significant(row['chamber_peak_bar'], 4)} bar"
         for k, row in enumerate(rows)
     )
     return f" Not ruled out: {named}." if named else ""
-
-
-def _differs(row: Document, doc: Document) -> bool:
-    """Return whether an alternative says anything else of trigger or chamber than the chosen one."""
-    first = doc["alternatives"][0]
-    shown = ((doc["alignment"]["trigger_angle_deg"], "trigger_angle_deg"),
-            ((doc["chamber"] or {}).get("peak_bar"), "chamber_peak_bar"))  # fmt: skip
-    return row["name"] != first["name"] or any(
-        abs((row[key] or 0.0) - (first[key] or 0.0)) > NOTICED * (estimate["stderr"] or 0.0) for estimate, key in shown
-        if estimate
-    )  # fmt: skip
 
 
 def _structure(place: int, rows: Sequence[Document], doc: Document) -> str:

@@ -14,6 +14,10 @@ WIDE_DEG, AROUND_DEG = 90.0, 320.0
 """A wider stretch of the residual has more than one phase; one all around the revolution is nowhere."""
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 """What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
+NOTICED = 0.5
+"""A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
+EVEN = 0.3
+"""A second solution this probable stands in the headline."""
 UNUSUAL = {
     "values_implausible": "values that are unusual together",
     "cam_side_too_light": "a shaft that rings as if the cam were lighter than it is",
@@ -49,6 +53,13 @@ def verdict(doc: Document) -> dict[str, Any]:
     doubtful = doubtful_input(doc)
     if doubtful:
         text += f" What it rests on is doubtful ({'; '.join(doubtful)}): see the findings before using the values."
+    second = next((row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= EVEN), None)
+    if second is not None and differs(second, doc):
+        text += (
+            " Another solution fits about as well, with the trigger at "
+            f"{significant(second['trigger_angle_deg'], 4)} deg and a chamber peak of "
+            f"{significant(second['chamber_peak_bar'], 4)} bar."
+        )
     look = bool(missed or odd or doubtful)
     return {"level": "look" if look else "good", "head": "Look closer" if look else "Explained", "text": text}
 
@@ -127,3 +138,14 @@ def unexplained_text(doc: Document) -> str:
         start + where + "Something acts there that is not in the model. The values below are the best of an incomplete "
         "model: none of their intervals can be relied on."
     )
+
+
+def differs(row: Document, doc: Document) -> bool:
+    """Return whether an alternative says anything else of trigger or chamber than the chosen one."""
+    first = doc["alternatives"][0]
+    shown = ((doc["alignment"]["trigger_angle_deg"], "trigger_angle_deg"),
+            ((doc["chamber"] or {}).get("peak_bar"), "chamber_peak_bar"))  # fmt: skip
+    return row["name"] != first["name"] or any(
+        abs((row[key] or 0.0) - (first[key] or 0.0)) > NOTICED * (estimate["stderr"] or 0.0) for estimate, key in shown
+        if estimate
+    )  # fmt: skip
