@@ -38,9 +38,9 @@ def test_what_differs_is_told_with_who_states_what(recording: Recording) -> None
     sides = {"A": same, "B": stated(changed(recording, plunger_diameter=0.0082)), "C": same, "D": same}
     assert differences(sides) == {"[pump] plunger_diameter_m": "0.0082 in B, 0.008 in the others"}
     pair = {"A": same, "B": stated(changed(recording, spring_preload=200.0))}
-    (finding,) = difference_findings(pair)
+    (finding,) = difference_findings(differences(pair))
     assert finding.text.startswith("[pump] spring_preload_N is 200 in B, 110 in A: what a fit takes as given")
-    assert difference_findings({"A": same, "B": same}) == ()
+    assert difference_findings(differences({"A": same, "B": same})) == ()
 
 
 def test_a_lift_table_is_compared_as_a_whole(recording: Recording) -> None:

@@ -42,14 +42,14 @@ def joint_fit(
         if len(pumps) == 1:
             what = f"recording ids that repeat: {', '.join(repeated)}"
         return _none(f"no joint fit: found {what}, expected one pump and one id per recording")
-    sides = {item.name: item.stated for item in known}
-    pump = "; ".join(f"{name} {text}" for name, text in differences(sides).items() if name in DIMENSIONS)
+    apart = differences({item.name: item.stated for item in known})
+    pump = "; ".join(f"{name} {text}" for name, text in apart.items() if name in DIMENSIONS)
     if pump:
         return _none(f"no joint fit: found {pump}, expected the dimensions of one pump; correct the wrong one")
     try:
-        return fit_joint(known, read, threads), (*difference_findings(sides), *_repeated(same.values()))
+        return fit_joint(known, read, threads), (*difference_findings(apart), *_repeated(same.values()))
     except Refusal as refusal:
-        return _none(str(refusal), *difference_findings(sides))
+        return _none(str(refusal), *difference_findings(apart))
 
 
 def _repeated(same: Iterable[Sequence[str]]) -> tuple[Finding, ...]:

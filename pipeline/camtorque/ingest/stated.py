@@ -69,10 +69,10 @@ def differences(sides: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     return found
 
 
-def difference_findings(sides: Mapping[str, Mapping[str, str]]) -> tuple[Finding, ...]:
-    """Return a warning on each number that the sheets of recordings of one pump state differently."""
+def difference_findings(found: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Return a warning on each number that the sheets of recordings of one pump state differently: `differences`."""
     return tuple(
         Finding("sheets_differ", "warning", f"{name} is {text}: what a fit takes as given has to be the same, or it "
                 "comes out as a change of the pump; correct the one that is wrong", name)
-        for name, text in differences(sides).items()
+        for name, text in found.items()
     )  # fmt: skip
