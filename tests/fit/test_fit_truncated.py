@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.fit.truncated import Gaussian, log_share_below, truncated
+from camtorque.fit.uncertainty import deviation_within
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal, truncnorm
 
@@ -69,3 +70,13 @@ def test_a_box_dozens_of_deviations_away_is_improbable_and_no_warning():
     low, high = np.array([8.728804035764, 86.728275283016]), np.array([21.312126229608, 228.874835483352])
     found = truncated(Gaussian(np.zeros(2), matrix, low, high))
     assert -7000.0 < found.log_probability < -3700.0  # 86.7^2 / 2 = 3760 of the second alone
+
+
+def test_deviation_within_bounds_is_that_of_draws_from_the_stated_values():
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((3, 5)) / np.sqrt(5.0)
+    matrix, mean, lower = root @ root.T, np.array([-0.4, 0.3, 0.1]), np.array([0.0, -np.inf, 0.0])
+    known, stated = Gaussian(mean, matrix, lower, np.full(3, np.inf)), np.array([0.0, 0.5, 0.2])
+    drawn = rng.multivariate_normal(mean, matrix, 400_000)
+    off = drawn[np.all(drawn > lower, axis=1)] - stated
+    np.testing.assert_allclose(deviation_within(known, stated), off.T @ off / off.shape[0], atol=0.02)

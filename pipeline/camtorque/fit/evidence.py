@@ -28,7 +28,7 @@ from camtorque.fit.descent import Effort
 from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian
-from camtorque.fit.uncertainty import Covariance, inverse, prior_std
+from camtorque.fit.uncertainty import Covariance, inverse, posterior, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.process.second_process import in_two
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
@@ -56,11 +56,6 @@ LOSSES: dict[str, tuple[str, ...]] = {
 MEMBERS = {**LOSSES, EITHER_LOSS: tuple(name for loss in APART for name in LOSSES[loss])}
 """The same, and both together: told where one of them is needed and it cannot be decided which, as of a constant at one
 speed."""
-
-
-def unbounded_mean(solution: Solution, cov: Covariance) -> Array:
-    """Return the mean of the Gaussian of which the fit is the maximum within bounds: x + C g."""
-    return solution.z + cov.matrix @ (solution.gradient / cov.inflation)
 
 
 def savage_dickey(posterior: Gaussian, prior: Gaussian, chosen: Array) -> float:
@@ -104,19 +99,17 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
 
 def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
     """Return the evidence for every loss of one recording's fit, the chamber's aside, and for two together."""
-    posterior = Gaussian(unbounded_mean(solution, cov), cov.matrix, *problem.bounds)
+    known = posterior(problem, solution, cov)
     prior = prior_of(problem, cov.prior_std)
     full = laplace(problem, solution, cov.inflation)
 
     def weighed(names: Sequence[str]) -> list[LossEvidence]:
         places = {name: np.array([k for k in map(problem.index, MEMBERS[name]) if k >= 0]) for name in names}
-        quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
+        quickly = {name: savage_dickey(known, prior, chosen) for name, chosen in places.items()}
         close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
         refits = dict(zip(close, in_two(partial(_refitted, problem, solution, cov), close), strict=True))
         return [
-            _judged(
-                problem, solution, posterior, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even
-            )
+            _judged(problem, solution, known, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even)
             for name, at in places.items()
         ]
 

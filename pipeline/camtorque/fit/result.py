@@ -25,7 +25,9 @@ from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import (
     confidence,
     confounded_with,
+    deviation_within,
     knowledge,
+    posterior,
     pressure_jacobian,
     uncertainty_budget,
     unresolved_amplitude,
@@ -289,7 +291,9 @@ def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:
     if tangents is None or not fitted.chain.uses_chamber:
         return None
     jacobian, own = pressure_jacobian(fit.problem, tangents)
-    variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance.matrix[np.ix_(own, own)], jacobian)
+    known = posterior(fit.problem, fit.solution, fit.covariance)
+    spread = deviation_within(known, fit.solution.z)[np.ix_(own, own)]
+    variance = np.einsum("ij,jk,ik->i", jacobian, spread, jacobian)
     for shift in fit.pressure_shifts:
         variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std * fitted.output.pressure

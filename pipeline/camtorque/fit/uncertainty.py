@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from camtorque.fit.prepare import CORRELATION, INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.solver import Solution
+from camtorque.fit.truncated import Gaussian
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
@@ -83,6 +84,22 @@ def covariance(problem: Problem, solution: Solution) -> Covariance:
     information = solution.data_hessian / inflation
     matrix = inverse(information + prior)
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
+
+
+def posterior(problem: Problem, solution: Solution, cov: Covariance) -> Gaussian:
+    """Return the Gaussian of which a minimum is the maximum within the bounds: its mean is x + C g."""
+    mean = solution.z + cov.matrix @ (solution.gradient / cov.inflation)
+    return Gaussian(mean, cov.matrix, *problem.bounds)
+
+
+def deviation_within(known: Gaussian, stated: Array) -> Array:
+    """Return how far parameters within their bounds lie from stated values (k,): E[(x - s)(x - s)'], (k, k) [SI^2].
+
+    For what is computed from all of them, such as a pressure: without the bounds its uncertainty would hold volumes
+    and losses below zero. A single parameter at its bound keeps its width beyond (`covariance`), for the laws err too.
+    """
+    off = known.within.mean - stated
+    return np.asarray(known.within.matrix + np.outer(off, off))
 
 
 def along_valley(cov: Covariance, index: int, std: float) -> Array:
