@@ -8,6 +8,7 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 from camtorque.limits import Limit
 from camtorque.records import Finding, Refusal
@@ -23,6 +24,7 @@ from camtorque.report.answer import (
     work_parts,
 )
 from camtorque.report.document import result_document
+from camtorque.report.page import run_page
 from camtorque.report.texts import budget_rows, by_size, parameter_groups
 from camtorque.report.verdict import DOUBTFUL, FAR_OFF, UNUSUAL, missed_limits, unexplained_text, verdict
 from camtorque.report.write import write_pdf, write_run
@@ -157,6 +159,25 @@ def test_parameters_stand_by_what_the_data_added(tmp_path: Path) -> None:
     assert "± 0 " not in text
     assert "not identifiable" not in text
     assert "ladder" not in text.lower()
+
+
+def test_a_parameter_fitted_by_its_logarithm_is_shown_as_it_is() -> None:
+    name = "drive_lag"
+    fitted = parameter(name, np.log(0.002), unit="ln(s)", stderr=np.log(1.5), prior=(np.log(0.0015), np.log(3.7)),
+                       ci95=(np.log(0.001), np.log(0.004)), meaning="logarithm of the lag")  # fmt: skip
+    result = run_result()
+    doc = result_document(replace(result, fitted=replace(result.fitted, parameters=(fitted,))))
+    row = parameter_groups(doc)[0]["rows"][0]
+    assert (row["value"], row["error"], row["unit"]) == ("0.002", "×/÷ 1.5", "s")
+    assert (row["interval"], row["prior"]) == ("0.001 … 0.004", "0.0015 ×/÷ 3.7")
+    assert row["meaning"] == "the lag"
+
+
+@pytest.mark.parametrize(("warm", "told"), [(None, "fuel temperature not stated"), (40.0, "fuel at 40 °C")])
+def test_the_head_of_a_page_states_the_conditions(warm: float | None, told: str) -> None:
+    doc = result_document(run_result())
+    doc["recording"] |= {"fuel_temperature_c": warm, "line_pressure_peak_bar": 867.4}
+    assert f"line pressure up to 867 bar, {told}." in run_page(doc, [], "", (), ((), ()))
 
 
 def test_tables_only_where_there_is_something_to_say(tmp_path: Path) -> None:

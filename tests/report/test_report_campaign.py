@@ -82,10 +82,25 @@ def test_curves_stand_from_slow_to_fast_and_open_their_report(small: tuple[Path,
     folder, result = small
     chart = overlay(campaign_view(result.entries, folder))
     assert chart is not None
-    assert [item.label for item in chart.panels[0].lines] == ["run 1 #1", "run 0 #1", "run 2 #1"]
+    assert [item.label for item in chart.panels[0].lines] == ["250 rpm", "500 rpm", "1000 rpm"]
+    assert all(panel.keys for panel in chart.panels)
     assert chart.links[0] == "runs/key%201%231/report.html"
     assert chart.panels[0].lines[0].tone == "r0"
     assert chart.panels[0].lines[-1].tone == "r7"
+
+
+def test_curves_of_one_speed_go_by_their_names_and_many_have_no_legend() -> None:
+    def shown(speeds: np.ndarray) -> Any:
+        conditions = (Column("speed", "rpm", speeds, np.full(speeds.size, np.nan)),)
+        names = tuple(f"run {k}" for k in range(speeds.size))
+        curves = np.ones((speeds.size, 4))
+        return overlay(CampaignView(names, names, conditions, (), np.arange(4.0), curves, curves, {}))
+
+    assert [line.label for line in shown(np.array([800.2, 800.4])).panels[0].lines] == [
+        "run 0, 800 rpm",
+        "run 1, 800 rpm",
+    ]
+    assert not shown(np.arange(13.0)).panels[0].keys
 
 
 def test_a_refused_recording_is_listed_with_its_reason(small: tuple[Path, CampaignResult]) -> None:

@@ -76,7 +76,7 @@ COUPLING_ROWS = (
     parameter("half_place", "h", "-", 1.0, (0.6, 0.0, 1.0, 0.1), (0.6, 0.3),
             "share of the shaft's compliance between that half and the cam",
             "couplings yield more than transducers, and less where they are stiff"),
-    parameter("half_damping", "ln q", "-", 1.0, (0.0, -4.0, 4.0, 0.3), (0.5, 1.0),
+    parameter("half_damping", "ln q", "ln(1)", 1.0, (0.0, -4.0, 4.0, 0.3), (0.5, 1.0),
             "logarithm of the damping time between half and cam over that of the rest of the shaft",
             "elastomers are damped up to ten times as much as steel, steel couplings as much"),
 )  # fmt: skip

@@ -12,6 +12,8 @@ from camtorque.report.numbers import unit_text, words
 from camtorque.report.tones import RAMP
 from camtorque.units import DEGREE
 
+MOST_KEYS = 12
+"""Recordings beyond which the curves of all are told by their tones alone."""
 MOST_ROWS = 40
 """Recordings beyond which predictions are drawn over speed, not as one row each."""
 
@@ -22,12 +24,14 @@ def overlay(view: CampaignView) -> Curves | None:
     if not good.size:
         return None
     order = good[np.argsort(_speeds(view)[good], kind="stable")]
+    labels = _with_speeds(view, order)
     rank = np.arange(order.size) / max(order.size - 1, 1)
     tones = [RAMP[round(share * (len(RAMP) - 1))] for share in rank]
     shown = [("measured torque [N m]", view.torque, 260.0), ("measured − fitted [N m]", view.residual, 130.0)]
+    curves = list(zip(order, labels, tones, strict=True))
     panels = tuple(
-        Panel(name, tuple(Line(view.names[k], values[k], tone, 1.0) for k, tone in zip(order, tones, strict=True)),
-              height=height, keys=False)
+        Panel(name, tuple(Line(label, values[k], tone, 1.0) for k, label, tone in curves), height=height,
+              keys=order.size <= MOST_KEYS)
         for name, values, height in shown[: 1 if order.size > MANY else 2]
     )  # fmt: skip
     links = tuple(view.links[k] for k in order)
@@ -37,6 +41,14 @@ def overlay(view: CampaignView) -> Curves | None:
 def _speeds(view: CampaignView) -> np.ndarray:
     found = next((column.values for column in view.conditions if column.label == "speed"), None)
     return np.zeros(len(view.names)) if found is None else np.nan_to_num(found)
+
+
+def _with_speeds(view: CampaignView, order: np.ndarray) -> list[str]:
+    """Return what the curves are called: by their speeds alone where these tell the recordings apart."""
+    speeds = [f"{speed:.0f} rpm" for speed in _speeds(view)[order]]
+    if len(set(speeds)) == len(speeds):
+        return speeds
+    return [f"{view.names[k]}, {speed}" for k, speed in zip(order, speeds, strict=True)]
 
 
 def trend(column: Column, over: Column) -> Curves:

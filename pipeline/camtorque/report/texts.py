@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,6 +28,8 @@ METRIC_NAMES = {
 }
 SMALL_ERROR = 0.05
 """A source of angle error below this share of the largest one stands in a line below the table."""
+LOGARITHM = re.compile(r"ln\((.*)\)")
+"""Unit of a parameter that is fitted by its logarithm."""
 STRONG = 0.9
 """Correlation from which on two parameters are shown as a pair."""
 
@@ -134,16 +138,38 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
 
 def parameter_row(name: str, row: Document, explained: bool) -> dict[str, Any]:
     """Return one parameter as the texts of a table; no interval where the model does not explain the data."""
-    has_interval = explained and row["stderr"] is not None
-    ends = [rounded_to_error(end, row["stderr"]) for end in row["ci95"]]
-    prior = f"{significant(row['prior'][0])} ± {significant(row['prior'][1], 2)}" if row["prior"] else UNKNOWN
+    logarithm = LOGARITHM.fullmatch(row["unit"])
+    shown = _factors(row) if logarithm else _amounts(row)
+    if not (explained and row["stderr"] is not None):
+        shown |= {"error": UNKNOWN, "interval": UNKNOWN}
     return {
-        "name": words(name), "meaning": row["meaning"], "unit": unit_text(row["unit"]), "knowledge": row["knowledge"],
-        "value": rounded_to_error(row["value"], row["stderr"]),
-        "error": plus_minus(row["stderr"]) if has_interval else UNKNOWN,
-        "interval": f"{ends[0]} … {ends[1]}" if has_interval else UNKNOWN, "prior": prior, "at_bound": row["at_bound"],
-        "mixed": [words(other) for other in row["confounded_with"]],
+        **shown, "name": words(name), "meaning": row["meaning"].removeprefix("logarithm of "),
+        "unit": unit_text(logarithm[1] if logarithm else row["unit"]), "knowledge": row["knowledge"],
+        "at_bound": row["at_bound"], "mixed": [words(other) for other in row["confounded_with"]],
         "source": row["source"],
+    }  # fmt: skip
+
+
+def _amounts(row: Document) -> dict[str, str]:
+    prior, stderr = row["prior"], row["stderr"]
+    return {
+        "value": rounded_to_error(row["value"], stderr), "error": plus_minus(stderr),
+        "interval": " … ".join(rounded_to_error(end, stderr) for end in row["ci95"]),
+        "prior": f"{significant(prior[0])} ± {significant(prior[1], 2)}" if prior else UNKNOWN,
+    }  # fmt: skip
+
+
+def _factors(row: Document) -> dict[str, str]:
+    """Return a parameter that is fitted by its logarithm as it is: with a factor in place of an amount more or less."""
+
+    def factor(value: float | None, digits: int = 2) -> str:
+        return significant(None if value is None else math.exp(value), digits)
+
+    prior = row["prior"]
+    return {
+        "value": factor(row["value"], 3), "error": f"×/÷ {factor(row['stderr'])}",
+        "interval": " … ".join(factor(end) for end in row["ci95"]),
+        "prior": f"{factor(prior[0])} ×/÷ {factor(prior[1])}" if prior else UNKNOWN,
     }  # fmt: skip
 
 
