@@ -164,7 +164,7 @@ def kernel_values(truth, lift_at_closing):
         "retraction_volume": 0.0, "gallery_volume": 1e-7, "valve_mass": 6e6, "valve_damping": 2e3, "seat_gain": 500.0,
         "valve_exposure": 1.0, "leakage": chamber.leak * (1.0 + chamber.leak_growth * 500e5) ** 3,
         "leak_growth": chamber.leak_growth, "pressure_zero": 0.0, "suction_area": 0.0, "valve_stroke": 3e-8,
-        "line_inertance": 0.0, "outlet_return": 0.0,
+        "line_inertance": 0.0, "outlet_return": 0.0, "valve_spring": 1e13,
     }  # fmt: skip
     if chamber.end == "spill":
         known["spill_width"] = chamber.spill_area / chamber.spill_height

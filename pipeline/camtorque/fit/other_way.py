@@ -23,7 +23,7 @@ WAYS: dict[str, tuple[float, float]] = {
     "outlet_return": (0.0, 1.0), "suction_area": (0.0, 1.5e-6), "retraction_volume": (1.0e-9, 20.0e-9),
     "valve_damping": (1.0e3, 12.0e3), "valve_mass": (1.5e6, 12.0e6), "valve_area": (1.5e-6, 6.0e-6),
     "valve_exposure": (0.2, 0.9), "line_inertance": (0.0, 18.0e6), "free_air": (0.0, 6.0e-3),
-    "drive_bandwidth": (1.5, 5.5),
+    "drive_bandwidth": (1.5, 5.5), "valve_spring": (3.0e12, 4.0e13),
 }  # fmt: skip
 """Parameter -> the two ends between which it is turned [SI], each well inside what literature has of it."""
 SHAFTS, CAM_SIDES = (15.0e-6, 150.0e-6), (1.5, 4.0)

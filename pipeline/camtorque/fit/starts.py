@@ -30,7 +30,7 @@ CORE = (
     "drive_admittance",
 )  # fmt: skip
 """Non-linear parameters of the first rung: those that place the load."""
-SET = ("outlet_return", "half_damping")
+SET = ("outlet_return", "half_damping", "valve_spring")
 """Parameters that a start sets and the ladder leaves: one acts in steps, one matters when the load is placed."""
 VOLUMES = (1.5, 5.0)
 """Dead volumes that are tried, in swept volumes."""

@@ -24,7 +24,7 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
-from camtorque.laws.valve import RETURN_SPAN, SPRING, lifted, seat_drop, stop_force
+from camtorque.laws.valve import RETURN_SPAN, lifted, seat_drop, stop_force
 
 ROWS = (
     parameter("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
@@ -46,6 +46,7 @@ KERNEL_UNITS: dict[str, float] = {
     "valve_area": 1e6, "valve_range": 1e-5, "retraction_volume": 1e9, "gallery_volume": 1e9, "valve_mass": 1e-8,
     "valve_damping": 1e-3, "seat_gain": 1e-3, "valve_exposure": 1.0, "leakage": 1e11, "leak_growth": 1e5,
     "pressure_zero": 1e-5, "suction_area": 1e6, "valve_stroke": 1e9, "outlet_return": 1.0, "line_inertance": 1e-8,
+    "valve_spring": 1e-14,
 }  # fmt: skip
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
@@ -106,7 +107,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
-    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke, again, column = parameters[19:]
+    mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke, again, column, spring = parameters[19:]
     plunger, top_lift, grid_step, end_lift, end_slope, top_angle = geometry
     n = theta.size
     n_shift = shifts.shape[1]
@@ -215,7 +216,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 f1 += dt * k_out * out
                 f2 = room / shared - gallery - dt * (k_out * out - k_seat * lift_u * through)
                 inertia = mass_valve * ((velocity - speed_old) / dt + damping * velocity)
-                pushing = g + (1.0 - exposure) * (p - g) - entry - p_open - SPRING * (u - retraction)
+                pushing = g + (1.0 - exposure) * (p - g) - entry - p_open - spring * (u - retraction)
                 flow_force = force * seat / area_out
                 f3 = inertia - pushing + flow_force * lift_u + stop
                 j11 += dt * k_out * out_d
@@ -224,7 +225,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 j23 = 1.0 / shared + dt * k_seat * lift_ud * through
                 j31 = -(1.0 - exposure)
                 j32 = -exposure
-                j33 = mass_valve * (1.0 / dt + damping) / dt + SPRING + flow_force * lift_ud + stop_u
+                j33 = mass_valve * (1.0 / dt + damping) / dt + spring + flow_force * lift_ud + stop_u
                 j11 += f1 * share_p / share
                 j22 += f2 * shared_p / shared
                 # the flow into the line, f4 = w - u' - Q_seat = 0, is eliminated
@@ -354,7 +355,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 partial[2, 14] += 1.0
                 partial[2, 15] -= flow_force * lift_u / area_out
                 partial[2, 16] += seat / area_out * lift_u
-                partial[2, 17] += -SPRING - flow_force * lift_ud + stop_top
+                partial[2, 17] += -spring - flow_force * lift_ud + stop_top
                 partial[2, 27] += stop_top
                 partial[2, 19] += (speed - speed_old) * inverse_time + damping * speed
                 partial[2, 20] += mass_valve * speed
@@ -368,6 +369,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 partial[1, 29] -= dt * k_through * faster
                 partial[2, 29] += faster
                 partial[3, 29] += k_through * faster
+                partial[2, 30] += u - retraction
                 for j in range(n_shift):
                     moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
                     partial[0, N + j] += (by_lift * slope_here + by_angle) * moved

@@ -25,8 +25,6 @@ from camtorque.laws.ports import flow_root
 from camtorque.laws.rows import parameter
 from camtorque.units import DEGREE
 
-SPRING = 0.1
-"""Spring rate over the square of the valve's area, 14 N/mm on 37 mm^2 [bar/mm^3]."""
 STOP = 400.0
 """Stiffness of seat and stop [bar/mm^3]."""
 STOP_LOSS = 0.05
@@ -44,7 +42,8 @@ SEAT_ITERATIONS, SEAT_SETTLED = 30, 1.0e-12
 
 ROWS = (
     parameter("valve_opening", "p_open", "bar", 1.0e5, (20.0, 1.0, 150.0, 3.0), (25.0, 20.0),
-            "pressure difference at which the delivery valve opens", "catalogues of delivery valves: 5-50 bar"),
+            "pressure difference at which the delivery valve lets fuel through",
+            "catalogues of delivery valves: 5-50 bar"),
     parameter("valve_area", "A_out", "mm^2", 1.0e-6, (2.0, 0.3, 60.0, 0.2), (3.0, 6.0),
             "flow area between chamber and delivery valve (Cd = 0.7)", "bores of 1-4 mm"),
     parameter("valve_range", "w", "bar", 1.0e5, (5.0, 0.0, 150.0, 3.0), (5.0, 15.0),
@@ -63,6 +62,8 @@ ROWS = (
             "share of the outlet's pressure drop that the valve does not feel", "shape of the valve's face"),
     parameter("valve_stroke", "u_max", "mm^3", 1.0e-9, (30.0, 3.0, 300.0, 3.0), (30.0, 20.0),
             "volume that the delivery valve sweeps from V_r to its stop", "0.4-1.6 mm on 20-50 mm^2"),
+    parameter("valve_spring", "S", "bar/mm^3", 1.0e14, (0.1, 0.0, 2.0, 0.05), (0.1, 0.2),
+            "spring rate of the delivery valve over the square of its area", "5-20 N/mm on 15-50 mm^2"),
     parameter("line_inertance", "I", "10^6 kg/m^4", 1.0e6, (0.0, 0.0, 100.0, 2.0), (0.0, 10.0),
             "inertance of the oil between the delivery valve and the pressure sensor", "0-40 mm of 2 mm bore"),
 )  # fmt: skip
