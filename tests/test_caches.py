@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
+import camtorque
 import pytest
 from camtorque.process import caches
+
+PACKAGE = Path(camtorque.__file__).parent
+LAMINAR = "LAMINAR = 2.0"
 
 
 @pytest.fixture
@@ -65,3 +73,50 @@ def test_a_folder_that_somebody_else_could_fill_is_not_used(nowhere: Path, plant
         expected.chmod(0o777)
     caches.find_caches(nowhere / "package that is not there")
     assert all(expected not in Path(place).parents for place in placed().values())
+
+
+def test_every_room_with_compiled_functions_counts() -> None:
+    rooms = {
+        path.parent.name
+        for path in PACKAGE.rglob("*.py")
+        if re.search(r"^@(njit|elementwise)\b", path.read_text(encoding="utf-8"), flags=re.M)
+    }
+    assert rooms
+    assert rooms <= set(caches.COMPILED_IN)
+
+
+def test_what_was_compiled_from_other_sources_is_deleted(tmp_path: Path) -> None:
+    kept = [tmp_path / "chamber.integrate.nbi", tmp_path / "chamber.integrate.1.nbc"]
+    for path in (*kept, tmp_path / "chamber.pyc"):
+        path.touch()
+    (tmp_path / caches.SOURCES).write_text("of the version before")
+    assert caches.made_from(PACKAGE, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [caches.SOURCES, "chamber.pyc"]
+    for path in kept:
+        path.touch()
+    caches.made_from.cache_clear()
+    assert caches.made_from(PACKAGE, tmp_path)
+    assert all(path.exists() for path in kept)
+
+
+def test_what_can_be_neither_trusted_nor_replaced_is_not_used(tmp_path: Path) -> None:
+    assert not caches.made_from(PACKAGE, tmp_path / "a folder that is not there")
+
+
+def test_a_law_that_changed_is_used_by_functions_that_were_compiled_before(tmp_path: Path) -> None:
+    package = tmp_path / "camtorque"
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def drop() -> float:
+        asked = [sys.executable, "-c", "from camtorque.laws.valve import seat_drop; print(seat_drop(2.0, 1.0))"]
+        return float(subprocess.run(asked, env=environment, check=True, capture_output=True, text=True).stdout)
+
+    before = drop()
+    assert list(package.rglob("*.nbi"))
+    changed = package / "laws" / "ports.py"
+    law = changed.read_text(encoding="utf-8")
+    assert LAMINAR in law
+    changed.write_text(law.replace(LAMINAR, "LAMINAR = 8.0"), encoding="utf-8")
+    assert drop() != before

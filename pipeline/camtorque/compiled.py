@@ -10,8 +10,13 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, partial, update_wrapper
+from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from camtorque.process.caches import made_from
+
+HERE = Path(__file__).parent
 
 
 class Compiled:
@@ -28,8 +33,11 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What numba makes of the function."""
-        return _numba().njit(**self.targetoptions)(self.py_func)
+        """What numba makes of the function, or kept of these sources."""
+        made = _numba().njit(**self.targetoptions)(self.py_func)
+        if self.targetoptions.get("cache") and not made_from(HERE, Path(made.stats.cache_path)):
+            made = _numba().njit(**{**self.targetoptions, "cache": False})(self.py_func)
+        return made
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the compiled function."""

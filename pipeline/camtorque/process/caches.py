@@ -1,13 +1,53 @@
-"""Writable places for the caches of numba (which else does not load) and of matplotlib (which else warns)."""
+"""Writable places for the caches of numba (which else does not load) and of matplotlib (which else warns).
+
+Numba keeps a compiled function until its own file changes, whatever becomes of what it calls: after an update a solver
+would go on with the laws of the version before. What is kept counts for the sources of all compiled functions here.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
+from functools import cache
 from pathlib import Path
 
 PLACES = {"NUMBA_CACHE_DIR": "numba", "MPLCONFIGDIR": "matplotlib"}
 """Environment variable -> folder below the private one."""
+
+COMPILED_IN = ("align", "design", "fit", "laws", "mechanism", "signal", "studies")
+"""Rooms that have compiled functions, or constants of theirs."""
+SOURCES = "camtorque.sources"
+"""File beside compiled functions that tells which sources they were made from."""
+
+
+@cache
+def sources(package: Path) -> str:
+    """Return a hash of all sources that compiled functions are made from."""
+    found = hashlib.sha256()
+    for room in COMPILED_IN:
+        for path in sorted((package / room).glob("*.py")):
+            found.update(path.name.encode())
+            found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+@cache
+def made_from(package: Path, folder: Path) -> bool:
+    """Tell whether the compiled functions that numba keeps in a folder are of these sources; delete all if not.
+
+    False where they can be neither trusted nor deleted.
+    """
+    told, expected = folder / SOURCES, sources(package)
+    try:
+        if told.is_file() and told.read_text(encoding="ascii", errors="replace") == expected:
+            return True
+        for kept in folder.glob("*.nb[ci]"):
+            kept.unlink(missing_ok=True)
+        told.write_text(expected, encoding="ascii")
+    except OSError:
+        return False
+    return True
 
 
 def find_caches(package: Path) -> None:
