@@ -15,6 +15,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from camtorque.fit.evidence import LARGE
 from camtorque.jsonable import clean
 from camtorque.report.answer import answer, cards
 from camtorque.report.chart import Chart, Curves, Span
@@ -177,7 +178,7 @@ def run_page(
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
         config_text=config_text, metric_names=METRIC_NAMES,
         sections={name: section for name, section in SECTIONS.items() if not section.needs or doc[section.needs]},
-        budget=budget, large_errors=large, small_errors=small,
+        budget=budget, large_errors=large, small_errors=small, beyond_doubt=LARGE,
     )  # fmt: skip
 
 
