@@ -10,7 +10,7 @@ from camtorque.fit.descent import LOOKED_BACK, Effort
 from camtorque.fit.minima import at_minimum, beside
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.problem import with_rows, with_starts
-from camtorque.fit.single import AT_REST, sought_again
+from camtorque.fit.single import AT_REST, ended, sought_again
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.laws import ROWS
 from camtorque.laws.driveline import cam_side_inertia
@@ -114,3 +114,12 @@ def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest
     # what is no better changes nothing
     monkeypatch.setattr(single, "sought", lambda _halves: ([wrong], NO_VALLEY))
     assert sought_again([best], NO_VALLEY, halves) == ([best], NO_VALLEY)
+
+
+def test_a_descent_that_was_left_early_is_ended(best, halves):
+    left = halves.judged(at_minimum(with_starts(best.data, {"valve_opening": 4.0e6}), Effort(2)))
+    assert not left.solution.converged
+    further = ended(left, halves)
+    assert further.solution.converged
+    assert further.solution.chi_square < left.solution.chi_square
+    assert ended(further, halves) is further

@@ -112,8 +112,13 @@ def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
     corrected = halves.minimum(with_its_lost_torque, ends[0], halves.fitted.chain.shaft_torque)
     kept = [ends[0], corrected] if corrected else ends[:1]
     turned = ways(min(kept, key=lambda item: item.value), halves)
-    best, valley = swept(turned[0], halves)
+    best, valley = swept(ended(turned[0], halves), halves)
     return [best, *sorted([*turned, *ends[1:]], key=lambda item: item.value)], valley
+
+
+def ended(found: Candidate, halves: Halves) -> Candidate:
+    """Return where the descent to a minimum ends, with the lift correction of its own force, if it was left before."""
+    return found if found.solution.converged else halves.minimum(at_minimum, found.data) or found
 
 
 def sought_again(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
