@@ -20,7 +20,7 @@ from camtorque.fit.swings import ringing_alike
 from camtorque.process.second_process import in_two
 
 WAYS: dict[str, tuple[float, float]] = {
-    "outlet_return": (0.0, 1.0), "suction_area": (0.0, 1.5e-6), "retraction_volume": (1.0e-9, 20.0e-9),
+    "outlet_return": (0.0, 1.0), "suction_area": (0.0, 10.0e-6), "retraction_volume": (1.0e-9, 20.0e-9),
     "valve_damping": (1.0e3, 12.0e3), "valve_mass": (1.5e6, 12.0e6), "valve_area": (1.5e-6, 6.0e-6),
     "valve_exposure": (0.2, 0.9), "line_inertance": (0.0, 18.0e6), "free_air": (0.0, 6.0e-3),
     "drive_bandwidth": (1.5, 5.5), "valve_spring": (3.0e12, 4.0e13),

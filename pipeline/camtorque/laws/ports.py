@@ -39,7 +39,7 @@ ROWS = (
             "0 for straight edges of ports and outlet, 1 for round ones", "slots and drilled holes"),
     parameter("feed_pressure", "p_feed", "bar", 1.0e5, (4.0, 0.0, 15.0, 1.0), (4.0, 2.5),
             "gauge pressure in the feed gallery", "gallery pumps, 1-8 bar"),
-    parameter("suction_area", "A_suction", "mm^2", 1.0e-6, (0.0, 0.0, 60.0, 0.5), (0.0, 4.0),
+    parameter("suction_area", "A_suction", "mm^2", 1.0e-6, (0.0, 0.0, 60.0, 0.5), (0.0, 12.0),
             "flow area of a suction valve (Cd = 0.7), 0 where there is none", "seats of 3-8 mm, lifted 0.3-0.8 mm"),
 )  # fmt: skip
 SPILL_ROWS = (
