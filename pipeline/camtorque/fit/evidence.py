@@ -28,7 +28,7 @@ from camtorque.fit.descent import Effort
 from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian
-from camtorque.fit.uncertainty import Covariance, inverse, posterior, prior_std
+from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.process.second_process import in_two
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
@@ -87,29 +87,29 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
     before = prior_std(problem)
     information = solution.data_hessian / inflation + np.diag(1.0 / before**2)
     matrix = inverse(information)
-    gradient = solution.gradient
-    mean = solution.z + matrix @ (gradient / inflation)
     scaled = information * np.outer(before, before)
     prior_part = solution.chi_square - solution.data_chi_square
     chi = solution.data_chi_square / inflation + prior_part
-    inside = Gaussian(mean, matrix, *problem.bounds).within.log_probability
+    inside = posterior_at(problem, solution, matrix, inflation).within.log_probability
     prior_inside = prior_of(problem, before).within.log_probability
     return chi + float(np.linalg.slogdet(scaled)[1]) - 2.0 * inside + 2.0 * prior_inside
 
 
 def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
     """Return the evidence for every loss of one recording's fit, the chamber's aside, and for two together."""
-    known = posterior(problem, solution, cov)
+    posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
     full = laplace(problem, solution, cov.inflation)
 
     def weighed(names: Sequence[str]) -> list[LossEvidence]:
         places = {name: np.array([k for k in map(problem.index, MEMBERS[name]) if k >= 0]) for name in names}
-        quickly = {name: savage_dickey(known, prior, chosen) for name, chosen in places.items()}
+        quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
         close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
         refits = dict(zip(close, in_two(partial(_refitted, problem, solution, cov), close), strict=True))
         return [
-            _judged(problem, solution, known, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even)
+            _judged(
+                problem, solution, posterior, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even
+            )
             for name, at in places.items()
         ]
 

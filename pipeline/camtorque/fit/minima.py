@@ -100,6 +100,10 @@ class Halves:
         end = attempted(fit, *arguments)
         return end and self.judged(end)
 
+    def again(self, item: Candidate) -> Candidate:
+        """Return where a descent from a minimum ends that has the lift correction of the minimum's own force."""
+        return self.minimum(at_minimum, item.data) or item
+
 
 def beside(value: float) -> Effort:
     """Return the effort that minima beside the best one, of that chi-square, are worth."""

@@ -81,7 +81,7 @@ def ways(best: Candidate, halves: Halves) -> list[Candidate]:
         found = sorted([*found, *others], key=lambda item: item.value)
         if found[0] is before:
             break
-        found[0] = halves.minimum(at_minimum, found[0].data) or found[0]  # with the lift correction of its own force
+        found[0] = halves.again(found[0])
         if found[0].value > before.value - max(GAINED, SHARE * before.value):
             break
     return sorted(found, key=lambda item: item.value)

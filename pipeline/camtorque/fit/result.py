@@ -27,7 +27,7 @@ from camtorque.fit.uncertainty import (
     confounded_with,
     deviation_within,
     knowledge,
-    posterior,
+    posterior_at,
     pressure_jacobian,
     uncertainty_budget,
     unresolved_amplitude,
@@ -291,7 +291,7 @@ def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:
     if tangents is None or not fitted.chain.uses_chamber:
         return None
     jacobian, own = pressure_jacobian(fit.problem, tangents)
-    known = posterior(fit.problem, fit.solution, fit.covariance)
+    known = posterior_at(fit.problem, fit.solution, fit.covariance.matrix, fit.covariance.inflation)
     spread = deviation_within(known, fit.solution.z)[np.ix_(own, own)]
     variance = np.einsum("ij,jk,ik->i", jacobian, spread, jacobian)
     for shift in fit.pressure_shifts:

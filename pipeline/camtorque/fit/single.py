@@ -117,8 +117,8 @@ def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
 
 
 def ended(found: Candidate, halves: Halves) -> Candidate:
-    """Return where the descent to a minimum ends, with the lift correction of its own force, if it was left before."""
-    return found if found.solution.converged else halves.minimum(at_minimum, found.data) or found
+    """Return where the descent to a minimum ends, if it was left before it had settled."""
+    return found if found.solution.converged else halves.again(found)
 
 
 def sought_again(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:

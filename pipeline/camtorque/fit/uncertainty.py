@@ -86,10 +86,9 @@ def covariance(problem: Problem, solution: Solution) -> Covariance:
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
 
 
-def posterior(problem: Problem, solution: Solution, cov: Covariance) -> Gaussian:
-    """Return the Gaussian of which a minimum is the maximum within the bounds: its mean is x + C g."""
-    mean = solution.z + cov.matrix @ (solution.gradient / cov.inflation)
-    return Gaussian(mean, cov.matrix, *problem.bounds)
+def posterior_at(problem: Problem, solution: Solution, matrix: Array, inflation: float) -> Gaussian:
+    """Return the Gaussian of covariance C whose maximum within the bounds is a minimum: its mean is x + C g."""
+    return Gaussian(solution.z + matrix @ (solution.gradient / inflation), matrix, *problem.bounds)
 
 
 def deviation_within(known: Gaussian, stated: Array) -> Array:
