@@ -63,10 +63,10 @@ The source paper leaves two gaps open: about 10 % on the forward stroke, and -5 
   spills it is the other way round: the rigid model turns the residual pressure of the line into -9 N m where the
   chamber is empty and the transducer reads -2 N m.
 - **Forward stroke.** Half to three quarters is pressure that the line does not show: the drop over the valve, and, once
-  the outlet has closed, the closed volume. Bearing and pin add 10-17 %, the guide 8-28 %; shaft drag, viscous drag and
+  the outlet has closed, the closed volume. Bearing and pin add 9-17 %, the guide 8-15 %; shaft drag, viscous drag and
   torque zero are one number at one speed and share what is left. The true cam angle (trigger mounting, twist) takes
   3-7 % off. All of one joint fit.
-- Guide friction is 0.04-0.05 in every run alone, each +- 0.03-0.04: none tells it from valve and bearing.
+- Guide friction is 0.03-0.05 in every run alone, each +- 0.03-0.04: none tells it from valve and bearing.
 - These are simulated recordings (README, limits): the answer is the rig's, not nature's. What carries over is the test
   that decides: the return minimum, a few N m with spill and tens with a closed volume.
 """
