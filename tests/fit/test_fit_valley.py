@@ -112,6 +112,16 @@ def test_a_ripple_counts_by_its_amplitude_and_a_stroke_does_not(n):
     assert np.max(ripple(slow)) < 0.5e5
 
 
+@pytest.mark.parametrize("n", [1800, 7200])
+def test_a_steep_end_of_delivery_is_no_ripple_of_the_peak_before_it(n):
+    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    rising = 300.0e5 * np.clip(angle - 0.5, 0.0, 1.0)
+    falling = np.where(angle < 1.5, rising, np.maximum(300.0e5 * (1.0 - (angle - 1.5) / 0.01), 0.0))  # 0.6 degrees
+    before = (angle > 0.6) & (angle < 1.5)
+    assert np.max(ripple(falling)[before]) < 0.01 * 300.0e5
+    assert np.max(ripple(falling)) > 0.05 * 300.0e5
+
+
 def test_what_the_line_swings_the_chamber_may_while_it_delivers():
     angle = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
     flows = np.zeros((angle.size, 4))

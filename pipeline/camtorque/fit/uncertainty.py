@@ -145,13 +145,15 @@ def ripple(pressure: Array) -> Array:
     """Return the amplitude of what swings too fast in a pressure for the torque to tell, (n,) [Pa].
 
     A delivery valve that rings or chatters does so at a phase, and at a size, that the valve's law alone gives. The
-    local amplitude is sqrt 2 times the rms about a running parabola, over `RIPPLE_DEG`.
+    local amplitude is sqrt 2 times the rms about a parabola over `RIPPLE_DEG`, of the calmest such stretch that a place
+    lies in the middle or at an end of: where delivery ends, a pressure falls, which is no swing of what went before.
     """
     half = round(pressure.size * RIPPLE_DEG / 720.0)
-    place = np.arange(-half, half + 1) / half
-    parabola = np.linalg.pinv(np.vander(place, 3))[2]
-    swing = pressure - _running(pressure, parabola)
-    return np.sqrt(2.0 * _running(swing**2, np.full(place.size, 1.0 / place.size)))
+    shapes = np.vander(np.arange(-half, half + 1) / half, 3)
+    stretches = _around(pressure, half)
+    swing = stretches - stretches @ (shapes @ np.linalg.pinv(shapes)).T
+    about = np.sqrt(2.0 * np.mean(swing**2, axis=1))
+    return np.minimum.reduce([about, np.roll(about, half), np.roll(about, -half)])
 
 
 def without_spikes(pressure: Array, std: Array) -> Array:
@@ -162,17 +164,15 @@ def without_spikes(pressure: Array, std: Array) -> Array:
     well as they are.
     """
     half = round(pressure.size * SPIKE_DEG / 720.0)
-    near, known = (
-        np.lib.stride_tricks.sliding_window_view(np.concatenate([values[-half:], values, values[:half]]), 2 * half + 1)
-        for values in (pressure, std)
-    )
+    near, known = (_around(values, half) for values in (pressure, std))
     return np.minimum(std, np.ptp(near, axis=1) + np.median(known, axis=1))
 
 
-def _running(values: Array, weights: Array) -> Array:
-    """Return periodic values (n,) weighted about each of them by an odd number of symmetric weights."""
-    half = weights.size // 2
-    return np.convolve(np.concatenate([values[-half:], values, values[:half]]), weights, "valid")
+def _around(values: Array, half: int) -> Array:
+    """Return periodic values (n,) about each of them, (n, 2 half + 1)."""
+    return np.lib.stride_tricks.sliding_window_view(
+        np.concatenate([values[-half:], values, values[:half]]), 2 * half + 1
+    )
 
 
 @dataclass(frozen=True)
