@@ -109,14 +109,20 @@ def test_a_law_that_changed_is_used_by_functions_that_were_compiled_before(tmp_p
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("NUMBA_CACHE_DIR", None)
 
-    def drop() -> float:
-        asked = [sys.executable, "-c", "from camtorque.laws.valve import seat_drop; print(seat_drop(2.0, 1.0))"]
-        return float(subprocess.run(asked, env=environment, check=True, capture_output=True, text=True).stdout)
+    ask = "from camtorque.laws.valve import seat_drop; print(seat_drop.is_kept, seat_drop(2.0, 1.0), seat_drop.is_kept)"
+
+    def drop() -> list[str]:
+        asked = [sys.executable, "-c", ask]
+        return subprocess.run(asked, env=environment, check=True, capture_output=True, text=True).stdout.split()
 
     before = drop()
     assert list(package.rglob("*.nbi"))
+    assert before[::2] == ["False", "True"]
+    assert drop() == ["True", before[1], "True"]
     changed = package / "laws" / "ports.py"
     law = changed.read_text(encoding="utf-8")
     assert LAMINAR in law
     changed.write_text(law.replace(LAMINAR, "LAMINAR = 8.0"), encoding="utf-8")
-    assert drop() != before
+    changed_drop = drop()
+    assert changed_drop[::2] == ["False", "True"]
+    assert changed_drop[1] != before[1]

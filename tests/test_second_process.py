@@ -35,6 +35,12 @@ def weighing(weight: int) -> tuple[int, int]:
     return weight, os.getpid()
 
 
+def beginning(_: int) -> tuple[int, float]:
+    begun = time.monotonic()
+    time.sleep(0.4)
+    return os.getpid(), begun
+
+
 def dying(number: int) -> int:
     if os.getpid() != HOME:
         os._exit(1)
@@ -70,6 +76,15 @@ def test_a_process_begins_the_next_item_as_soon_as_it_has_done_one() -> None:
         found = in_two(weighing, [1, 20, 1, 1, 1, 1])
     (long,) = [number for weight, number in found if weight == 20]
     assert [number for weight, number in found[2:] if number == long] == []
+
+
+def test_the_first_item_goes_before_the_others_unless_both_begin_at_once() -> None:
+    with second_process():
+        found = in_two(beginning, [0, 1], at_once=True)
+    assert found[0][0] != found[1][0]
+    with second_process():
+        (_, first), (_, second) = in_two(beginning, [0, 1])
+    assert second - first >= 0.4
 
 
 def test_one_core_or_one_item_needs_no_second_process(monkeypatch: pytest.MonkeyPatch) -> None:

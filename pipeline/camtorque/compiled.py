@@ -39,6 +39,12 @@ class Compiled:
             made = _numba().njit(**{**self.targetoptions, "cache": False})(self.py_func)
         return made
 
+    @property
+    def is_kept(self) -> bool:
+        """Whether an earlier process has left the function compiled, so that it has only to be loaded."""
+        kept = f"{Path(self.py_func.__code__.co_filename).stem}.{self.py_func.__qualname__}-*.nbi"
+        return any(Path(self.dispatcher.stats.cache_path).glob(kept))
+
     def __call__(self, *arguments: Any) -> Any:
         """Run the compiled function."""
         return self.dispatcher(*arguments)

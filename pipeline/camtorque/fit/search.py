@@ -24,6 +24,7 @@ from camtorque.fit.starts import (
     Starts,
     candidates,
     chi_square_at_start,
+    compile_in_two,
     descend,
     ends_at,
     on_search_grid,
@@ -262,6 +263,7 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     most : hops between minima
     """
     seen = SearchData(halves, np.zeros(halves.fitted.chain.theta.size))
+    compile_in_two(seen.on_search_grid)
     first = descend({name: candidates(seen.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
     found = extended(Found({name: [] for name in structures}), first, seen)
     seen, found = with_lost_torque_anew(seen, found)

@@ -19,6 +19,7 @@ from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
+from camtorque.laws.chamber import integrate
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
 from camtorque.units import DEGREE
@@ -163,6 +164,13 @@ def reweighted(problem: Problem, trial: Trial) -> Problem:
     scale = max(1.0, np.sqrt(trial.data_chi_square / INDEPENDENT))
     item = problem.data[0]
     return replace(problem, data=(replace(item, weight=item.weight / scale),))
+
+
+def compile_in_two(data: FitData) -> None:
+    """Let two processes compile what a fit calls, where none has before: the chamber's time step takes half of that."""
+    if not integrate.is_kept:
+        follow = partial(continued, smoothing_deg=SMOOTHINGS_DEG[0], core=True, iterations=REWEIGHTINGS)
+        in_two(follow, [candidates(data, structure)[0] for structure in ("line", "land")], at_once=True)
 
 
 def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core_first: bool) -> dict[str, list[Start]]:

@@ -135,7 +135,7 @@ def _possible() -> bool:
     return sys.platform == "linux" and on_main and processors() > 1
 
 
-def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
+def in_two(function: Callable[[T], R], items: Sequence[T], at_once: bool = False) -> list[R]:
     """Return the results of a function in the order of the items, some of them from a second process.
 
     Each process begins the next item as soon as it has done one: some take ten times as long as others. Outside of
@@ -144,6 +144,7 @@ def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     Parameters
     ----------
     function : of a module, or a `functools.partial` of one
+    at_once : whether the first item does not go before the others to compile and load for both processes
     """
     second = _SECOND.get()
     if second is None or len(items) < 2 or second.number < 0:
@@ -152,7 +153,8 @@ def in_two(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     try:
         done: dict[int, R] = {}
         if second.number == 0:
-            done[0] = function(items[0])  # what is compiled or loaded at the first call is then there in both
+            if not at_once:
+                done[0] = function(items[0])  # what is compiled or loaded at the first call is then there in both
             second.begin()
         if second.number > 0:
             second.send((function, items), len(done))
