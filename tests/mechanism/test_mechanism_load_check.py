@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.align import align
 from camtorque.ingest import read_recording
-from camtorque.mechanism.load_check import base_findings, largest_work, load_findings, load_ratio, ratio_findings
+from camtorque.mechanism.load_check import base_findings, load_findings, load_ratio, ratio_findings, rises_together
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from damaged.logs import CALIBRATION
@@ -86,12 +86,33 @@ def test_a_line_that_a_rail_holds_steady_does_not_tell_its_place(aligned):
     told(recording, replace(cycles, pressure=np.tile(rail + ringing, (cycles.pressure.shape[0], 1))))
 
 
-def test_largest_work_is_that_of_the_best_place():
+def test_a_rail_that_keeps_its_pressure_until_the_return_is_of_this_pump(aligned):
+    recording, cycles = aligned
+    lift = rigid_torque(recording, cycles).lift
+    top = cycles.theta[int(np.argmax(lift))]
+    filled = np.where(cycles.theta < top, lift / np.max(lift), 1.0)
+    injected = np.clip((cycles.theta - top - 1.2) / 0.2, 0.0, 1.0)  # on the return, when the plunger is down again
+    rail = 9e7 + 3e7 * (filled - injected)
+    told(recording, replace(cycles, pressure=np.tile(rail, (cycles.pressure.shape[0], 1))))
+
+
+def test_a_line_that_holds_its_pressure_after_delivery_is_no_wrong_plunger(aligned):
+    recording, cycles = aligned
+    pressure = cycles.mean_pressure
+    end = int(np.argmax(pressure))
+    held = np.where(np.arange(pressure.size) > end, np.maximum(pressure, 0.95 * pressure[end]), pressure)
+    cycles = replace(cycles, pressure=np.tile(held, (cycles.pressure.shape[0], 1)))
+    assert not told(recording, cycles)
+    assert told(recording, cycles, 0.009)
+
+
+def test_rises_together_wherever_the_pressure_is():
     theta = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     lift = 4e-3 * (1.0 - np.cos(theta))
-    for place in (0.3, 2.0):
-        pressure = 1e7 * (1.0 + np.cos(theta - place))
-        assert largest_work(pressure, lift) == pytest.approx(1e7 * 4e-3 * np.pi, rel=1e-4)
+    for place, here in ((0.0, 1.0), (0.5 * np.pi, 0.5), (np.pi, 0.0)):
+        pressure = 1e7 * (1.0 - np.cos(theta - place))
+        assert rises_together(pressure, lift) == pytest.approx((here, 1.0), abs=0.03)
+    assert rises_together(np.full(720, 1e7), lift) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_a_small_swing_beside_the_torque_is_not_judged(aligned):
