@@ -202,7 +202,7 @@ def test_chamber_is_the_rigs_where_nothing_is_delivered(case, limit):
     substeps.flags.writeable = False  # as the chain hands them on: compiled once
     pressure, *_ = integrate(
         vector, geometry, theta, lift_of(truth, theta) * 1e3, np.zeros(N), np.zeros(N), substeps,
-        np.zeros((N, 1)), np.zeros((0, 3)), False,
+        np.zeros((N, 1)), values["feed_pressure"] * 1e-5, np.zeros(len(NAMES) + 1), np.zeros((0, 3)), False,
     )  # fmt: skip
     peak = rig_pressure.max()
     assert peak > 400e5

@@ -45,6 +45,8 @@ BRIDGE = np.array([False, *ON_BRIDGE])
 GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
 assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
 NO_PATH = np.zeros((0, 3))
+FILLED = 0.3
+"""Pressure [bar] by which the chamber may miss that of the gallery at the end of a revolution and count as filled."""
 SEEN_ORDER = 1.0e-9
 """Least share of the largest harmonic that is no rounding."""
 
@@ -131,7 +133,7 @@ class ChainOutput:
     load : (n,) contact force along the follower lambda_y [N]
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations of the chamber
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
-    path : (m, 3) the chamber after each time step, from which the derivative at the same values needs no search
+    path : (1 + m, 3) the chamber after each time step, from which the derivative at the same values needs no search
     least_guide : least 1 - mu |tan phi| sign(y'); the follower jams at 0
     spectra : (BINS // 2 + 1, 15) harmonics of torque and columns but the last on the cam, before shaft and sensor
     """
@@ -223,6 +225,8 @@ def chamber_of(
 ) -> tuple[Array, Array | None, Array, Array, Array]:
     """Return pressure on the plunger [Pa], its tangents, states, flows and path; the line pressure without a chamber.
 
+    A revolution begins with a chamber that is filled from the gallery. Where the end of it says otherwise (a throttled
+    suction valve leaves vapour, a closed one what it has trapped), that is where another one begins.
     ``known`` is the path of a pass with the same values.
     """
     n = data.theta.size
@@ -235,10 +239,23 @@ def chamber_of(
     end_lift, end_slope = _closed_at(data, values)
     step = 2e3 * np.pi / n / data.speed
     geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, step, end_lift, end_slope, data.top_angle])
-    pressure, by, states, flows, path = chamber.integrate(
-        vector, geometry, motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5,
-        data.substeps, motion.shifts[0], known, tangents,
-    )  # fmt: skip
+    width = chamber.N + len(SHIFT_NAMES)
+    feed = np.zeros(width)
+    feed[chamber.NAMES.index("feed_pressure")] = 1.0
+
+    def revolution(start: float, start_by: Array, path: Array) -> tuple[Array, Array, Array, Array, Array]:
+        return chamber.integrate(  # type: ignore[no-any-return]
+            vector, geometry, motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5,
+            data.substeps, motion.shifts[0], start, start_by, path, tangents,
+        )  # fmt: skip
+
+    full = values["feed_pressure"] * 1e-5
+    again = known.size and known[0, 0] != full
+    pressure, by, states, flows, path = revolution(full, feed, NO_PATH if again else known)
+    if abs(pressure[-1] - full) >= FILLED:
+        pressure, by, states, flows, path = revolution(
+            float(pressure[-1]), by[-1] if tangents else feed, known if again else NO_PATH
+        )
     by *= TANGENT_UNITS[: by.shape[1]]
     return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
 

@@ -24,7 +24,7 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
-from camtorque.laws.valve import RETURN_SPAN, lifted, seat_drop, stop_force
+from camtorque.laws.valve import RETURN_SPAN, STOP, lifted, seat_drop, stop_force
 
 ROWS = (
     parameter("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
@@ -82,8 +82,8 @@ def settled_change(pressure):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, known, want_tangents):  # type: ignore[no-untyped-def]
-    """Integrate one revolution from the open port.
+def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, start, start_by, known, want_tangents):  # type: ignore[no-untyped-def]
+    """Integrate one revolution from a pressure in chamber and gallery, the delivery valve at rest on its seat.
 
     Parameters
     ----------
@@ -93,7 +93,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
-    known : (m, 3) the ``path`` of a pass with the same parameters, from which one iteration is left to do; (0, 3): none
+    start, start_by : pressure before the first angle [bar] and its derivatives (N + n_shift,)
+    known : (1 + m, 3) the ``path`` of a pass with the same parameters and start, from which one iteration is left to do;
+        (0, 3): none
     want_tangents : False leaves ``tangents`` empty
 
     Returns
@@ -102,8 +104,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     tangents : (n, N + n_shift) its derivatives
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations
     flows : (n, 4) inlet port, spill, seat, leak [mm^3/ms]
-    path : (m, 3) pressure, gallery pressure and volume swept by the valve after each of the m time steps;
-        (0, 3) where one of them did not settle
+    path : (1 + m, 3) pressure, gallery pressure and volume swept by the valve at the start and after each of the m time
+        steps; (0, 3) where one of them did not settle
     """
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
@@ -124,23 +126,33 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     w_t = np.zeros(n_all)
     p_t = np.zeros(n_all)
     g_t = np.zeros(n_all)
-    path = np.empty((np.sum(substeps), 3))
-    place, settled = 0, True
-    p, g, u, speed, w = feed, feed, 0.0, 0.0, 0.0
+    path = np.empty((np.sum(substeps) + 1, 3))
+    place, settled = 1, True
+    p, g, speed, w = start, start, 0.0, 0.0
+    u = min((start - (line[0] - zero) - p_open + spring * retraction) / (STOP + spring), 0.0)
+    path[0, 0], path[0, 1], path[0, 2] = start, start, u
     p_step, g_step, dt_old = 0.0, 0.0, 1.0
-    share, share_p, share_k, share_b, share_a = specific_volume(feed, modulus, bend, air)
+    share, share_p, share_k, share_b, share_a = specific_volume(start, modulus, bend, air)
     volume = v0 + plunger * (top_lift - lift[0])
-    mass, gallery = volume / share, v_gallery / share
+    mass, gallery = volume / share, (v_gallery + u) / share
     if want_tangents:
+        if u < 0.0:
+            for j in range(n_all):
+                u_t[j] = start_by[j] / (STOP + spring)
+            u_t[14] -= 1.0 / (STOP + spring)
+            u_t[17] += spring / (STOP + spring)
+            u_t[25] += 1.0 / (STOP + spring)
+            u_t[30] += (retraction - u) / (STOP + spring)
         for both in range(2):
             row = mass_t if both == 0 else gallery_t
-            room = volume if both == 0 else v_gallery
+            room = volume if both == 0 else v_gallery + u
             factor = -room / (share * share)
+            for j in range(n_all):
+                row[j] = factor * share_p * start_by[j] + (u_t[j] / share if both else 0.0)
             row[0 if both == 0 else 18] += 1.0 / share
             row[1] += factor * share_k
             row[2] += factor * share_b
             row[3] += factor * share_a
-            row[4] += factor * share_p
         for j in range(n_shift):
             mass_t[N + j] -= plunger * slope[0] * shifts[0, j] / share
     for i in range(n):
