@@ -252,13 +252,27 @@ def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_p
 def test_few_points_that_look_like_an_end_at_two_places_leave_both_open() -> None:
     """Two falls alike, 15 degrees apart: the file has a point every 3 degrees, and one fall is the end."""
     known_ends = [KnownEnd(n, 0.8, falling(0.8, speed)) for n, speed in (("a", 55.0), ("b", 60.0))]
-    falls = [1.0 / (1.0 + np.exp((THETA - at) / 0.01)) for at in (0.7, 0.7 + np.radians(15.0))]
+    both = 0.8 + np.radians([-7.5, 7.5])
+    falls = [1.0 / (1.0 + np.exp((THETA - at) / 0.01)) for at in both]
     curve = Curve(THETA, 1e7 + 2e7 * np.sum(falls, axis=0), 50.0)
     step = np.radians(3.0)
     coarse = matched_end(known_ends, replace(curve, step=step, points=np.arange(0.0, 2.0 * np.pi, step)), RISING)
-    both = np.array([0.7, 0.7 + np.radians(15.0)])
     assert np.all(np.abs(both - coarse.angle) < 1.96 * np.sqrt(coarse.variance))
     assert matched_end(known_ends, curve, RISING).variance == 0.0, "a recording is looked at point by point"
+
+
+@pytest.mark.parametrize("place", [0.72, 0.95])
+def test_of_two_falls_alike_the_one_where_others_end_is_the_end_of_delivery(place: float) -> None:
+    known_ends = [KnownEnd(n, place + apart, falling(place + apart, 50.0)) for n, apart in (("a", 0.01), ("b", -0.01))]
+    curve = Curve(THETA, 1e7 + 2e7 * sum(1.0 / (1.0 + np.exp((THETA - at) / 0.01)) for at in (0.7, 0.96)), 50.0)
+    nearer = 0.7 if place < 0.83 else 0.96
+    assert matched_end(known_ends, curve, RISING).angle == pytest.approx(nearer, abs=0.01)
+
+
+@pytest.mark.parametrize("place", [0.55, 0.75, 1.2])
+def test_an_end_of_delivery_where_none_was_before_is_found(place: float) -> None:
+    known_ends = [KnownEnd(n, 0.8 + apart, falling(0.8, 50.0)) for n, apart in (("a", 0.0), ("b", 1e-3), ("c", -1e-3))]
+    assert matched_end(known_ends, falling(place, 50.0), RISING).angle == pytest.approx(place, abs=0.01)
 
 
 def test_what_a_coarse_file_blurs_is_learnt_at_the_same_time_between_points(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,10 @@ FINE_POINTS = 4
 """A file with fewer points within `MATCH_WINDOW` is coarse: it blurs the end of delivery."""
 COARSE_WINDOW, COARSE_POINTS = 2.0e-3, 3
 """Time [s], and points of a coarse file if that is more, before and after an end over which its shape is compared."""
+FINE_COMPARED = 20.0
+"""Independent values among those compared in a recording: a line swings some five times within the window."""
+LEAST_SPREAD = np.radians(0.5)
+"""Standard deviation that ends of delivery have at least from one run to another, however alike the fitted ones are."""
 MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
 
@@ -124,23 +128,36 @@ class Match:
 
 
 def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> Match:
-    """Return the angle at which a line pressure looks as known ones do at their ends.
+    """Return the angle at which a line pressure looks as known ones do at their ends, and that is likely beside theirs.
 
-    Few points may look so at several places: each is as probable as the squares of what differs there make it, whose
-    size nobody knows beforehand (marginalised, squares to the power of minus half their number).
+    It may look so at several places: each is as probable as the squares of what differs there make it, whose size
+    nobody knows beforehand (marginalised, squares to the power of minus half their number), and as the angles of the
+    known ends do. Of a recording the most probable place counts, of few points the mean.
 
     Parameters
     ----------
     rising : (m,) angles among which the end is [rad]
     """
     squares = misfit(curve, nearest_ends(known, curve.speed), rising)
-    best = int(np.argmin(squares))
+    compared = 2.0 * _coarse_reach(curve) / curve.step if curve.coarse else FINE_COMPARED
+    weights = (squares / max(float(np.min(squares)), 1e-12) + 1e-12) ** (-0.5 * compared) * likely(known, rising)
     if not curve.coarse:
-        return Match(float(rising[best]), 0.0)
-    compared = 2.0 * _coarse_reach(curve) / curve.step
-    weights = (squares / max(float(squares[best]), 1e-12) + 1e-12) ** (-0.5 * compared)
+        return Match(float(rising[int(np.argmax(weights))]), 0.0)
     angle = float(np.average(rising, weights=weights))
     return Match(angle, float(np.average(np.square(rising - angle), weights=weights)))
+
+
+def likely(known: Sequence[KnownEnd], angles: Array) -> Array:
+    """Return how probable angles (m,) are for one more end beside known ones (Student's distribution, to a factor).
+
+    One end alone tells no spread: every angle is as likely.
+    """
+    places = np.array([end.angle for end in known])
+    n = places.size
+    if n < 2:
+        return np.ones_like(angles)
+    spread = max(float(np.std(places, ddof=1)), LEAST_SPREAD) * np.sqrt(1.0 + 1.0 / n)
+    return np.asarray((1.0 + np.square((angles - np.mean(places)) / spread) / (n - 1)) ** (-0.5 * n))
 
 
 def nearest_ends(known: Sequence[KnownEnd], speed: float) -> list[KnownEnd]:

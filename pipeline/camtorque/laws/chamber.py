@@ -94,8 +94,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
     start, start_by : pressure before the first angle [bar] and its derivatives (N + n_shift,)
-    known : (1 + m, 3) the ``path`` of a pass with the same parameters and start, from which one iteration is left to do;
-        (0, 3): none
+    known : (1 + m, 3) the ``path`` of a pass with the same parameters and start, from which one iteration is left to
+        do; (0, 3): none
     want_tangents : False leaves ``tangents`` empty
 
     Returns
