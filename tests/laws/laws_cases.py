@@ -13,7 +13,9 @@ from camtorque.units import BAR, DEGREE
 
 N = 1800
 THETA = angle_grid(N)
-COEFFICIENTS = np.array([1e-4, 1e-5, 0.1, 5e-3, 20.0, 0.01, 0.02, 12.0, 0.01, 3e-7, 3e-5, -4e-5, 0.05, -0.07, 0.3])
+COEFFICIENTS = np.array([
+    1e-4, 1e-5, 0.1, 5e-3, 20.0, 0.01, 0.02, 12.0, 0.01, 3e-7, 3e-5, -4e-5, 0.05, -0.07, 0.3, 0.2, -0.1,
+])  # fmt: skip
 """One value per column of the chain, in the order of `COLUMN_NAMES` [SI]."""
 assert COEFFICIENTS.size == len(COLUMN_NAMES)
 

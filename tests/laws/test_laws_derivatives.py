@@ -7,6 +7,7 @@ import pytest
 from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, ROWS
 from camtorque.laws.chain import (
     NONLINEAR_NAMES,
+    ON_CAM,
     SENSOR_NAMES,
     SHIFT_NAMES,
     cam_motion,
@@ -223,14 +224,14 @@ def test_torque_on_the_cam(row):
         lift = law.derivatives(theta + moved[0], 3)
         whole, columns, *_ = cam_torque(
             data.constants, mu + moved[4], theta + moved[0], lift, rate + moved[1], second + moved[2],
-            pressure + moved[3], COEFFICIENTS[:-1],
+            pressure + moved[3], COEFFICIENTS[:ON_CAM],
         )  # fmt: skip
         sides = np.array([1.0, *(0.0 if bridge else 1.0 for bridge in ON_BRIDGE)])
-        parts = np.column_stack([whole, columns * COEFFICIENTS[:-1]])
+        parts = np.column_stack([whole, columns * COEFFICIENTS[:ON_CAM]])
         return np.array([parts @ sides, parts @ (1.0 - sides)])
 
     lift = law.derivatives(theta, 3)
-    stated = cam_torque(data.constants, mu, theta, lift, rate, second, pressure, COEFFICIENTS[:-1])[2][:, row]
+    stated = cam_torque(data.constants, mu, theta, lift, rate, second, pressure, COEFFICIENTS[:ON_CAM])[2][:, row]
     found = central(torque, 0.0, [2e-5, 1e-2, 1.0, 1e3, 1e-4][row])
     # the sign of the sliding velocity turns within 2e-5 m/rad at both dwells: away from there
     clear = np.abs(law.evaluate(theta, 1)) > 2e-4
@@ -243,7 +244,7 @@ def test_torque_is_linear_in_the_coefficients_of_its_columns():
     lift, one = data.law.derivatives(data.theta, 3), np.ones(data.theta.size)
     arguments = (data.constants, 0.05, data.theta, lift, 60.0 * one, 0.0 * one, data.line_pressure)
     plain, columns, _, load, _ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
-    for coefficients, size in ((COEFFICIENTS[:-1], data.theta.size), (np.zeros(0), 0)):
+    for coefficients, size in ((COEFFICIENTS[:ON_CAM], data.theta.size), (np.zeros(0), 0)):
         other, same, by, also, _ = cam_torque(*arguments, coefficients)
         np.testing.assert_array_equal(plain, other)
         np.testing.assert_array_equal(columns, same)

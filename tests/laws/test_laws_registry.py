@@ -55,7 +55,7 @@ def test_every_parameter_is_in_the_chain_once():
     chain = (*NONLINEAR_NAMES, *COLUMN_NAMES)
     assert sorted(chain) == sorted(ROWS)
     assert len(set(chain)) == len(chain)
-    assert (*LINEAR_NAMES, "torque_zero") == COLUMN_NAMES
+    assert (*LINEAR_NAMES, "torque_zero", "ripple_cosine", "ripple_sine") == COLUMN_NAMES
     for name, law in LAWS.items():
         assert {*law.linear, *law.causes} <= {row.name for row in law.rows}, name
         assert all(LAW_OF[row.name] == name for row in law.rows)
@@ -90,13 +90,15 @@ def test_causes_come_from_the_laws():
             assert cause_of(row.name) in LOSS_GROUPS["friction"]
 
 
-def test_causes_sum_to_the_chain_with_every_loss_on():
-    data, values = chain_input(), {**start_values(), "guide_friction": 0.08}
+@pytest.mark.parametrize("order", [0, 41])
+def test_causes_sum_to_the_chain_with_every_loss_on(order):
+    data, values = chain_input(ripple_order=order), {**start_values(), "guide_friction": 0.08}
     output = evaluate(data, values)
     slope = 1e-5 * np.sin(9.0 * THETA)
     parts = cam_torques(data, values, output, COEFFICIENTS, slope)
     assert set(parts) == set(CAUSES)
-    behind = measured_torques(data, values, parts, COEFFICIENTS[-1])
+    behind = measured_torques(data, values, parts, COEFFICIENTS)
+    assert ("drive_ripple" in behind) == (order > 0)
     total = np.sum(list(behind.values()), axis=0)
     lift_part = behind["lift_table"]
     # the chain filters bins of three points, the causes the points: compared on the bins where that is no difference

@@ -54,7 +54,7 @@ from laws_cases import chain_input, start_values
 
 name = "shaft_churning"
 assert LAW_OF[name] == "churning"
-assert LINEAR_NAMES[-1] == name and COLUMN_NAMES[-2:] == (name, "torque_zero")
+assert LINEAR_NAMES[-1] == name and COLUMN_NAMES[-4:-2] == (name, "torque_zero")
 assert name in CAUSES and LOSS_GROUPS["churning"] == LOSSES["churning"] == DIFFERENCES["churning"] == (name,)
 data = chain_input(uses_chamber=False)
 output = evaluate(data, start_values())
@@ -96,8 +96,8 @@ def test_a_friction_law_is_added_as_the_page_says(tmp_path):
 def changed_cases():
     """Return the cases of these tests with a value for the new column."""
     text = (Path(__file__).parent / "laws_cases.py").read_text(encoding="utf-8")
-    assert text.count("0.05, -0.07, 0.3]") == 1
-    return text.replace("-0.07, 0.3]", "-0.07, 1e-4, 0.3]")
+    assert text.count("-0.07, 0.3, ") == 1
+    return text.replace("-0.07, 0.3, ", "-0.07, 1e-4, 0.3, ")
 
 
 def test_the_page_shows_this_law():

@@ -10,7 +10,7 @@ import numpy as np
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
-from camtorque.laws.chain import ChainInput, ChainOutput
+from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput
 from camtorque.mechanism.outliers import lift_outlier_findings
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import CamTable, Finding, ParameterEstimate
@@ -139,6 +139,14 @@ def fit_findings(fit: Fit, chain: ChainInput, output: ChainOutput, unexplained: 
             f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
         )
         result.append(Finding("model_discrepancy", "info", text))
+    if chain.ripple_order:
+        _, coefficients = fit.problem.values(fit.solution.z, 0)
+        text = (
+            f"on the base circle the torque repeats itself {chain.ripple_order} times a revolution (amplitude "
+            f"{short(float(np.hypot(*coefficients[ON_CAM + 1 :])))} N m): teeth of a gear or a belt, or poles of the "
+            "motor; the fit holds it as ripple of the drive, the same all around"
+        )
+        result.append(Finding("drive_ripple", "info", text, "torque"))
     if np.min(output.load) <= 0.0:
         angle = float(chain.theta[int(np.argmin(output.load))] / DEGREE)
         result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))

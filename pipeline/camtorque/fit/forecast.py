@@ -247,7 +247,7 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     linear = coefficients_of(values)
     output: ChainOutput = evaluate(chain, values)
     slope = np.zeros(chain.theta.size) if lift is None else lift.slope(output.motion.theta)
-    causes = measured_torques(chain, values, cam_torques(chain, values, output, linear, slope), 0.0)
+    causes = measured_torques(chain, values, cam_torques(chain, values, output, linear, slope), linear)
     left_out = ("torque_zero", "lift_table") if lift is None else ("torque_zero",)
     named = {f"cause {name}": part for name, part in causes.items() if name not in left_out}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))

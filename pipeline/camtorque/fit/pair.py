@@ -17,6 +17,7 @@ from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
 from camtorque.fit.problem import FitData, build_problem
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at
+from camtorque.laws import ripple
 from camtorque.laws.chain import BINS, COLUMN_NAMES, coefficients_of, derivative_by, evaluate
 from camtorque.records import Array, CamCycles, ReadOnly, Refusal
 
@@ -30,7 +31,7 @@ RESIDUAL_SHARE, RESIDUAL_REACH = 0.05, 15
 """Share of what the laws leave that two runs do not have in common, and bins over which its size is taken."""
 OWN_NAMES = (
     "torque_zero", "pressure_zero", "end_of_delivery", "end_width", "spill_lift", "spill_width", "trigger_offset",
-    "delay_error",
+    "delay_error", *ripple.NAMES,
 )  # fmt: skip
 """Parameters that each recording has its own: set anew, or known to the error of edges and starts of files."""
 ZERO_DRIFT = 2.0e-3

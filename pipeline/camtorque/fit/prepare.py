@@ -9,6 +9,7 @@ import numpy as np
 from camtorque.config import RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.fit.rig_rows import loaded_rows, rig_rows
+from camtorque.fit.ripple_order import repeated_order
 from camtorque.laws.chain import BINS, ChainInput, angle_grid, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.mechanism.cam import CamLaw
@@ -113,6 +114,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
         theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(means.pressure, FIT_GRID),
         shaft_torque=on_grid(means.torque, FIT_GRID), trigger_angle=config.trigger.nominal_angle, pump=config.pump,
         law=law, offset=config.pump.follower_offset * config.rotation, low_pass_order=torque_sheet.filter_order,
+        ripple_order=repeated_order(on_grid(means.torque, FIT_GRID), law.evaluate(angle_grid(FIT_GRID), 0)),
     )  # fmt: skip
     centred = binned_at_centres(means.torque)
     return FitData(config.id, chain, centred, bin_weights(centred, means.scatter_of_mean), "land", rows, basis)

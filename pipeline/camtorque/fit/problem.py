@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.laws import ROWS
+from camtorque.laws import ROWS, ripple
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.chamber import NEVER
@@ -79,6 +79,8 @@ class FitData(ReadOnly):
             return self.structure == "land"
         if name in SPILL_NAMES:
             return self.structure == "spill"
+        if name in ripple.NAMES:
+            return self.chain.ripple_order > 0
         return self.structure != "line" or name not in CHAMBER_NAMES or name == "pressure_zero"
 
     def residual(self, output: ChainOutput, coefficients: Array) -> Array:

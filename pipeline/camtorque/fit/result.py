@@ -105,7 +105,7 @@ def modelled(
     output = evaluate(chain, values, coefficients, tangents=True)
     basis = item.lift_basis
     cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
-    by_cause = measured_torques(chain, values, cam, float(coefficients[-1]))
+    by_cause = measured_torques(chain, values, cam, coefficients)
     correction = basis.correction(output.motion.theta, lifts)
     return _on_cycles(Modelled(chain, output, values, cam, by_cause, correction), torque.size)
 
@@ -278,9 +278,8 @@ def _losses(fit: Fit, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
     work = work_per_revolution(fitted.chain, fitted.values, fitted.output, fitted.cam)
     _, coefficients = fit.problem.values(fit.solution.z, 0)
     felt = sum(float(np.mean(fitted.cam[name])) for name in ON_BRIDGE_ALONE)
-    total = 2.0 * np.pi * (float(np.mean(means.torque)) - float(coefficients[-1]) - felt) + drive_work(
-        fitted.chain, fitted.values
-    )
+    mean = float(np.mean(means.torque)) - float(coefficients[COLUMN_NAMES.index("torque_zero")]) - felt
+    total = 2.0 * np.pi * mean + drive_work(fitted.chain, fitted.values)
     closure = 100.0 * (total - sum(work.values())) / total if total else float("nan")
     return {**work, "input": total, "closure_percent": closure}
 

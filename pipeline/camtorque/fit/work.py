@@ -34,7 +34,7 @@ class Sureness:
 
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
-    """Return the work of each loss at values of the nonlinear and (15,) of the linear parameters [J per revolution]."""
+    """Return the work of each loss at values of the nonlinear and (17,) of the linear parameters [J per revolution]."""
     return _work(chain, values, *_caused(chain, values, coefficients))
 
 
@@ -106,7 +106,7 @@ def _both(
 ) -> tuple[dict[str, float], dict[str, Array]]:
     """Return work by loss, and torque by cause averaged over parts (3, n) of the revolution, apart from a constant."""
     output, torques = _caused(chain, values, coefficients)
-    curves = measured_torques(chain, values, torques, float(coefficients[-1]))
+    curves = measured_torques(chain, values, torques, coefficients)
     angle = line_pressure_torque(rigid, output.motion.theta, chain.line_pressure * chain.pump.plunger_area)
     curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}
     return _work(chain, values, output, torques), {name: parts @ curve for name, curve in curves.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from camtorque.laws import bridge, chamber, damping, driveline, friction, packing, roller, sensor, spring
+from camtorque.laws import bridge, chamber, damping, driveline, friction, packing, ripple, roller, sensor, spring
 from camtorque.laws.rows import Law, ParameterRow
 
 LAWS: dict[str, Law] = {
@@ -16,6 +16,7 @@ LAWS: dict[str, Law] = {
     "driveline": Law(driveline.ROWS),
     "coupling": Law(driveline.COUPLING_ROWS),
     "sensor": Law(sensor.ROWS),
+    "ripple": Law(ripple.ROWS),
 }
 """Name -> law; the lift correction has coefficients instead of named rows."""
 

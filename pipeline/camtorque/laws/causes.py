@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, cause_of
-from camtorque.laws.chain import ChainInput, ChainOutput, drive_response, filtered, transfer
+from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, cause_of, ripple
+from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput, drive_response, filtered, transfer
 from camtorque.laws.torque import cam_torque
 from camtorque.records import Array
 
@@ -32,7 +32,7 @@ def cam_torques(
 
     Parameters
     ----------
-    coefficients : (15,) of the linear columns of the chain
+    coefficients : (17,) of the linear columns of the chain
     lift_slope : (n,) slope of the lift correction [m/rad]
     """
     pump, motion = data.pump, output.motion
@@ -56,16 +56,22 @@ def cam_torques(
 
 
 def measured_torques(
-    data: ChainInput, values: Mapping[str, float], torques: Mapping[str, Array], zero: float
+    data: ChainInput, values: Mapping[str, float], torques: Mapping[str, Array], coefficients: Array
 ) -> dict[str, Array]:
-    """Return the same behind shaft and sensor, with the torque zero; they sum to the model of the measured torque."""
+    """Return the same behind shaft and sensor, with what is in the signal alone; they sum to the model.
+
+    ``coefficients`` as in `cam_torques`.
+    """
     shaft, measured, *_ = transfer(data, values, data.theta.size)
     gain = 1.0 + values["gain_error"]
     result = {
         name: filtered(torque, measured if name in ON_BRIDGE_ALONE else shaft * measured) * gain
         for name, torque in torques.items()
     }
+    zero, *ripples = coefficients[ON_CAM:].tolist()
     result["torque_zero"] = np.full(data.theta.size, zero)
+    if data.ripple_order:
+        result["drive_ripple"] = ripple.waves(data.ripple_order, data.theta) @ np.array(ripples)
     return result
 
 

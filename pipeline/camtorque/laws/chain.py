@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, sensor
+from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, ripple, sensor
+from camtorque.laws.chamber import NO_PATH
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
@@ -34,8 +35,10 @@ SHIFT_NAMES = ("trigger_offset", *driveline.COMPLIANCE_NAMES)
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
 NONLINEAR_NAMES = (*chamber.NAMES, *SHIFT_NAMES, *SENSOR_NAMES, "guide_friction", "gain_error")
 """Parameters that the torque is not linear in, in the order of the derivative's columns."""
-COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero")
+COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero", *ripple.NAMES)
 """Parameters that it is linear in, in the order of the columns."""
+ON_CAM = len(LINEAR_NAMES)
+"""Of these the first act on cam or bridge, the others in the measured signal alone."""
 TANGENT_UNITS = np.r_[chamber.UNITS, np.ones(len(SHIFT_NAMES))] * 1e5
 """Pressure tangents in SI per those of the compiled chamber."""
 SHAFT_PLACES = [NONLINEAR_NAMES.index(name) for name in driveline.COMPLIANCE_NAMES]
@@ -44,9 +47,6 @@ BRIDGE = np.array([False, *ON_BRIDGE])
 """Which of the torque without linear parameters and its columns the bridge alone feels."""
 GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
 assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
-NO_PATH = np.zeros((0, 3))
-FILLED = 0.3
-"""Pressure [bar] by which the chamber may miss that of the gallery at the end of a revolution and count as filled."""
 SEEN_ORDER = 1.0e-9
 """Least share of the largest harmonic that is no rounding."""
 
@@ -69,6 +69,8 @@ class ChainInput(ReadOnly):
     deviation : (n,) cam angle less the angle of uniform running [rad] where a wheel on the cam measured it: the grid is
         then true cam angle up to the highest order that the wheel sees, and twist is rebuilt above it only; empty where
         one pulse a revolution tells nothing of it
+    ripple_order : times a revolution that the drive repeats a torque, 0 for none
+    in_signal : (BINS, 3) columns of the torque's zero and of that ripple
     """
 
     theta: Array
@@ -83,10 +85,12 @@ class ChainInput(ReadOnly):
     low_pass_order: int = 0
     substeps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     deviation: Array = field(default_factory=lambda: np.zeros(0))
+    ripple_order: int = 0
     twist: driveline.TwistBasis = field(init=False)
     top_lift: float = field(init=False)
     top_angle: float = field(init=False)
     constants: Constants = field(init=False)
+    in_signal: Array = field(init=False)
 
     def __post_init__(self) -> None:
         seen = highest_order(self.deviation)
@@ -101,6 +105,8 @@ class ChainInput(ReadOnly):
         own = {"base": float(np.sqrt(distance**2 - self.offset**2)), "offset": self.offset, "cam_inertia": 0.0}
         constants = constants_of(self.pump, Mounting(), NO_FRICTION)
         object.__setattr__(self, "constants", constants._replace(**own))
+        waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
+        object.__setattr__(self, "in_signal", np.column_stack([np.ones(BINS), waves]))
         super().__post_init__()
 
 
@@ -125,7 +131,7 @@ class ChainOutput:
     Attributes
     ----------
     torque : (BINS,) part of the measured torque that no linear parameter scales [N m]
-    linear : (BINS, 15) columns of `COLUMN_NAMES`
+    linear : (BINS, 17) columns of `COLUMN_NAMES`
     derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
@@ -225,8 +231,6 @@ def chamber_of(
 ) -> tuple[Array, Array | None, Array, Array, Array]:
     """Return pressure on the plunger [Pa], its tangents, states, flows and path; the line pressure without a chamber.
 
-    A revolution begins with a chamber that is filled from the gallery. Where the end of it says otherwise (a throttled
-    suction valve leaves vapour, a closed one what it has trapped), that is where another one begins.
     ``known`` is the path of a pass with the same values.
     """
     n = data.theta.size
@@ -239,24 +243,10 @@ def chamber_of(
     end_lift, end_slope = _closed_at(data, values)
     step = 2e3 * np.pi / n / data.speed
     geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, step, end_lift, end_slope, data.top_angle])
-    width = chamber.N + len(SHIFT_NAMES)
-    feed = np.zeros(width)
-    feed[chamber.NAMES.index("feed_pressure")] = 1.0
-
-    def revolution(start: float, start_by: Array, path: Array) -> tuple[Array, Array, Array, Array, Array]:
-        return chamber.integrate(  # type: ignore[no-any-return]
-            vector, geometry, motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5,
-            data.substeps, motion.shifts[0], start, start_by, path, tangents,
-        )  # fmt: skip
-
-    full = values["feed_pressure"] * 1e-5
-    again = known.size and known[0, 0] != full
-    pressure, by, states, flows, path = revolution(full, feed, NO_PATH if again else known)
-    if abs(pressure[-1] - full) >= FILLED:
-        pressure, by, states, flows, path = revolution(
-            float(pressure[-1]), by[-1] if tangents else feed, known if again else NO_PATH
-        )
-    by *= TANGENT_UNITS[: by.shape[1]]
+    grid = (motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5, data.substeps)
+    pressure, by, states, flows, path = chamber.revolution(vector, geometry, grid, motion.shifts[0], known, tangents)
+    with np.errstate(over="ignore"):  # far from anything physical, where the search turns back
+        by *= TANGENT_UNITS[: by.shape[1]]
     return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
 
 
@@ -281,7 +271,7 @@ def evaluate(
     Parameters
     ----------
     values : every non-linear parameter [SI]
-    coefficients : (15,) of `COLUMN_NAMES`; only the derivative needs them
+    coefficients : (17,) of `COLUMN_NAMES`; only the derivative needs them
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
     """
@@ -294,14 +284,14 @@ def evaluate(
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
     torques, slopes, load, least = torque_columns(
         data.constants, values["guide_friction"], motion.theta, motion.lift, motion.rate, motion.second, pressure,
-        c[:-1] if tangents else c[:0],
+        c[:ON_CAM] if tangents else c[:0],
     )  # fmt: skip
     shaft, measured, shaft_by, measured_by = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]
     ways = (shaft * measured * gain, measured * gain)
     taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
     spectra = np.fft.rfft(binned_by(torques, taps, BINS), axis=0) * restoring
-    (torque, linear), derivative = _behind(spectra, *ways), None
+    (torque, linear), derivative = _behind(data, spectra, *ways), None
     if tangents:
         width = len(NONLINEAR_NAMES)
         spectrum = sum(
@@ -309,19 +299,19 @@ def evaluate(
             * (way[:, None] * restoring)
             for slope, way in zip(slopes, ways, strict=True)
         )
-        parts = spectra * np.r_[1.0, c[:-1]]
+        parts = spectra * np.r_[1.0, c[:ON_CAM]]
         loaded, felt = (np.sum(parts[:, side], axis=1)[:, None] * gain for side in (~BRIDGE, BRIDGE))
         spectrum[:, SHAFT_PLACES] += loaded * measured[:, None] * shaft_by
         spectrum[:, SENSOR_PLACES] += (loaded * shaft[:, None] + felt) * measured_by
         derivative = np.fft.irfft(spectrum, BINS, axis=0)
-        derivative[:, GAIN_PLACE] = (torque + linear[:, :-1] @ c[:-1]) / gain
+        derivative[:, GAIN_PLACE] = (torque + linear[:, :ON_CAM] @ c[:ON_CAM]) / gain
     return ChainOutput(
         torque, linear, derivative, motion, pressure, by, load, states, flows, path, float(least), spectra
     )
 
 
 def coefficients_of(values: Mapping[str, float]) -> Array:
-    """Return what the columns of `ChainOutput.linear` are multiplied by, (15,)."""
+    """Return what the columns of `ChainOutput.linear` are multiplied by, (17,)."""
     return np.array([values[name] for name in COLUMN_NAMES])
 
 
@@ -333,18 +323,18 @@ def derivative_by(output: ChainOutput, names: Sequence[str]) -> Array:
 
 
 def _behind(
-    spectra: NDArray[np.complex128], through: NDArray[np.complex128], measured: NDArray[np.complex128]
+    data: ChainInput, spectra: NDArray[np.complex128], through: NDArray[np.complex128], measured: NDArray[np.complex128]
 ) -> tuple[Array, Array]:
-    """Return torque and columns (BINS,), (BINS, 15) from their harmonics: through the shaft, or on the bridge alone."""
+    """Return torque and columns (BINS,), (BINS, 17) from their harmonics: through the shaft, or on the bridge alone."""
     behind = np.fft.irfft(spectra * np.where(BRIDGE, measured[:, None], through[:, None]), BINS, axis=0)
-    return behind[:, 0].copy(), np.concatenate([behind[:, 1:], np.ones((BINS, 1))], axis=1)
+    return behind[:, 0].copy(), np.concatenate([behind[:, 1:], data.in_signal], axis=1)
 
 
 def with_transfer(data: ChainInput, output: ChainOutput, values: Mapping[str, float]) -> ChainOutput:
     """Return an output behind the shaft and the sensor of other values; on the cam everything stays as it is."""
     shaft, measured, *_ = transfer(data, values, BINS)
     gain = 1.0 + values["gain_error"]
-    torque, linear = _behind(output.spectra, shaft * measured * gain, measured * gain)
+    torque, linear = _behind(data, output.spectra, shaft * measured * gain, measured * gain)
     return replace(output, torque=torque, linear=linear, derivative=None)
 
 

@@ -16,6 +16,8 @@ the step, and stable in the stiff valve flow. The tangents by all parameters are
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from camtorque.compiled import njit
@@ -25,6 +27,7 @@ from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
 from camtorque.laws.valve import RETURN_SPAN, STOP, lifted, seat_drop, stop_force
+from camtorque.records import Array
 
 ROWS = (
     parameter("dead_volume", "V_0", "mm^3", 1.0e-9, (800.0, 5.0, 40000.0, 100.0), None,
@@ -63,6 +66,9 @@ AHEAD_ITERATIONS = 8
 """Iterations from where the last step points to; what has not settled then begins again from the state before."""
 NEVER = 99.0
 """End of delivery [rad] or spill lift [m] that is not reached."""
+NO_PATH = np.zeros((0, 3))
+FILLED = 0.3
+"""Pressure [bar] by which the chamber may miss that of the gallery at the end of a revolution and count as filled."""
 LOWEST = -1.8
 """Least gauge pressure that an iteration may try [bar], below what any amount of vapour needs."""
 
@@ -423,3 +429,26 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
         for j in range(n_all):
             tangents[i, j] = p_t[j]
     return pressure, tangents, states, flows, path if settled else path[:0]
+
+
+def revolution(
+    parameters: Array, geometry: Array, grid: tuple[Any, ...], shifts: Array, known: Array, want_tangents: bool
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return what `integrate` does, from a chamber that is filled from the gallery, or from what is left in it.
+
+    Where the end of a revolution is no filled chamber (a throttled suction valve leaves vapour, a closed one what it
+    has trapped), another one begins there. ``grid`` holds theta, lift, slope, line and substeps.
+    """
+    feed = NAMES.index("feed_pressure")
+    full, full_by = float(parameters[feed]), np.zeros(N + shifts.shape[1])
+    full_by[feed] = 1.0
+
+    def turn(start: float, start_by: Array, path: Array) -> tuple[Array, Array, Array, Array, Array]:
+        return integrate(parameters, geometry, *grid, shifts, start, start_by, path, want_tangents)  # type: ignore[no-any-return]
+
+    again = known.size and known[0, 0] != full
+    found = turn(full, full_by, NO_PATH if again else known)
+    end, by = float(found[0][-1]), found[1]
+    if abs(end - full) < FILLED:
+        return found
+    return turn(end, by[-1] if want_tangents else full_by, known if again else NO_PATH)
