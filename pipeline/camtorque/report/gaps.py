@@ -18,6 +18,7 @@ MEANINGS = {
     CHAMBER: "chamber pressure in the place of line pressure, and the transducer's response to it",
     "lift_table": "lift within the rounding of its table",
     "torque_zero": "zero of the transducer within its prior",
+    "drive_ripple": "teeth or poles of the drive, the same all around",
     RESIDUAL: "left over by the fitted model",
 }
 """What a row means where its name alone does not say it."""
