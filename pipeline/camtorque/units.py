@@ -73,6 +73,8 @@ SPELLINGS: dict[str, str] = {spelling: unit for unit, spellings in {
 """Other spellings that mean one thing only."""
 ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$")
 """bara, bar abs, psia, kPa(a): a pressure that counts from vacuum."""
+LOGARITHM = re.compile(r"ln\((.*)\)")
+"""Unit of a parameter that acts by its logarithm; one of 1 is no unit."""
 COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
 """rev/1024: a counter with that many counts a revolution."""
 

@@ -179,6 +179,21 @@ def test_nuisances_pulled_off_their_sheet_are_told(record):
     assert finding.where == "cutoff"
 
 
+def test_a_pulled_logarithm_is_told_as_the_value_that_it_is_of(record):
+    rows = {row.name: row for row in record.parameters}
+    for name, value, text in (
+        (
+            "drive_lag",
+            -2.9,
+            "drive lag is 0.055 s, 2.8 standard deviations off what was expected (0.0015 times or over",
+        ),
+        ("half_damping", -3.4, "half damping is 0.0334, 3.9 standard deviations off what was expected (1.65 times or"),
+    ):
+        row = rows[name]
+        (finding,) = prior_findings([replace(row, value=value, at_bound=False)])
+        assert finding.text.startswith(text), finding.text
+
+
 @pytest.mark.parametrize(("pull", "stderr", "told"), [(2.4, 0.1, True), (1.8, 0.1, False), (2.4, 0.5, False),
                                                        (-2.4, 0.1, True)])  # fmt: skip
 def test_a_trigger_beyond_its_mounting_tolerance_is_told(record, pull, stderr, told):

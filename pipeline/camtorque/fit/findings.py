@@ -14,7 +14,7 @@ from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput
 from camtorque.mechanism.outliers import lift_outlier_findings
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import CamTable, Finding, ParameterEstimate
-from camtorque.units import DEGREE, short
+from camtorque.units import DEGREE, LOGARITHM, short
 
 RARE = 3.0902
 """Standard deviations that a normal number stays below in 999 of 1000 cases."""
@@ -34,15 +34,24 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
         pull = (row.value - row.prior[0]) / row.prior[1]
         if abs(pull) > PULLED:
             name, _, recording = row.name.partition(SEPARATOR)
+            value, expected = _value_and_prior(row, *row.prior)
             text = (
-                f"{name.replace('_', ' ')}{f' of {recording}' if recording else ''} is "
-                f"{f'{short(row.value)} {row.unit}'.removesuffix(' -')}{', at its bound,' if row.at_bound else ','} "
-                f"{abs(pull):.1f} standard deviations off what was expected ({short(row.prior[0])} +- "
-                f"{short(row.prior[1], 2)}; {row.source}): either this bench has it so, or it stands in for something "
+                f"{name.replace('_', ' ')}{f' of {recording}' if recording else ''} is {value}"
+                f"{', at its bound,' if row.at_bound else ','} {abs(pull):.1f} standard deviations off what was "
+                f"expected ({expected}; {row.source}): either this bench has it so, or it stands in for something "
                 "that the model lacks"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)
+
+
+def _value_and_prior(row: ParameterEstimate, mean: float, std: float) -> tuple[str, str]:
+    """Return a value and its prior as texts; one that acts by its logarithm as it is, with a factor more or less."""
+    logarithm = LOGARITHM.fullmatch(row.unit)
+    if logarithm is None:
+        return f"{short(row.value)} {row.unit}".removesuffix(" -"), f"{short(mean)} +- {short(std, 2)}"
+    value = f"{short(math.exp(row.value))} {logarithm[1]}".removesuffix(" 1")
+    return value, f"{short(math.exp(mean))} times or over {short(math.exp(std), 2)}"
 
 
 def mounting_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,6 +19,7 @@ from camtorque.report.numbers import (
     words,
 )
 from camtorque.report.verdict import Document
+from camtorque.units import LOGARITHM
 
 METRIC_NAMES = {
     "rigid": "rigid model",
@@ -28,8 +28,6 @@ METRIC_NAMES = {
 }
 SMALL_ERROR = 0.05
 """A source of angle error below this share of the largest one stands in a line below the table."""
-LOGARITHM = re.compile(r"ln\((.*)\)")
-"""Unit of a parameter that is fitted by its logarithm."""
 STRONG = 0.9
 """Correlation from which on two parameters are shown as a pair."""
 
