@@ -449,6 +449,6 @@ def revolution(
     again = known.size and known[0, 0] != full
     found = turn(full, full_by, NO_PATH if again else known)
     end, by = float(found[0][-1]), found[1]
-    if abs(end - full) < FILLED:
-        return found
-    return turn(end, by[-1] if want_tangents else full_by, known if again else NO_PATH)
+    if abs(end - full) >= FILLED:  # not so where nothing finite came out
+        return turn(end, by[-1] if want_tangents else full_by, known if again else NO_PATH)
+    return found
