@@ -12,6 +12,7 @@ from pathlib import Path
 
 import camtorque
 import pytest
+from camtorque import compiled
 from camtorque.process import caches
 
 PACKAGE = Path(camtorque.__file__).parent
@@ -101,6 +102,16 @@ def test_what_was_compiled_from_other_sources_is_deleted(tmp_path: Path) -> None
 
 def test_what_can_be_neither_trusted_nor_replaced_is_not_used(tmp_path: Path) -> None:
     assert not caches.made_from(PACKAGE, tmp_path / "a folder that is not there")
+
+
+def test_where_nothing_can_be_kept_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    def doubled(number: float) -> float:
+        return 2.0 * number
+
+    monkeypatch.setattr(compiled, "made_from", lambda *_: False)
+    function = compiled.njit(doubled, cache=True)
+    assert function(2.0) == 4.0
+    assert not function.is_kept
 
 
 def test_a_law_that_changed_is_used_by_functions_that_were_compiled_before(tmp_path: Path) -> None:

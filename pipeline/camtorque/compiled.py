@@ -42,8 +42,9 @@ class Compiled:
     @property
     def is_kept(self) -> bool:
         """Whether an earlier process has left the function compiled, so that it has only to be loaded."""
+        folder = self.dispatcher.stats.cache_path
         kept = f"{Path(self.py_func.__code__.co_filename).stem}.{self.py_func.__qualname__}-*.nbi"
-        return any(Path(self.dispatcher.stats.cache_path).glob(kept))
+        return folder is not None and any(Path(folder).glob(kept))
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the compiled function."""
