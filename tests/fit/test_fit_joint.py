@@ -38,6 +38,7 @@ from camtorque.fit.leftout import (
     left_out,
     left_out_values,
     poor_findings,
+    predicted,
     predicted_end,
     settling_findings,
     shares,
@@ -224,6 +225,15 @@ def test_every_recording_is_predicted_by_the_others_in_both_ways(prepared, campa
     own = [row.metrics.rms_nm for row in campaign.held_out if row.mode == MODES[0]]
     blind = [row.metrics.rms_nm for row in campaign.held_out if row.mode == MODES[1]]
     assert np.mean(own) < np.mean(blind)
+
+
+def test_a_blind_prediction_fits_no_ripple_of_the_drive(prepared, joint):
+    data = list(joint.problem.data)
+    data[1] = replace(data[1], chain=replace(data[1].chain, ripple_order=41))
+    fit = replace(joint, problem=replace(joint.problem, data=tuple(data)))
+    own, blind = predicted(fit, left_out(fit), 1, prepared[1]).held
+    assert {"ripple_cosine", "ripple_sine"} < set(own.fitted_on_held_out)
+    assert blind.fitted_on_held_out == ()
 
 
 def end_predicted(joint, index):

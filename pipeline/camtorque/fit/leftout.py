@@ -32,6 +32,7 @@ from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.result import modelled
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import solve
+from camtorque.laws import ripple
 from camtorque.laws.chain import coefficients_of, evaluate
 from camtorque.records import Array, Finding, Metrics
 
@@ -213,7 +214,7 @@ def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) 
     shared = typical(known, data, shared, ends)
     data = with_starts(data, shared)
     own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
-    blind = {**shared, "pressure_zero": 0.0, "torque_zero": 0.0, **ends}
+    blind = {**shared, **dict.fromkeys(("pressure_zero", "torque_zero", *ripple.NAMES), 0.0), **ends}
     return Predicted((own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled)
 
 
