@@ -261,7 +261,7 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
 def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainOutput) -> float:
     """Return the volume that leaves the chamber for the line in a stroke, at zero gauge pressure [m^3].
 
-    The model's gallery begins each revolution at feed pressure, a pump's keeps its pressure: what stays in it counts.
+    The model's gallery begins a revolution at the chamber's pressure, a pump's keeps its own: what stays in it counts.
     """
     fluid = (values["bulk_modulus"] / BAR, values["bulk_modulus_slope"], values["free_air"])
     first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))

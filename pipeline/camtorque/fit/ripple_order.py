@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from camtorque.mechanism.load_check import BASE_LIFT
 from camtorque.records import Array
 from camtorque.units import DEGREE
 
-BASE_LIFT = 0.01
-"""Share of the full lift below which the follower stands on the base circle."""
 SETTLING, LEAST_BASE = 40.0 * DEGREE, 60.0 * DEGREE
 """Angle after the lift in which shafts ring; least angle behind it that tells an order."""
 ORDERS = range(4, 200)
