@@ -6,8 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque.fit import evidence
 from camtorque.fit.descent import Effort
-from camtorque.fit.evidence import LOSSES, NEEDED, loss_evidence, prior_of, savage_dickey, where_unexplained
+from camtorque.fit.evidence import (
+    LOSSES,
+    NEEDED,
+    SURELY_NOT,
+    loss_evidence,
+    prior_of,
+    savage_dickey,
+    where_unexplained,
+)
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.residual import explains
@@ -78,6 +87,25 @@ def test_losses_that_are_not_there_are_not_claimed(scenes):
     assert scenes["chamber_only"]["driveline"].size < 0.1
     verdicts = [row.verdict for row in scenes["chamber_only"].values()]
     assert "not needed" in verdicts
+
+
+def test_what_is_surely_not_there_may_be_twice_as_large(scenes, monkeypatch):
+    key = ("chamber_only", 0, 1000.0)
+    found, odd_even = quick(key), mean_cycles(bridged(key)[1]).odd_even
+    row = scenes["chamber_only"]["friction"]
+    assert row.two_ln_bayes_factor < SURELY_NOT
+
+    def verdict() -> str:
+        rows = loss_evidence(found.problem, found.solution, covariance(found.problem, found.solution), odd_even)
+        return next(item.verdict for item in rows if item.name == "friction")
+
+    monkeypatch.setattr(evidence, "SMALL_TORQUE", 0.6 * row.size_ci95[1] / odd_even)
+    assert verdict() == "not needed"
+    monkeypatch.setattr(evidence, "SURELY_NOT", -1000.0)
+    assert verdict() == "cannot tell"
+    monkeypatch.undo()
+    monkeypatch.setattr(evidence, "SMALL_TORQUE", 0.4 * row.size_ci95[1] / odd_even)
+    assert verdict() == "cannot tell"
 
 
 def test_a_constant_torque_is_friction_or_damping_and_nobody_knows_which(scenes):

@@ -25,7 +25,7 @@ from camtorque.fit.starts import (
     reweighted,
     rising_angles,
 )
-from camtorque.fit.uncertainty import COVERAGE, covariance, prior_std, ripple
+from camtorque.fit.uncertainty import COVERAGE, covariance, narrowed, prior_std, ripple
 from camtorque.laws import ROWS, bridge, valve
 from camtorque.mechanism.spectral import spectral_law
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts
@@ -160,6 +160,28 @@ def test_intervals_do_not_depend_on_the_grid_of_the_cycles(n_theta):
 def start_of(found):
     """Return a minimum as a start."""
     return Start(found.data, found.solution.lifts, found.value)
+
+
+def test_a_small_residual_narrows_the_intervals_as_far_as_it_tells():
+    found = quick(LAND)
+    none = replace(found.solution, data_chi_square=0.0)
+    careful = covariance(found.problem, none)
+    assert careful.inflation == 1.0
+
+    def scale_of(chi_square: float, freedom: float) -> float:
+        return narrowed(replace(careful, freedom=freedom), replace(none, data_chi_square=chi_square)).inflation
+
+    assert scale_of(30.0, 30.0) == 1.0
+    assert scale_of(0.0, 30.0) == pytest.approx(0.25), "40 values, of which 30 have no scatter"
+    assert scale_of(0.0, 3.0) > 0.7, "few values may be small by luck"
+    assert 1.0 > scale_of(20.0, 30.0) > 20.0 / 30.0 > scale_of(10.0, 30.0) > 10.0 / 30.0
+    close = narrowed(careful, none)
+    assert np.all(close.std <= careful.std * (1.0 + 1e-9))
+    told = careful.std < 0.02 * careful.prior_std
+    assert np.min(close.std[told] / careful.std[told]) < 0.8
+    worse = replace(found.solution, data_chi_square=9.0 * careful.freedom)
+    wide = covariance(found.problem, worse)
+    assert narrowed(wide, worse) is wide
 
 
 def test_misfit_widens_the_intervals():

@@ -42,16 +42,16 @@ def walked(halves):
 
 def test_a_parabola_has_its_own_width():
     angles = np.linspace(-5.0, 5.0, 41)
-    valley = Valley(angles, 3.0 + (angles / 0.7) ** 2, 0.0)
+    valley = Valley(angles, 3.0 + (angles / 0.7) ** 2, np.zeros(angles.size), 0.0)
     assert valley.std(1.0) == pytest.approx(0.7, rel=2e-3)
     assert valley.std(4.0) == pytest.approx(1.4, rel=1e-2)  # cut off at 3.6 of its deviations
     # of one side only, the mean square distance from the minimum stays
-    half = Valley(angles[20:], valley.chi_square[20:], 0.0)
+    half = Valley(angles[20:], valley.chi_square[20:], valley.prior[20:], 0.0)
     assert half.std(1.0) == pytest.approx(0.7, rel=2e-2)
 
 
 def test_a_valley_that_was_not_walked_has_no_width():
-    assert np.isnan(Valley(np.array([0.0, 0.1]), np.array([0.0, 1.0]), 0.0).std(1.0))
+    assert np.isnan(Valley(np.array([0.0, 0.1]), np.array([0.0, 1.0]), np.zeros(2), 0.0).std(1.0))
     assert np.isnan(NO_VALLEY.std(1.0))
 
 

@@ -10,8 +10,9 @@ and a fit without the loss gives it by Laplace's approximation,
 
 *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
 small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
-absence). Else the data cannot tell. Friction is sized by what varies over the revolution: no bearing, pin, or guide has
-a constant alone, and how much of that is drag, how much the transducer's zero, hardly any recording can tell.
+absence); a torque may be twice as large where both are below `SURELY_NOT`. Else the data cannot tell. Friction is sized
+by what varies over the revolution: no bearing, pin, or guide has a constant alone, and how much of that is drag, how
+much the transducer's zero, hardly any recording can tell.
 Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 """
 
@@ -35,6 +36,8 @@ from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
 
 NEEDED, NOT_NEEDED = 6.0, -10.0
 """Limits of 2 ln K (Kass & Raftery: 6 is strong, 10 very strong evidence; absence rests on widths of priors alone)."""
+SURELY_NOT = -20.0
+"""Limit of 2 ln K that stays below `NOT_NEEDED` if the priors of all that belongs to a loss were half as wide."""
 SMALL_TORQUE, SMALL_SHARE = 10.0, 0.15
 """A loss is small below this many times odd against even cycles (rms), and below this share of the mean torque."""
 LEAST_FACTOR = -100.0
@@ -128,8 +131,8 @@ def _judged(
     size, interval, unit = _size(problem, solution, posterior, chosen, name)
     factor = refit if name == "driveline" and not np.isnan(refit) else quick
     small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
-    limit = np.degrees(SMALL_ANGLE) if unit == "deg" else small
     highest = quick if np.isnan(refit) else max(quick, refit)
+    limit = np.degrees(SMALL_ANGLE) if unit == "deg" else 2.0 * small if highest < SURELY_NOT else small
     verdict = "cannot tell"
     if factor > NEEDED:
         verdict = "needed"

@@ -17,7 +17,14 @@ from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
 from camtorque.fit.solver import Solution
-from camtorque.fit.uncertainty import Covariance, along_valley, covariance, delivering, pressure_jacobian
+from camtorque.fit.uncertainty import (
+    Covariance,
+    along_valley,
+    covariance,
+    delivering,
+    narrowed,
+    pressure_jacobian,
+)
 from camtorque.fit.valley import ANGLE, Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
@@ -175,8 +182,10 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     """Return the full model of one recording with its uncertainty and the evidence for each loss."""
     best = prepared.candidates[0]
     problem, solution = best.problem, best.solution
-    cov = covariance(problem, solution)
-    probabilities = structure_probabilities(prepared.candidates, cov.inflation)
+    careful = covariance(problem, solution)
+    # by the weights alone: a structure with more parameters always leaves less
+    probabilities = structure_probabilities(prepared.candidates, careful.inflation)
+    cov = narrowed(careful, solution)
     along = along_valley(cov, problem.index(ANGLE), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
@@ -189,7 +198,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
         evidence = (
-            chamber_evidence(prepared.candidates, cov.inflation),
+            chamber_evidence(prepared.candidates, careful.inflation),
             *loss_evidence(problem, solution, cov, odd_even),
         )
         if not explains(best.data, solution, odd_even):

@@ -16,6 +16,8 @@ from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
 from camtorque.records import Array, ReadOnly
 
+STATED = 10.0
+"""Values that the stated variance of a residual is worth: it is known to within half."""
 LEAST_FREEDOM = INDEPENDENT / 3.0
 """Degrees of freedom that are counted at least, where parameters and lift correction nearly fill the revolution."""
 CYCLES = "cycles and model error"
@@ -39,7 +41,7 @@ class Covariance(ReadOnly):
     ----------
     matrix : (k, k) of the full model, priors included
     prior_std : (k,) standard deviation before the data; range / sqrt 12 where nothing is known
-    inflation : factor on the variance of the residual that its size asks for, at least 1
+    inflation : factor on the variance of the residual that its size asks for; below 1 where it is `narrowed`
     freedom : independent values less what parameters and lift correction take
     from_data : (k, k) the part of ``matrix`` that comes from the residual; the rest comes from priors
     """
@@ -74,15 +76,30 @@ def inverse(matrix: Array) -> Array:
 def covariance(problem: Problem, solution: Solution) -> Covariance:
     """Return the covariance at a minimum; a parameter at its bound keeps the width that it has without it."""
     before = prior_std(problem)
-    prior = np.diag(1.0 / before**2)
-    matrix = inverse(solution.data_hessian + prior)
+    matrix = inverse(solution.data_hessian + np.diag(1.0 / before**2))
     lift_share = sum(float(np.sum(lift.shrink)) for lift in solution.lifts)
     taken = float(np.sum(matrix * solution.data_hessian)) + lift_share
     total = INDEPENDENT * len(problem.data)
     freedom = max(total - taken, LEAST_FREEDOM * len(problem.data))
-    inflation = max(1.0, solution.data_chi_square / freedom)
+    return _scaled(solution, before, max(1.0, solution.data_chi_square / freedom), freedom)
+
+
+def narrowed(cov: Covariance, solution: Solution) -> Covariance:
+    """Return a covariance whose residual counts as what it is where it is smaller than its weights state.
+
+    Scatter that is not one value over `CORRELATION` degrees makes weights too careful, and a small residual may be
+    luck: what they state counts as `STATED` values beside the residual's own (an inverse chi-square prior). A larger
+    residual says that laws are missing, which `covariance` takes care of. A search goes by the weights.
+    """
+    if cov.inflation > 1.0:
+        return cov
+    scale = min((STATED + solution.data_chi_square) / (STATED + cov.freedom), 1.0)
+    return _scaled(solution, cov.prior_std, scale, cov.freedom)
+
+
+def _scaled(solution: Solution, before: Array, inflation: float, freedom: float) -> Covariance:
     information = solution.data_hessian / inflation
-    matrix = inverse(information + prior)
+    matrix = inverse(information + np.diag(1.0 / before**2))
     return Covariance(matrix, before, inflation, freedom, matrix @ information @ matrix)
 
 

@@ -39,28 +39,32 @@ DEEPER, GAINED = 1.0, 0.5
 
 @dataclass(frozen=True)
 class Valley(ReadOnly):
-    """Trigger angles that were held (m,) [rad], chi-square there (m,), and the angle of the best minimum [rad]."""
+    """Trigger angles that were held (m,) [rad] with what they cost, and the angle of the best minimum [rad].
+
+    ``chi_square`` is that of the residual on both halves of the cycles, ``prior`` that of all parameters, (m,) each.
+    """
 
     angles: Array
     chi_square: Array
+    prior: Array
     at: float
 
     def std(self, inflation: float) -> float:
         """Return the root mean square distance from the minimum under the posterior along the valley [rad].
 
-        It is nan where the valley was not walked on both sides.
+        It is nan where the valley was not walked on both sides. ``inflation``: factor on the residual's variance.
         """
         if self.angles.size < 3:
             return float("nan")
         angles = np.linspace(self.angles[0], self.angles[-1], 50 * self.angles.size)
-        chi = np.interp(angles, self.angles, self.chi_square) / inflation
+        chi = np.interp(angles, self.angles, self.chi_square / inflation + self.prior)
         weight = np.exp(-0.5 * (chi - np.min(chi)))
         return float(np.sqrt(np.sum(weight * (angles - self.at) ** 2) / np.sum(weight)))
 
 
 Point = tuple[float, float, Candidate]
-"""Angle that was held [rad], chi-square there, and the fit."""
-NO_VALLEY = Valley(np.zeros(0), np.zeros(0), float("nan"))
+"""Angle that was held [rad], chi-square there with the priors, and the fit."""
+NO_VALLEY = Valley(np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
 
@@ -80,7 +84,8 @@ def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
             break
         best = freed
     angles, values = np.array([point[:2] for point in points]).T
-    return best, Valley(angles, values, float(best.solution.z[best.problem.index(ANGLE)]))
+    of_data = np.array([end.solution.data_chi_square + end.unseen for _, _, end in points])
+    return best, Valley(angles, of_data, values - of_data, float(best.solution.z[best.problem.index(ANGLE)]))
 
 
 def _walked(best: Candidate, halves: Halves) -> list[Point]:
