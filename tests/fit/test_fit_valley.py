@@ -60,8 +60,10 @@ def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked, halves):
     assert best.value <= halves.judged(quick(LAND)).value
     place = int(np.argmin(np.abs(valley.angles - valley.at)))
     assert 0 < place < valley.angles.size - 1
-    assert valley.chi_square[0] > valley.chi_square[place] + 5.0
-    assert valley.chi_square[-1] > valley.chi_square[place] + 5.0
+    total = valley.chi_square + valley.prior
+    assert total[place] == pytest.approx(best.value, abs=0.01)
+    assert total[0] > total[place] + 5.0
+    assert total[-1] > total[place] + 5.0
     assert 0.5 < valley.std(1.0) / curvature(best) < 2.0
 
 
