@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from camtorque import stacks
 from camtorque.align import align
-from camtorque.align.drift import FEWEST, drift_findings, level_drifts
+from camtorque.align.drift import FEWEST, drift_findings, level_drifts, size_findings
 from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import Refusal
@@ -82,6 +82,27 @@ def test_a_zero_that_drifts_through_the_alignment_is_told() -> None:
     drifting = align(sampled(recording, "torque", lambda volts: volts + 0.05 * np.linspace(0.0, 1.0, volts.size)))
     assert "torque_drifts" in {row.code for row in drifting.findings}
     assert not {"torque_drifts", "pressure_drifts", "few_cycles_used"} & clean
+
+
+def test_a_gain_that_drifts_is_told_and_a_load_that_does_is_not() -> None:
+    recording = read_recording(EXAMPLES / "A_1000rpm")
+    zero = recording.of("torque")[0].calibration.zero_volts
+    grown = align(sampled(recording, "torque", lambda v: zero + (v - zero) * np.linspace(1.0, 1.05, v.size)))
+    (row,) = [item for item in grown.findings if item.code == "torque_size_drifts"]
+    assert re.match(
+        r"the torque of a cycle changes by \+4\.\d % during the recording while its line pressure", row.text
+    )
+    assert row.severity == "warning"
+    assert "torque_size_drifts" not in {item.code for item in align(recording).findings}
+    rng, theta, index = np.random.default_rng(3), np.linspace(0.0, 2.0 * np.pi, 360), np.arange(40.0)
+    stroke = np.maximum(np.sin(theta), 0.0)
+    load = 1.0 + 0.04 * index[:, None] / 40.0 + 0.01 * rng.standard_normal((40, 1))
+    rows = [load * stroke * peak + 1e-3 * peak * rng.standard_normal((40, 360)) for peak in (50.0, 5e7)]
+    torque, pressure = ((values, values.mean(axis=0)) for values in rows)
+    assert size_findings(torque, pressure, index) == ()
+    assert size_findings((torque[0][:5], torque[1]), (pressure[0][:5], pressure[1]), index[:5]) == ()
+    flat = (np.full((40, 360), 2e5), np.full(360, 2e5))
+    assert size_findings(torque, flat, index)[0].code == "torque_size_drifts"
 
 
 def test_a_channel_that_died_is_refused_as_such() -> None:

@@ -1,7 +1,8 @@
-"""Levels that move during a recording: the torque on the base circle, and the line pressure there.
+"""What moves during a recording: torque and line pressure on the base circle, and the size of the torque.
 
 The mean cycle has one level of each. A transducer that drifts, or a pump that still warms up, gives every cycle another
 one, and what the fit then calls constant drag is half of that drift: that half is added to the zero's uncertainty.
+A torque whose cycles grow beside what their line pressure does has a gain that drifts.
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ TORQUE_SHARE = Threshold(
 PRESSURE_SHARE = Threshold(
     0.02, "1", "convention", "Share of the peak pressure by which the rest pressure of the line may drift."
 )
+SIZE_SHARE = Threshold(
+    0.01, "1", "simulated rigs",
+    "Share by which the cycles of the torque may grow beside what their line pressure does: sound runs reach 0.004."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,39 @@ def drift_findings(drifts: Mapping[str, float], peaks: Mapping[str, float]) -> t
         for quantity, drift in drifts.items()
         for kind in (DRIFTING[quantity],)
     )  # fmt: skip
+
+
+def size_findings(torque: tuple[Array, Array], pressure: tuple[Array, Array], index: Any) -> tuple[Finding, ...]:
+    """Tell a torque whose cycles grow or shrink beside what their line pressure does.
+
+    Parameters
+    ----------
+    torque, pressure : (n_cycles, n_theta) and their mean (n_theta,), in SI
+    index : (n_cycles,) cycle number
+    """
+    if index.size < FEWEST:
+        return ()
+    size, asked = (products_of(values, _shape(mean)) for values, mean in (torque, pressure))
+    beside = np.column_stack([np.ones(index.size), asked])
+    place, rest = (values - beside @ np.linalg.lstsq(beside, values, rcond=None)[0] for values in (index, size))
+    square, span = float(np.sum(place**2)), float(np.ptp(index))
+    slope = float(place @ rest) / square
+    stderr = math.sqrt(float(np.sum((rest - slope * place) ** 2)) / (index.size - 3) / square)
+    if abs(slope) < SIGNIFICANT * stderr or abs(slope * span) < SIZE_SHARE:
+        return ()
+    text = (
+        f"the torque of a cycle changes by {'+' * (slope > 0.0)}{short(100.0 * slope * span, 2)} % during the recording "
+        "while its line pressure does not: the gain of transducer, amplifier or supply drifts, or friction does; the fit "
+        "meets the mean cycle, whose size is that of no time; warm up, check supply and plug, record again"
+    )
+    return (Finding("torque_size_drifts", "warning", text, "torque"),)
+
+
+def _shape(mean: Array) -> Array:
+    """Return the weights whose sum over a cycle is its size over that of the mean, whatever its level."""
+    swing = mean - np.mean(mean)
+    square = float(np.sum(swing**2))
+    return np.asarray(swing / square if square > 0.0 else swing)
 
 
 def _line(level: Array, place: Array) -> tuple[float, float]:

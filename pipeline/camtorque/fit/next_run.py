@@ -25,10 +25,11 @@ def next_measurement(fit: Fit) -> tuple[str, ...]:
     """Return proposals for the next recording, each with what it is expected to bring."""
     names = fit.problem.names
     watched = [name for name in OUTCOMES if name in names]
-    today = fit.covariance.std
+    today = fit.std
+    rest = today**2 - fit.covariance.std**2  # other laws and structures, the trigger's switching: no run narrows these
     texts = []
     for title, matrix in proposals(fit):
-        after = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        after = np.sqrt(np.maximum(np.diag(matrix), 0.0) + rest)
         gains = sorted((float(after[names.index(n)] / today[names.index(n)]), n) for n in watched)
         told = [f"{name.replace('_', ' ')} to {100.0 * share:.0f} %" for share, name in gains if share < WORTH]
         if told:

@@ -30,6 +30,8 @@ has one."""
 DOUBTFUL = {
     "base_torque_negative": "a torque that is negative on the base circle",
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
+    "torque_size_drifts": "a torque whose size drifts beside its pressure",
+    "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
     "not_converged": "a search that ended before its minimum",
 }
