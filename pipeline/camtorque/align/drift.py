@@ -113,10 +113,11 @@ def size_findings(torque: tuple[Array, Array], pressure: tuple[Array, Array], in
     stderr = math.sqrt(float(np.sum((rest - slope * place) ** 2)) / (index.size - 3) / square)
     if abs(slope) < SIGNIFICANT * stderr or abs(slope * span) < SIZE_SHARE:
         return ()
+    grown = f"{'+' * (slope > 0.0)}{short(100.0 * slope * span, 2)} %"
     text = (
-        f"the torque of a cycle changes by {'+' * (slope > 0.0)}{short(100.0 * slope * span, 2)} % during the recording, "
-        "the line pressure does not: the gain of transducer or amplifier drifts, or friction does; the fit meets a mean "
-        "cycle whose size is that of no time; warm up, check supply and plugs, record again"
+        f"the torque of a cycle changes by {grown} during the recording, its line pressure does not: the gain of "
+        "transducer or amplifier drifts, or friction does; the fit meets a mean cycle whose size is that of no time; "
+        "warm up, check supply and plugs, record again"
     )
     return (Finding("torque_size_drifts", "warning", text, "torque"),)
 
