@@ -272,14 +272,14 @@ def test_every_limit_holds_what_was_seen():
         assert ratio.usual[1] <= ratio.possible[1]
 
 
-def test_a_trigger_under_the_name_of_the_torque_is_told_by_its_shape(bench: Path):
+@pytest.mark.parametrize(("quantity", "group", "name"), [("torque", "Grp_torque", "Torque"),
+                                                         ("pressure", "Grp_pressure", "Line_Pressure")])  # fmt: skip
+def test_a_trigger_under_another_name_is_told_by_its_shape(bench: Path, quantity: str, group: str, name: str):
     toml = bench / "raw_examples" / "A" / "recording.toml"
     text = toml.read_text(encoding="utf-8")
-    blocks = [
-        f'group = "{group}"\nchannel = "{name}"\nunit = "V"\nlogger = "DAQ1"\nsample_rate_hz = {rate}'
-        for group, name, rate in (("Grp_torque", "Torque", "20000.0"), ("Grp_trigger", "Prox_Trigger", "50000.0"))
-    ]
-    assert all(text.count(block) == 1 for block in blocks)
+    blocks = re.findall(rf'group = "(?:{group}|Grp_trigger)"\n.*\n.*\n.*\nsample_rate_hz = .*', text)
+    assert len(blocks) == 2
     toml.write_text(text.replace(blocks[0], "@").replace(blocks[1], blocks[0]).replace("@", blocks[1]))
-    with pytest.raises(Refusal, match=r"torque and trigger are exchanged: 'Prox_Trigger', .* two levels for 100 %"):
+    said = rf"{quantity} and trigger are exchanged: 'Prox_Trigger', .* two levels for 100 % .*, '{name}', named trigger"
+    with pytest.raises(Refusal, match=said):
         read(bench)

@@ -16,8 +16,8 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
-from camtorque.ingest.proposal import LEVEL_SHARE, SURE_SHARE, is_pulse_train, level_share
-from camtorque.ingest.wheel import LOOKED_AT
+from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
+from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.running import percentile
 from camtorque.units import BAR, STEEL_DENSITY, short
@@ -31,6 +31,9 @@ MOST_RANKED = 200_000
 """Of these samples, as many are ranked as make the highest 0.1 % a sound choice."""
 SMOOTHED = 5.0
 """Slopes and bends of a lift table are taken over this many degrees, to suppress its noise."""
+STEEPER = 1.0 / 3.0
+"""Part of the trigger's time between its two levels a pulse below which another log is the trigger: pressures and
+torques of 69 recordings are between theirs for ten times the trigger's time or longer, exchanged for a tenth of it."""
 LOADED = 30.0 * BAR
 PRESSURE_SLIPS = {
     1.0e1: "MPa read as bar", 1.0e2: "bar read as kPa", 1.0e3: "kPa read as Pa, or MPa as kPa",
@@ -198,7 +201,7 @@ def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:
 
 
 def check_trigger_exchanged(recording: Recording) -> None:
-    """Look whether a log named torque or pressure has the two levels of a trigger, and the trigger has not.
+    """Look whether a log named torque or pressure has the two levels and steep flanks of a trigger, which has not.
 
     Raises
     ------
@@ -207,16 +210,24 @@ def check_trigger_exchanged(recording: Recording) -> None:
     triggers = recording.of("trigger")
     if not triggers or recording.config.trigger.sensor == "inductive":
         return
-    where, usual = f"{recording.config.path} [[channels]]", level_share(_beginning(triggers[0]))
+    where, (_, usual) = f"{recording.config.path} [[channels]]", _pulse_shape(triggers[0])
     for channel in (*recording.of("torque"), *recording.of("pressure")):
-        values = _beginning(channel)
-        share = level_share(values)
-        if usual < LEVEL_SHARE and share > SURE_SHARE and is_pulse_train(values):
+        share, between = _pulse_shape(channel)
+        if share > SURE_SHARE and between < STEEPER * usual:
             raise Refusal(
                 f"{where}: {channel.quantity} and trigger are exchanged: {channel.name!r}, named {channel.quantity}, "
-                f"stands at two levels for {100.0 * share:.0f} % of its samples as pulses do, {triggers[0].name!r}, "
-                f"named trigger, for {100.0 * usual:.0f} % only; exchange the two"
+                f"stands at two levels for {100.0 * share:.0f} % of its samples as pulses do and is between them for "
+                f"{short(1e3 * between)} ms a pulse, {triggers[0].name!r}, named trigger, for {short(1e3 * usual)} ms; "
+                "exchange the two"
             )
+
+
+def _pulse_shape(channel: Channel) -> tuple[float, float]:
+    """Return the share of samples at two levels, and the time between these a pulse [s], nan where pulses are few."""
+    values = _beginning(channel)
+    share, pulses = level_share(values), pulse_count(values)
+    between = (1.0 - share) * values.size / max(pulses, 1) / channel.sample_rate
+    return share, between if pulses >= LEAST_PULSES else math.nan
 
 
 def _beginning(channel: Channel) -> Array:

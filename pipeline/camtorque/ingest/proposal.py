@@ -236,8 +236,12 @@ def _certainty(item: Proposal) -> float:
 
 def is_pulse_train(values: Array) -> bool:
     """Tell a signal of two levels with several pulses."""
-    low, high = _levels(values)
-    return level_share(values) > LEVEL_SHARE and rises(values, low, high).size >= LEAST_PULSES
+    return level_share(values) > LEVEL_SHARE and pulse_count(values) >= LEAST_PULSES
+
+
+def pulse_count(values: Array) -> int:
+    """Return how often a signal rises from the lower to the higher of its two levels."""
+    return int(rises(values, *_levels(values)).size)
 
 
 def level_share(values: Array) -> float:
