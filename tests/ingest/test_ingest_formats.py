@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from camtorque.ingest import csv_log, mf4, read_recording, tdms, xlsx
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
-from camtorque.ingest.csv_log import Damage, parse_block
+from camtorque.ingest.csv_log import ALIKE_ROWS, Damage, is_whole_row, parse_block
 from camtorque.ingest.formats import FORMATS
 from camtorque.ingest.raw import FileSource
 from camtorque.records import Recording, Refusal
@@ -383,3 +383,37 @@ def test_a_binary_file_called_csv_is_refused(tmp_path: Path):
     path.write_bytes(b'\x1f\x8b\x08"a\rb"c,"\x03\n\xff"d\re"f,1\n' * 40)
     with pytest.raises(Refusal, match=r"log\.csv: .*no row of numbers; expected columns of numbers"):
         sniff(path, ("Torque",))
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3, 9])
+@pytest.mark.parametrize("dialect", ["comma", "semicolon", "crlf", "blanks", "utf16"])
+def test_a_last_row_without_a_line_end_counts_where_no_digit_can_be_missing(tmp_path: Path, dialect: str, lost: int):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("csv", writer_options={"dialect": dialect}))
+    file, wide, ends = log_file(folder), 2 if dialect == "utf16" else 1, 2 if dialect == "crlf" else 1
+    whole = read_recording(folder).channels[0].n_samples
+    file.write_bytes(file.read_bytes()[: -wide * lost])
+    read = read_recording(folder)
+    told = "csv_cut_row" in {finding.code for finding in read.findings}
+    assert (told, read.channels[0].n_samples) == ((True, whole - 1) if lost > ends else (False, whole))
+
+
+@pytest.mark.parametrize(
+    ("before", "row", "is_whole"),
+    [
+        ("1,2,0.25", "3,-4,-10.75", True),
+        ("1,2,0.25", "3,4,0.7", False),
+        ("1,2,0.25", "3,4,10", False),
+        ("1,2,0.25", "3,4.25", False),
+        ("1,2,100", "3,4,-200", True),
+        ("1,2,100", "3,4,20", False),
+        ("1,2,2.5E+01", "3,4,2.5E+0", False),
+        ('1,2,"0.25"', '3,4,"0.25', False),
+        ("1,2,0.25,", "3,4,0.25", False),
+        ("1,2,0.25,", "3,4,0.25,", True),
+    ],
+)
+def test_a_last_row_is_whole_where_it_ends_as_those_before(before: str, row: str, is_whole: bool):
+    rows = f"{before}\n".encode() * ALIKE_ROWS
+    assert is_whole_row(row.encode(), rows, LAYOUT) == is_whole
+    assert not is_whole_row(row.encode(), rows + b"1,2,3.5\n", LAYOUT)
+    assert not is_whole_row(row.encode(), rows[: -len(before) - 1], LAYOUT)

@@ -38,6 +38,9 @@ from camtorque.records import Array, Finding, Refusal, SampleSource
 BLOCK_BYTES = 8 * 2**20
 LONGEST_LINE = 2**20
 """A row of a thousand columns has 20 kilobytes [bytes]."""
+ALIKE_ROWS = 100
+"""Rows before the last one that show whether its last field can lack digits: of a column that leaves out zeros at the
+end every tenth field is shorter."""
 MISSING = ("", "nan", "na", "n/a", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
 OVERRANGE = re.compile(
     r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|over\w*|clip\w*|#+|\*+|-{3,})$", re.IGNORECASE
@@ -129,10 +132,9 @@ def _columns(
     stamps = {column: kind for column in wanted if column in times and (kind := layout.stamp_kind(column))}
     last = dict.fromkeys(stamps, np.nan)
     count, line, tail = 0, layout.header_lines + 1, b""
-    for block, is_last in _blocks(path, layout.data_offset):
-        if is_last and not block.endswith(b"\n"):
-            block, _, tail = block.rpartition(b"\n")
-            block += b"\n" if block else b""
+    for block, is_cut in _blocks(path, layout):
+        if is_cut:
+            block, tail = b"", block
         values = parse_block(block, layout, wanted, stamps, damage, line)
         line += block.count(b"\n")
         count += len(values[0])
@@ -158,17 +160,36 @@ def _refuse_long_line(path: Path, rest: bytes) -> None:
         )
 
 
-def _blocks(path: Path, offset: int) -> Iterator[tuple[bytes, bool]]:
-    """Yield blocks of whole lines; the last one may end inside a line."""
-    rest, skip = b"", offset
+def _blocks(path: Path, layout: CsvLayout) -> Iterator[tuple[bytes, bool]]:
+    """Yield blocks of whole lines, at the end what follows the last line end: whether it may be cut."""
+    rest, before, skip = b"", b"", layout.data_offset
     for piece in text_pieces(path, BLOCK_BYTES):
         whole, newline, rest_of_piece = (rest + piece[skip:]).rpartition(b"\n")
         skip = max(skip - len(piece), 0)
         rest = rest_of_piece
         _refuse_long_line(path, rest)
         if newline:
+            before = (before + whole[-LONGEST_LINE:] + newline)[-LONGEST_LINE:]
             yield whole + newline, False
-    yield rest, True
+    if is_whole_row(rest, before, layout):
+        yield rest + b"\n", False
+    else:
+        yield rest, True
+
+
+def is_whole_row(row: bytes, before: bytes, layout: CsvLayout) -> bool:
+    """Tell whether a row without a line end lacks no digit: it ends in as many as each of many rows before it does."""
+    rows = before.decode(layout.encoding, errors="replace").split("\n")[-ALIKE_ROWS - 1 : -1]
+    shapes = {_shape(text, layout) for text in (*rows, row.decode(layout.encoding, errors="replace"))}
+    return bool(row) and len(rows) == ALIKE_ROWS and len(shapes) == 1
+
+
+def _shape(row: str, layout: CsvLayout) -> tuple[int, bool, int]:
+    """Return the number of fields of a row, whether the last has a decimal mark, and its length beyond that."""
+    row = row.rstrip("\r")
+    *_, last = row.split(None if layout.separator == " " else layout.separator) or [""]
+    _, mark, decimals = last.rpartition(layout.decimal)
+    return len(split_row(row, layout.separator)), bool(mark), len(decimals.strip(" +-"))
 
 
 def parse_block(
@@ -290,5 +311,7 @@ def _damage_findings(damage: Damage, where: str) -> list[Finding]:
 def _tail_findings(tail: bytes, path: Path, line: int) -> list[Finding]:
     if not tail:
         return []
-    text = f"the file ends inside line {line} without a line end; that row is not used, the file may be cut there"
+    text = (
+        f"the file ends inside line {line} without a line end; that row is not used, the file may be cut: copy it again"
+    )
     return [Finding("csv_cut_row", "error", text, path.name)]
