@@ -1,6 +1,7 @@
 """recording.toml: every required key is required, every bad value refused, every unknown key told."""
 
 import pickle
+import re
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -143,6 +144,15 @@ def test_unknown_keys_are_findings_with_a_suggestion(tmp_path: Path):
     findings = load_recording_config(write(tmp_path, text)).findings
     assert [finding.code for finding in findings] == ["unknown_key", "unknown_key"]
     assert "did you mean 'rotation'" in findings[1].text
+
+
+def test_an_offset_that_nobody_states_is_told(tmp_path: Path):
+    assert not load_recording_config(write(tmp_path, TEXT)).findings
+    found = load_recording_config(write(tmp_path, re.sub("follower_offset_m = .*", "", TEXT))).findings
+    assert [(finding.code, finding.severity) for finding in found] == [("follower_offset_assumed", "info")]
+    assert "follower_offset_m is not given; 0 is assumed" in found[0].text
+    without = re.sub(r"\[pump\][^\[]*", "", TEXT)
+    assert not load_recording_config(write(tmp_path, without)).findings
 
 
 def test_tooth_wheel_and_idle_keys(tmp_path: Path):

@@ -71,7 +71,14 @@ def test_from_a_fresh_log_to_check_in_two_commands_and_one_edit(tmp_path: Path, 
     assert doc["usable"] == ["align", "run"]
     codes = {row["code"] for row in doc["findings"]}
     # what nobody stated is assumed, and told
-    assert {"accuracy_assumed", "delay_assumed", "already_scaled"} <= codes
+    assert {"accuracy_assumed", "delay_assumed", "already_scaled", "follower_offset_assumed"} <= codes
+
+
+def test_keys_of_the_rig_that_may_be_left_out_stand_there_with_what_is_assumed(tmp_path: Path):
+    text = new_recording(tmp_path, look_into([fresh_log(tmp_path / "lab")]), None).text
+    said = dict(re.findall(r"^# (\w+) =   #.*; (.*) is assumed where it is left out$", text, re.MULTILINE))
+    assumed = {"rotation": '"positive"', "follower_offset_m": "0.0", "edge": '"rising"', "switching_delay_typ_s": "0.0"}
+    assert assumed.items() <= said.items()
 
 
 def test_like_another_recording_nothing_is_left_to_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -66,7 +66,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
         loggers=loggers,
         channels=tuple(_channel(table, loggers, duration) for table in channels),
-        findings=(*_unknown_keys(values, file), *(_left_out(table) for table in left_out)),
+        findings=(*_unknown_keys(values, file), *_assumed(root), *(_left_out(table) for table in left_out)),
         fluid=FluidSpec(**single["fluid"]),
         drive=DriveSpec(**single["drive"]),
     )
@@ -150,6 +150,14 @@ def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: 
         raise Refusal(f"{where}: found {logger!r}, expected one of {', '.join(names)}{hint}")
     stated = values["duration"] if values["duration"] is not None else duration
     return ChannelSpec(**{**values, "logger": logger, "duration": stated})
+
+
+def _assumed(root: Table) -> list[Finding]:
+    """Tell sizes of the pump that nobody states and that are taken as usual."""
+    if not root.has("pump") or root.table("pump").has("follower_offset_m"):
+        return []
+    text = "follower_offset_m is not given; 0 is assumed: the follower's line passes through the cam axis"
+    return [Finding("follower_offset_assumed", "info", text, f"{root.file.name} [pump]")]
 
 
 def _left_out(table: dict[str, Any]) -> Finding:

@@ -35,6 +35,8 @@ ASKED_SENSOR = ("unit", "sensitivity_V_per_unit", "zero_V", "nominal_range", "ac
 ASKED_BRIDGE = ("zero_mV_per_V", "accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
 ASKED_SCALED = ("accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
 """Sheet keys that are asked for: of a sensor in volts, of a bridge, and of values that the logger has scaled."""
+ASKED_RIG = ("rotation", "follower_offset_m", "edge", "switching_delay_typ_s")
+"""Keys of the rig that are asked for, with what is assumed where they are left out."""
 
 
 SHEET_UNITS = {"torque": "N m", "pressure": "bar"}
@@ -66,13 +68,17 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     writer = Writer()
     writer.line(f'schema = "{RECORDING_SCHEMA}"')
     writer.line('# Replace every "?"; then: camtorque check')
-    writer.table("[recording]", RECORDING_TABLES["recording"], {**_recording(folder, wheel), **known["recording"]})
-    writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"])
+    writer.table(
+        "[recording]", RECORDING_TABLES["recording"], {**_recording(folder, wheel), **known["recording"]}, ASKED_RIG
+    )
+    writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"], ASKED_RIG)
     if trigger is None:
         writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
     if wheel is not None and wheel.known_from:
         writer.line(f"# what follows of the wheel is told by: {wheel.known_from}")
-    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]})
+    writer.table(
+        "[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]}, ASKED_RIG
+    )
     for quantity, item in _sensed(used, named).items():
         _sensor(writer, quantity, item, known["sensors"].get(quantity))
     loggers = {path: f"LOG{number}" for number, path in enumerate(dict.fromkeys(item.path for item in used), start=1)}
@@ -128,7 +134,7 @@ class Writer:
             elif key.required:
                 self._key(key, UNKNOWN)
             elif key.name in asked:
-                self.lines.append(f"# {key.name} =   # {_meaning(key)}")
+                self.lines.append(f"# {key.name} =   # {_meaning(key)}{_left_out(key)}")
         for name in values:
             if name not in schema.names:
                 self.lines.append(f"{name} = {toml_value(values[name])}")
@@ -144,6 +150,12 @@ class Writer:
 def _meaning(key: Key) -> str:
     allowed = f"; {key.band}" if key.band is not None else f"; {', '.join(key.choices)}" if key.choices else ""
     return key.meaning + allowed
+
+
+def _left_out(key: Key) -> str:
+    """Return what is assumed where a key is left out, "" where nothing is."""
+    default = next((word for word, value in key.choices.items() if value == key.default), key.default)
+    return "" if default in (None, "") else f"; {toml_value(default)} is assumed where it is left out"
 
 
 def toml_value(value: Any) -> str:
