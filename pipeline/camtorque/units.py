@@ -11,6 +11,9 @@ from camtorque.records import Refusal
 
 DECIMAL = r"(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})"
 """A number without sign and exponent in a text that a user types."""
+MAYBE_ALIKE, SURELY_ALIKE = 0.5, 0.7
+"""Likeness (0 to 1) of a word and a name from which one may be meant by the other, and from which it needs no more:
+what begins alike or holds the other is a slip below it, 'operator' for 'rotation' is none."""
 BAR = 1.0e5
 """Pascal per bar."""
 TURN = 2.0 * np.pi
@@ -139,8 +142,15 @@ def _absolute_hint(unit: str) -> str:
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
     """Return ", did you mean 'x'?" for the nearest known word, or an empty string."""
     lowered = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(lowered), n=1, cutoff=0.5)
-    return f", did you mean {lowered[near[0]]!r}?" if near else ""
+    near = difflib.get_close_matches(word.lower(), list(lowered), n=3, cutoff=MAYBE_ALIKE)
+    meant = [lowered[name] for name in near if _is_alike(word.lower(), name)]
+    return f", did you mean {meant[0]!r}?" if meant else ""
+
+
+def _is_alike(word: str, name: str) -> bool:
+    """Tell whether a word may be a slip for a name: much alike, or of the same beginning, or a part of it."""
+    ratio = difflib.SequenceMatcher(None, name, word).ratio()
+    return ratio > SURELY_ALIKE or word[:1] == name[:1] or word in name or name in word
 
 
 def expected_one_of(word: str, known: list[str] | tuple[str, ...]) -> str:

@@ -10,9 +10,10 @@ import pytest
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_TABLES
 from camtorque.config.tables import read_toml
-from camtorque.ingest.formats import FORMATS, declared_format
+from camtorque.ingest.formats import FORMATS, declared_format, first_bytes
+from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
-from camtorque.units import DEGREE, RPM
+from camtorque.units import DEGREE, RPM, did_you_mean
 from damaged.logs import CALIBRATION, TOML
 
 TAIL = """
@@ -144,6 +145,33 @@ def test_unknown_keys_are_findings_with_a_suggestion(tmp_path: Path):
     findings = load_recording_config(write(tmp_path, text)).findings
     assert [finding.code for finding in findings] == ["unknown_key", "unknown_key"]
     assert "did you mean 'rotation'" in findings[1].text
+
+
+def test_a_word_that_is_no_slip_for_a_key_gets_no_suggestion(tmp_path: Path):
+    text = TEXT.replace('\nnote = ""', '\nnote = ""\noperator = "M. M."')
+    assert [finding.text for finding in load_recording_config(write(tmp_path, text)).findings] == [
+        "key 'operator' is not known and not used"
+    ]
+    assert did_you_mean("Druck", ("Leitungsdruck", "Geber")) == ", did you mean 'Leitungsdruck'?"
+    assert did_you_mean("rotaton", ("note", "rotation")) == ", did you mean 'rotation'?"
+    assert did_you_mean("qressure", ("torque", "pressure")) == ", did you mean 'pressure'?"
+
+
+def test_a_missing_file_names_what_its_folder_holds(tmp_path: Path):
+    for name in ("recording.toml", "run_all.csv"):
+        (tmp_path / name).write_text("x")
+    with pytest.raises(Refusal, match=r"no such file, expected a log; .* own folder, did you mean 'run_all.csv'\?"):
+        first_bytes(tmp_path / "run_al.csv")
+    with pytest.raises(Refusal, match=r"no such file, expected a log; .*; its folder holds run_all.csv$"):
+        first_bytes(tmp_path / "test.tdms")
+    with pytest.raises(Refusal, match=r"no such file, expected a log; .*; there is no folder .*logs$"):
+        first_bytes(tmp_path / "logs" / "run_all.csv")
+    for number in range(10):
+        (tmp_path / f"x{number}.csv").write_text("x")
+    with pytest.raises(
+        Refusal, match=r"expected a lift table .*; its folder holds run_all.csv, .*, x6.csv and 3 more$"
+    ):
+        read_small_table(tmp_path / "cam", "a lift table")
 
 
 def test_an_offset_that_nobody_states_is_told(tmp_path: Path):

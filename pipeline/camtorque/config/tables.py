@@ -21,6 +21,8 @@ LARGEST_FILE = 512 * 1024
 LONGEST_KEY = 100
 """Parts of a dotted key: each costs the parser as much as all before it."""
 LONGEST_TEXT = 4096
+MOST_LISTED = 8
+"""Files of a folder that a refusal names."""
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
@@ -84,6 +86,18 @@ def _quoted_line(text: str, said: str) -> str:
 def no_file(path: Path) -> str:
     """Return what is wrong with a path that is no file, in words."""
     return "is a folder" if path.is_dir() else "is a pipe or a device" if path.exists() else "no such file"
+
+
+def what_is_beside(path: Path) -> str:
+    """Return the file that the path of a missing log or table may mean, as a question, or what its folder holds."""
+    if path.exists():
+        return ""
+    if not path.parent.is_dir():
+        return f"; there is no folder {path.parent}"
+    names = tuple(sorted(item.name for item in path.parent.iterdir() if item.is_file() and item.suffix != ".toml"))
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    held = f"; its folder holds {', '.join(names[:MOST_LISTED]) or 'no log or table'}{more}"
+    return did_you_mean(path.name, names) or held
 
 
 def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
-from camtorque.config.tables import no_file
+from camtorque.config.tables import no_file, what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Refusal
@@ -145,6 +145,7 @@ def first_bytes(path: Path) -> bytes:
         if not path.is_file():
             raise Refusal(
                 f"{path}: {no_file(path)}, expected a log; recording.toml names logs relative to its own folder"
+                f"{what_is_beside(path)}"
             )
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)

@@ -68,17 +68,13 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     writer = Writer()
     writer.line(f'schema = "{RECORDING_SCHEMA}"')
     writer.line('# Replace every "?"; then: camtorque check')
-    writer.table(
-        "[recording]", RECORDING_TABLES["recording"], {**_recording(folder, wheel), **known["recording"]}, ASKED_RIG
-    )
-    writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"], ASKED_RIG)
+    writer.table("[recording]", RECORDING_TABLES["recording"], {**_recording(folder, wheel), **known["recording"]})
+    writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"])
     if trigger is None:
         writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
     if wheel is not None and wheel.known_from:
         writer.line(f"# what follows of the wheel is told by: {wheel.known_from}")
-    writer.table(
-        "[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]}, ASKED_RIG
-    )
+    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]})
     for quantity, item in _sensed(used, named).items():
         _sensor(writer, quantity, item, known["sensors"].get(quantity))
     loggers = {path: f"LOG{number}" for number, path in enumerate(dict.fromkeys(item.path for item in used), start=1)}
@@ -125,7 +121,9 @@ class Writer:
         """Add a line."""
         self.lines.append(text)
 
-    def table(self, header: str, schema: TableSchema, values: Mapping[str, Any], asked: tuple[str, ...] = ()) -> None:
+    def table(
+        self, header: str, schema: TableSchema, values: Mapping[str, Any], asked: tuple[str, ...] = ASKED_RIG
+    ) -> None:
         """Add a table: known values, and a "?" for each key that is required, or asked for as a comment."""
         self.lines += ["", header if header.startswith("[[") else f"{header}  # {schema.meaning}"]
         for key in schema.keys:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from camtorque.config.tables import what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, split_row, utf16
 from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows
@@ -129,7 +130,10 @@ def _checked_head(path: Path, what: str) -> bytes:
     """Return the first bytes of a table that is there and no larger than a table is."""
     try:
         if not path.is_file():
-            raise Refusal(f"{path}: no such file; expected {what} (paths are relative to the file that names it)")
+            raise Refusal(
+                f"{path}: no such file; expected {what} (paths are relative to the file that names it)"
+                f"{what_is_beside(path)}"
+            )
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise Refusal(f"{path}: {size} bytes, {what} has at most {LARGEST_FILE}; is it the right file?")
