@@ -2,13 +2,16 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from camtorque.config import PumpData
 from camtorque.ingest import read_recording
-from camtorque.ingest.plausibility import PUMP_RATIOS
+from camtorque.ingest.check import summarise
+from camtorque.ingest.plausibility import PUMP_RATIOS, check_loads
+from camtorque.ingest.raw import ArraySource
 from camtorque.records import CamTable, Refusal
 from damaged.logs import CALIBRATION
 
@@ -283,3 +286,27 @@ def test_a_trigger_under_another_name_is_told_by_its_shape(bench: Path, quantity
     said = rf"{quantity} and trigger are exchanged: 'Prox_Trigger', .* two levels for 100 % .*, '{name}', named trigger"
     with pytest.raises(Refusal, match=said):
         read(bench)
+
+
+@pytest.mark.parametrize(("slip", "times"), [(100.0, r"43\.\d"), (14.5037, r"6\.\d+")])
+def test_a_pressure_far_beyond_its_sensor_is_told_by_its_unit(bench: Path, slip: float, times: str):
+    recording = read(bench)
+    pressure = recording.of("pressure")[0]
+    calibration = pressure.calibration
+    assert calibration is not None
+    wrong = replace(pressure, calibration=replace(calibration, gain=calibration.gain * slip))
+    changed = replace(recording, channels=tuple(wrong if c is pressure else c for c in recording.channels))
+    with pytest.raises(
+        Refusal, match=rf"'Line_Pressure' unit: .* bar, {times} times the end .* check the unit \(found"
+    ):
+        check_loads(changed)
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_a_channel_that_never_changes_is_not_held_against_the_others(bench: Path, quantity: str):
+    recording = read(bench)
+    channel = recording.of(quantity)[0]
+    flat = replace(channel, source=ArraySource(np.full(channel.n_samples, 0.7)))
+    changed = replace(recording, channels=tuple(flat if c is channel else c for c in recording.channels))
+    assert check_loads(changed) == []
+    assert "channel_constant" in {finding.code for finding in summarise(changed).findings}

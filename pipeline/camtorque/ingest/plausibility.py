@@ -34,6 +34,8 @@ SMOOTHED = 5.0
 STEEPER = 1.0 / 3.0
 """Part of the trigger's time between its two levels a pulse below which another log is the trigger: pressures and
 torques of 69 recordings are between theirs for ten times the trigger's time or longer, exchanged for a tenth of it."""
+FAR_BEYOND = 3.0
+"""A sensor stands up to twice its range; a pressure of more than so many times that is in another unit."""
 LOADED = 30.0 * BAR
 PRESSURE_SLIPS = {
     1.0e1: "MPa read as bar", 1.0e2: "bar read as kPa", 1.0e3: "kPa read as Pa, or MPa as kPa",
@@ -247,6 +249,7 @@ def check_loads(recording: Recording) -> list[Finding]:
         return []
     pump, where = recording.config.pump, f"{recording.config.path} [pump]"
     peak = _largest(pressure[0])
+    _refuse_other_unit(recording, pressure[0].calibration.range_max, peak)
     if not peak > 0.0:
         return []
     is_loaded = peak > LOADED
@@ -259,6 +262,8 @@ def check_loads(recording: Recording) -> list[Finding]:
     by_pressure = pump.plunger_area * peak * slope
     other = (spring + pump.follower_mass * speed**2 * rise) * slope
     measured = _largest(torque[0])
+    if math.isnan(measured):
+        return findings
     text = (
         f"the largest torque is {short(measured)} N m, the largest pressure of {peak / BAR:.4g} bar gives "
         f"{short(by_pressure)} N m on a plunger of {1e3 * pump.plunger_diameter:g} mm where the lift rises steepest "
@@ -276,6 +281,18 @@ def check_loads(recording: Recording) -> list[Finding]:
         findings.append(Finding("torque_against_pressure", "warning",
                                 f"{text}; {_implied(pump, slope, high)}", where))  # fmt: skip
     return findings
+
+
+def _refuse_other_unit(recording: Recording, end: float, peak: float) -> None:
+    """Refuse a pressure far beyond the end of its sensor's range: the values are in another unit than is said."""
+    if peak > FAR_BEYOND * end:  # never where no end is stated
+        spec = next(spec for spec in recording.config.channels if spec.quantity == "pressure")
+        raise Refusal(
+            f"{recording.config.path} [[channels]] {spec.channel!r} unit: the largest pressure is {short(peak / BAR)} "
+            f"bar, {peak / end:.3g} times the end of the sensor's range of {end / BAR:.4g} bar; check the unit (found "
+            f"{spec.unit!r}; kPa or psi read as bar are 100 or 14.5 times too large), then the sensitivity and "
+            "nominal_range of the sensor"
+        )
 
 
 def _other_unit(ratio: float) -> str:
@@ -316,11 +333,14 @@ def _steepest(table: CamTable) -> tuple[float, float]:
 
 
 def _largest(channel: Channel) -> float:
-    """Return the largest value that is no stray sample: the 99.9th percentile of pieces all over the log."""
+    """Return the largest value that is no stray sample: the 99.9th percentile of pieces all over the log.
+
+    It is nan for a channel that never changes: `camtorque check` tells that.
+    """
     last = max(channel.n_samples - BLOCK_SAMPLES, 0)
     count = min(BLOCKS, -(-channel.n_samples // BLOCK_SAMPLES))
     starts = np.unique(np.linspace(0, last, count).astype(int))
     every = -(-min(channel.n_samples, BLOCKS * BLOCK_SAMPLES) // MOST_RANKED)
     volts: Array = np.concatenate([channel.read_volts(int(s), int(s) + BLOCK_SAMPLES)[::every] for s in starts])
     values = np.abs(channel.from_volts(volts[np.isfinite(volts)]))
-    return percentile(values, 99.9) if values.size else math.nan
+    return percentile(values, 99.9) if values.size and np.ptp(values) > 0.0 else math.nan
