@@ -73,10 +73,11 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
 
 
 def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow, ...]) -> Refusal:
-    worst = max(cut_flow, key=lambda row: row.cycles_single)
+    failed = sorted((row for row in cut_flow if row.cycles_single), key=lambda row: -row.cycles_single)
+    counts = ", ".join(f"{row.reason!r} ({row.cycles_single}: {row.text})" for row in failed)
     return Refusal(
         f"{recording.config.id}: none of {n_complete} complete cycles can be used, expected at least one; most fail "
-        f"{worst.reason!r} ({worst.cycles_single}: {worst.text}); see the cut-flow of `camtorque check`"
+        f"{counts}; put that right at the rig or in the export of the log, and record or export it again"
     )
 
 

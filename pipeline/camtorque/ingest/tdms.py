@@ -52,7 +52,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     with refusing(path, "TDMS"):
         file = TdmsFile.open(path)
     with file:
-        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec))
+        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec, bool(findings)))
     return RawFile(found.channels, (*findings, *found.findings))
 
 
@@ -116,12 +116,13 @@ def _cut(path: Path, number: int, what: str) -> Finding:
     )
 
 
-def _channel(file: TdmsFile, path: Path, spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
+def _channel(file: TdmsFile, path: Path, spec: ChannelSpec, is_cut: bool) -> tuple[RawChannel, list[Finding]]:
     channel = _find(file, path, spec)
     where = f"{path.name} {spec.group}/{spec.channel}"
     source = _source(file, channel, path)
     if not source.n_samples:
-        raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
+        why = "the file is cut: copy it from the logger again" if is_cut else "the logger wrote none: record it again"
+        raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples; {why}")
     properties = channel.properties
     findings = list(missing_samples(source.n_samples, int(properties.get("wf_samples", 0)), where))
     rate = spec.sample_rate
