@@ -262,6 +262,14 @@ def test_check_lists_what_is_wrong_with_files_and_sheets_together(
     assert ["did you mean 'Geber'" in refused_by[0], "no such file" in refused_by[1]] == [True, True]
 
 
+def test_check_names_every_column_that_is_not_there(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(copy, 'channel = "Geber"', 'channel = "Gebre"')
+    edit(copy, 'channel = "Drehmoment"', 'channel = "Moment"')
+    assert cli.main(["check", str(copy), "--json"]) == 2
+    refused_by = json.loads(capsys.readouterr().out)["refused"]
+    assert ["no column 'Moment'" in refused_by[0], "no column 'Gebre'" in refused_by[1]] == [True, True]
+
+
 def test_check_never_passes_what_align_refuses(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edit(copy, "pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 2")
     assert cli.main(["check", str(copy)]) == 2

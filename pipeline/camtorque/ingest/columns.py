@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config import ChannelSpec
+from camtorque.config.tables import Problems
 from camtorque.ingest.csv_layout import UNDATED, CsvLayout
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
@@ -198,6 +199,21 @@ def column_of(path: Path, layout: CsvLayout, name: str) -> int:
             f"are {shown}"
         )
     raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, layout.names)}; the columns are {shown}")
+
+
+def columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> list[int]:
+    """Return the numbers of the columns of channels.
+
+    Raises
+    ------
+    Refusals : see `column_of`; every channel whose column is not there
+    """
+    problems, found = Problems(), list[int]()
+    for spec in specs:
+        with problems.collecting():
+            found.append(column_of(path, layout, spec.channel))
+    problems.raise_any()
+    return found
 
 
 def _times(

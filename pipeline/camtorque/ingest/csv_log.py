@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import (
     LEVELS,
     NUMBER,
@@ -98,7 +98,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a text file whose layout is known."""
-    columns = [column_of(path, layout, spec.channel) for spec in specs]
+    columns = columns_of(path, layout, specs)
     times = {column for column in time_columns_of(path, layout, specs) if column is not None}
     damage = Damage()
     with refusing(path, "CSV"):

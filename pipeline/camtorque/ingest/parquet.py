@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.arrow_size import refuse_feather_bomb
-from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.parquet_size import refuse_lying_pages
@@ -24,9 +24,9 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a Parquet or Feather file."""
     layout = _layout(path)
+    wanted = columns_of(path, layout, specs)
     times = {column for column in time_columns_of(path, layout, specs) if column is not None}
-    wanted = {column_of(path, layout, spec.channel) for spec in specs} | times
-    return raw_file(path, layout, _sources(path, layout, sorted(wanted)), specs)
+    return raw_file(path, layout, _sources(path, layout, sorted({*wanted, *times})), specs)
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import column_of, listed, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import LEVELS, STAMPS, CsvLayout, unwrapped
 from camtorque.ingest.header import is_number, names_of
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refusing
@@ -40,7 +40,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         mine = tuple(spec for spec in specs if spec.group == group)
         rows = _sheet(path, group)
         layout = _layout(path, rows, tuple(spec.channel for spec in mine))
-        wanted = [column_of(path, layout, spec.channel) for spec in mine]
+        wanted = columns_of(path, layout, mine)
         times = {column for column in time_columns_of(path, layout, mine) if column is not None}
         sources = _sources(rows, layout, sorted({*wanted, *times}))
         result = raw_file(path, layout, sources, mine)
