@@ -58,6 +58,7 @@ from camtorque.report.forecast_texts import (
     elsewhere_text,
     end_text,
     ending_text,
+    flight_text,
     load_text,
     step_text,
 )
@@ -188,8 +189,11 @@ def _at_speed(
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
     return replace(
-        item, assumed=(*step_text(item), *beyond, *assumed, *texts, *ending_text(item), *constant_text(item))
-    ), tuple(one[1] for one in runs)
+        item,
+        assumed=(
+            *flight_text(item), *step_text(item), *beyond, *assumed, *texts, *ending_text(item), *constant_text(item),
+        ),
+    ), tuple(one[1] for one in runs)  # fmt: skip
 
 
 @on_one_thread

@@ -20,7 +20,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.forecast_page import _drawing, sweep_row
-from camtorque.report.forecast_texts import end_text, ending_text
+from camtorque.report.forecast_texts import end_text, ending_text, flight_text
 from camtorque.units import DEGREE
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
@@ -150,3 +150,20 @@ def test_parameters_of_an_ending_that_was_not_fitted_are_drawn() -> None:
         item["spill_width"] for item in draws(fit, {"end_of_delivery": 0, "pressure_zero": 1}, mean, load, 1.0, 60)
     ]
     assert np.std(drawn) == pytest.approx(1e-3, rel=0.25)
+
+
+def test_a_follower_that_leaves_the_cam_is_told_with_its_angle_and_the_pull() -> None:
+    flat, stays = Forces(*[np.ones(4)] * 9), run(50.0, 0.5, "land")
+    assert stays.take_off is None
+    assert flight_text(stays) == ()
+    assert not sweep_row(stays, (flat,))["contact_lost"]
+    flies = replace(stays, contact=np.array([-20.0, 5.0, -1.0, -146.0]), contact_std=np.full(4, 3.0))
+    assert flies.take_off == pytest.approx(2.0), "a pull across the zero of the angle is one pull"
+    (text,) = flight_text(flies)
+    assert "the follower leaves the cam at 115 deg of cam angle" in text
+    assert "those of a cam that pulls (with up to 146 N); ask for lower speeds" in text
+    row = sweep_row(flies, (flat,))
+    assert row["contact_lost"]
+    assert row["contact_min_n"]["value"] == pytest.approx(-146.0)
+    assert either(stays, flies).take_off == pytest.approx(2.0), "either ending may let it fly"
+    assert replace(stays, contact=-np.ones(4)).take_off == 0.0

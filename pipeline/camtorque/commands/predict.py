@@ -64,6 +64,7 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
         keys = ("torque_max_nm", "torque_mean_nm", "chamber_peak_bar", "contact_max_n", "hertz_max_gpa")
         cells = [with_band(row[key]) for key in keys]
         beyond = "  beyond the fitted speeds" if row["beyond_fitted_speeds"] else ""
+        beyond += "  THE FOLLOWER LEAVES THE CAM, see below" if row["contact_lost"] else ""
         beyond += "  THE MODEL STEPS HERE, see below" if row["model_steps"] else ""
         columns = "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))
         lines.append(f"{row['speed_rpm']:8.1f}{columns}{beyond}")

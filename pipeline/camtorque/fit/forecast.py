@@ -101,6 +101,21 @@ class Forecast(ReadOnly):
     steps: bool = False
     assumed: tuple[str, ...] = field(default=())
 
+    @property
+    def least_contact(self) -> float:
+        """Least contact force, of either run where nobody knows how delivery ends; below 0 the cam pulls [N]."""
+        return min(float(np.min(one.contact)) for one in self.both or (self,))
+
+    @property
+    def take_off(self) -> float | None:
+        """Cam angle at which the follower leaves the cam in its longest pull, None where it stays on it [rad]."""
+        pulled = np.any([one.contact <= 0.0 for one in self.both or (self,)], axis=0)
+        starts = np.flatnonzero(pulled & ~np.roll(pulled, 1))
+        if not starts.size:  # a cam that pulls all around has no begin
+            return float(self.theta[0]) if pulled[0] else None
+        lengths = [int(np.argmin(np.roll(pulled, -start))) for start in starts]
+        return float(self.theta[starts[int(np.argmax(lengths))]])
+
 
 def forecast(
     known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]

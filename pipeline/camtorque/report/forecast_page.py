@@ -17,7 +17,7 @@ from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
-from camtorque.report.forecast_texts import ENDED_BY, ending_text, step_text
+from camtorque.report.forecast_texts import ENDED_BY, ending_text, flight_text, step_text
 from camtorque.report.numbers import plus_minus, rounded_to_error, significant, words
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.tones import CYCLE
@@ -34,6 +34,7 @@ TITLES = {
     "speed_rpm": "speed [rpm]", "torque_max_nm": "torque, largest [N m]", "torque_min_nm": "torque, smallest [N m]",
     "torque_mean_nm": "torque, mean [N m]", "chamber_peak_bar": "chamber pressure, largest [bar]",
     "delivered_mm3": "volume delivered in a stroke [mm³]", "contact_max_n": "contact force, largest [N]",
+    "contact_min_n": "contact force, smallest; below 0 the cam pulls [N]",
     "hertz_max_gpa": "Hertz pressure, largest [GPa]",
     "law_error_percent": "error of the model in these bands [% of the peak torque, standard deviation]",
 }  # fmt: skip
@@ -54,6 +55,7 @@ def sweep_row(item: Forecast, forces: Sequence[Forces]) -> dict[str, Any]:
         "speed_rpm": item.speed / RPM,
         **{name: _value(*(holding(*value, *rows[-1][name]))) for name, value in rows[0].items()},
         "law_error_percent": 100.0 * item.law_share, "beyond_fitted_speeds": item.beyond > SAME_SPEED,
+        "contact_lost": item.take_off is not None,
         "model_steps": item.steps, "ending": item.ending, "other_ending": None if other is None else {
             "ending": other.structure, "torque_difference_nm": other.difference, "theta_deg": other.angle / DEGREE,
         },
@@ -64,7 +66,7 @@ def sweep_row(item: Forecast, forces: Sequence[Forces]) -> dict[str, Any]:
 def _extremes(item: Forecast, forces: Forces) -> dict[str, tuple[float, float]]:
     """Return the extremes of a run, each with its standard uncertainty."""
     top, low = int(np.argmax(item.torque)), int(np.argmin(item.torque))
-    peak, load = int(np.argmax(item.pressure)), int(np.argmax(item.contact))
+    peak, load, least = int(np.argmax(item.pressure)), int(np.argmax(item.contact)), int(np.argmin(item.contact))
     hertz = float(np.nanmax(forces.hertz)) / 1e9
     relative = float(item.contact_std[load] / max(abs(item.contact[load]), 1e-9))
     return {
@@ -74,6 +76,7 @@ def _extremes(item: Forecast, forces: Forces) -> dict[str, tuple[float, float]]:
         "chamber_peak_bar": (item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
         "delivered_mm3": (1e9 * item.delivered, 1e9 * item.delivered_std),
         "contact_max_n": (item.contact[load], item.contact_std[load]),
+        "contact_min_n": (item.contact[least], item.contact_std[least]),
         "hertz_max_gpa": (hertz, 0.5 * relative * hertz),
     }
 
@@ -138,7 +141,7 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
             f" {' and '.join(beyond)} rpm {'lie' if len(beyond) > 1 else 'lies'} beyond the fitted speeds: the bands "
             "are wider there, and a recording near that speed would narrow them."
         )
-    unsure = [text for item in items for text in (*step_text(item), *ending_text(item))]
+    unsure = [text for item in items for text in (*flight_text(item), *step_text(item), *ending_text(item))]
     answer = " ".join((answer, *dict.fromkeys(unsure)))
     html = render(
         "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer,

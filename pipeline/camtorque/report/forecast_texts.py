@@ -148,6 +148,17 @@ def step_text(item: Forecast) -> tuple[str, ...]:
     )
 
 
+def flight_text(item: Forecast) -> tuple[str, ...]:
+    """Return that the follower leaves the cam, where it does: the model of a fit keeps it there."""
+    if item.take_off is None:
+        return ()
+    return (
+        f"Do not build on the run at {item.speed / RPM:.0f} rpm: the follower leaves the cam at "
+        f"{item.take_off / DEGREE:.0f} deg of cam angle. From there, until it would land, torque and forces are those "
+        f"of a cam that pulls (with up to {-item.least_contact:.3g} N); ask for lower speeds.",
+    )
+
+
 def constant_text(item: Forecast) -> tuple[str, ...]:
     """Return how much of the band is one constant, where that is most of it."""
     constant = COVERAGE * float(np.sqrt(np.median(item.torque_std**2 - item.shape_std**2).clip(0.0)))
