@@ -12,11 +12,13 @@ from align_truth import TWO_PI, Samples, Shaft, pressure_of, torque_of
 from camtorque.align import align
 from camtorque.align.counter import counter_train
 from camtorque.config.recording import load_recording_config
+from camtorque.ingest.check import _pulse_findings
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import look_into
 from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
 from camtorque.records import Channel, Refusal
+from camtorque.signal.marks import uneven_marks
 from camtorque.signal.repeats import repeats_every
 from camtorque.units import unit_factor
 from wheel_truth import Wheel as TrueWheel
@@ -214,6 +216,34 @@ def test_pulses_of_a_faster_shaft_are_told_where_cycles_would_only_be_thrown_awa
     except Refusal as refusal:
         texts = [str(refusal)]
     assert ["write revolutions_per_cycle = 2 under [trigger] (it is 1)" in text for text in texts] == [True]
+
+
+def two_marks(apart_deg: float, turns: int = 40) -> np.ndarray:
+    """Return the times of two marks on a shaft of 600 rpm [s]."""
+    return 0.1 * np.sort(np.concatenate([np.arange(turns), np.arange(turns) + apart_deg / 360.0]))
+
+
+@pytest.mark.parametrize(("apart", "keys"), [
+    (60.0, "60 and 300 deg apart in turn: .* write pulses_per_rev = 6, missing_teeth = 4 under"),
+    (300.0, "write pulses_per_rev = 6, missing_teeth = 4 under"), (90.0, "pulses_per_rev = 4, missing_teeth = 2"),
+    (145.0, None), (137.0, "at no whole part of a revolution; take one away"), (180.0, None),
+])  # fmt: skip
+def test_two_uneven_marks_are_told_with_the_keys_that_describe_them(apart: float, keys: str | None) -> None:
+    times = two_marks(apart)
+    assert re.search(keys, uneven_marks(times)) if keys else not uneven_marks(times)
+    assert bool(uneven_marks(np.delete(times, 9))) == bool(keys), "a pulse that is missing hides nothing"
+    assert not uneven_marks(times[:4])
+
+
+@pytest.mark.parametrize(("apart", "text"), [
+    (60.0, "none of the 34 periods between the trigger pulses is within 30 % of their median.*pulses_per_rev = 6"),
+    (180.0, ""),
+])  # fmt: skip
+def test_pulses_without_a_usual_period_are_no_short_recording(apart: float, text: str) -> None:
+    config = true_wheel(teeth=1, missing=0)
+    recording = wheel_recording(config)
+    found = _pulse_findings(recording.of("trigger")[0], two_marks(apart, 18)[:-1], recording.config)
+    assert [bool(re.search(text, row.text)) for row in found if row.code == "pulses_irregular"] == [True] * bool(text)
 
 
 def test_an_angle_in_coarse_steps_has_no_clock_jumps() -> None:

@@ -55,6 +55,13 @@ def test_error_of_every_tooth_is_stated(name: str) -> None:
     assert all(np.max(np.abs(item.error) / item.stated) < 5.0 for item in found)
 
 
+def test_two_teeth_at_a_part_of_a_revolution_are_a_wheel_with_missing_teeth() -> None:
+    for teeth in (6, 4):
+        cycles = align(wheel_recording(Wheel(teeth=teeth, missing=teeth - 2)))
+        assert cycles.index.size > 20
+        assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.2
+
+
 @pytest.mark.parametrize("name", ["60-2", "36-2 inductive", "60 and index", "four lobes"])
 def test_deviation_from_even_running_is_handed_on_with_its_error(name: str) -> None:
     errors, stated = [], []

@@ -18,7 +18,7 @@ from camtorque.fit.findings import (
 )
 from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.minima import LIGHT, Halves
-from camtorque.fit.next_run import proposals
+from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
 from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled
@@ -131,7 +131,7 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
     assert len(found) == 3
     today = fit.covariance.std
     names = fit.problem.names
-    tooth = np.sqrt(np.diag(found["a second tooth 60 degrees after the first"]))
+    tooth = np.sqrt(np.diag(found[TOOTH]))
     assert np.all(tooth <= today * (1.0 + 1e-6))
     assert tooth[names.index("trigger_offset")] < 0.9 * today[names.index("trigger_offset")]
     for title, matrix in found.items():

@@ -1,12 +1,14 @@
 """docs/recording_toml.md shows the tables of camtorque/config/schemas.py word for word; run this file to write them."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import camtorque
 from camtorque.config.keys import KEY_UNITS, Key, TableSchema
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
+from camtorque.fit.next_run import TOOTH
 from camtorque.ingest.formats import FORMATS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recording_toml.md"
@@ -99,6 +101,13 @@ def test_the_page_of_formats_lists_every_source_of_the_angle_with_keys_that_exis
     assert "`angle`" in named
     keys = {re.match(r"\w+", word)[0] for row in rows for word in re.findall(r"`([^`]+)`", row[2]) if word[0].isalpha()}
     assert keys - {"index"} <= set(RECORDING_TABLES["trigger"].names)
+
+
+def test_the_second_tooth_of_the_page_is_the_one_that_reports_ask_for():
+    (block,) = re.findall("## A second tooth.*?```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    trigger = tomllib.loads(block)["trigger"]
+    assert set(trigger) <= set(RECORDING_TABLES["trigger"].names)
+    assert f"(pulses_per_rev = {trigger['pulses_per_rev']}, missing_teeth = {trigger['missing_teeth']})" in TOOTH
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from camtorque.align.quality import spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.signal.marks import uneven_marks
 from camtorque.signal.repeats import repeats_every
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import BAR
@@ -62,13 +63,16 @@ class Checked:
     findings: tuple[Finding, ...] = ()
 
 
-def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording) -> Checked:
+def check_quantities(
+    rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording, pulses: Array
+) -> Checked:
     """Turn an inverted torque in place and return the typical cycles and the findings.
 
     Parameters
     ----------
     rows : quantity -> (n_cycles, n_theta)
     sound : (n_cycles,) complete cycles without missing samples
+    pulses : (n,) times of the pulses [s]
 
     Raises
     ------
@@ -78,7 +82,7 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
         return Checked({})
     stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
     typical = {}
-    repeating = _repeating(next(iter(rows.values())), sound, stride, recording)
+    repeating = _repeating(next(iter(rows.values())), sound, stride, recording, pulses)
     for quantity, values in rows.items():
         typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0], repeating)
     if len(typical) < 2 or recording.lift_table is None:
@@ -96,7 +100,9 @@ def check_quantities(rows: Mapping[str, Array], sound: NDArray[np.bool_], record
     return Checked({**typical, "torque": -torque}, (*repeating, _turned(recording, float(np.mean(torque)), straight)))
 
 
-def _repeating(rows: Array, sound: NDArray[np.bool_], stride: int, recording: Recording) -> tuple[Finding, ...]:
+def _repeating(
+    rows: Array, sound: NDArray[np.bool_], stride: int, recording: Recording, pulses: Array
+) -> tuple[Finding, ...]:
     """Tell revolutions that are alike only some turns apart: the pulses come from a faster shaft than the cam."""
     some = np.where(sound[:COMPARED, None], rows[:COMPARED, ::stride], np.nan)
     every = repeats_every(some)
@@ -104,11 +110,12 @@ def _repeating(rows: Array, sound: NDArray[np.bool_], stride: int, recording: Re
         return ()
     trigger = recording.config.trigger
     now = trigger.revolutions_per_cycle
-    text = (
-        f"a revolution is like the one {every} later, not like the next: where the pulses come from a shaft that turns "
-        f"{every * now} times per turn of the cam, or from {every * now} marks on it, write revolutions_per_cycle = "
-        f"{every * now} under [trigger] (it is {now})"
+    marks = uneven_marks(pulses) if trigger.pulses_per_rev == 1 else ""
+    why = marks or (
+        f"where the pulses come from a shaft that turns {every * now} times per turn of the cam, or from "
+        f"{every * now} even marks on it, write revolutions_per_cycle = {every * now} under [trigger] (it is {now})"
     )
+    text = f"a revolution is like the one {every} later, not like the next: {why}"
     return (Finding("revolutions_alternate", "error", text, f"{recording.config.path.name} [trigger]"),)
 
 

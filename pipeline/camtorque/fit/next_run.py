@@ -15,6 +15,8 @@ from camtorque.records import Array
 TOOTH_STD = np.radians(0.02)
 """How well the place of a second tooth against the first is known from many revolutions [rad]."""
 TOOTH_ANGLE = np.radians(60.0)
+TOOTH = "a second tooth 60 degrees after the first (pulses_per_rev = 6, missing_teeth = 4)"
+"""The tooth with the keys that describe two teeth in place of one."""
 SPEED_FACTORS = (0.6, 1.6)
 WORTH = 0.85
 """A proposal is told when it brings a standard uncertainty below this share of today's."""
@@ -40,7 +42,7 @@ def next_measurement(fit: Fit) -> tuple[str, ...]:
 def proposals(fit: Fit) -> list[tuple[str, Array]]:
     """Return what could be recorded next and the covariance expected after it."""
     information = inverse(fit.covariance.matrix)
-    result = [("a second tooth 60 degrees after the first", inverse(information + _tooth(fit)))]
+    result = [(TOOTH, inverse(information + _tooth(fit)))]
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
         result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", _joined(fit, information, factor)))

@@ -11,6 +11,7 @@ import numpy as np
 from camtorque.config import RecordingConfig
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.logger_time import pause_intervals
+from camtorque.signal.marks import uneven_marks
 from camtorque.signal.pickup import find_pulses
 from camtorque.signal.scan import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.units import BAR, RPM
@@ -25,6 +26,8 @@ SPEED_TOLERANCE = 0.1
 """Relative difference of pulse count and nominal speed that is worth a finding."""
 PERIOD_TOLERANCE = 0.3
 """A pulse period that differs by this share from the usual one is a missed or an extra pulse."""
+LEAST_PULSES = 3
+"""Two periods: fewer show no usual one."""
 MUCH_CLIPPED = 1.0e-4
 SAME_ANGLE, OTHER_TURNS, LEAST_TURNS = 1.5 / 360.0, (-3, -2, -1, 1, 2, 3), 3
 """A sample is held against what the signal does so near to it [turns] in so many other turns."""
@@ -190,21 +193,35 @@ def _expected(config: RecordingConfig) -> float:
 
 
 def _speed(times: Array, config: RecordingConfig) -> float:
-    """Return the cam's speed [rad/s]; where each period is a turn, by the usual ones: pulses may be missing."""
-    if times.size < 3:
+    """Return the cam's speed [rad/s], nan where nothing tells it.
+
+    Where each period is a turn it is told by the usual ones: pulses may be missing.
+    """
+    if times.size < LEAST_PULSES:
         return float("nan")
     periods = np.diff(times)
     if config.trigger.pulses_per_rev == 1:
         periods = periods[np.abs(periods / np.median(periods) - 1.0) <= PERIOD_TOLERANCE]
-    return float(2.0 * np.pi / np.mean(periods) / _expected(config))
+    return float(2.0 * np.pi / np.mean(periods) / _expected(config)) if periods.size else float("nan")
 
 
 def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> list[Finding]:
     where = f"{channel.path.name} {channel.name}"
     speed = _speed(times, config)
-    if not np.isfinite(speed):
-        text = f"found {times.size} trigger pulses in {channel.duration:.3g} s, expected at least 3; record longer"
+    marks = uneven_marks(times) if config.trigger.pulses_per_rev == 1 else ""
+    if times.size < LEAST_PULSES:
+        text = (
+            f"found {times.size} trigger pulses in {channel.duration:.3g} s, expected at least {LEAST_PULSES}; record "
+            "longer"
+        )
         return [Finding("few_pulses", "error", text, where)]
+    if not np.isfinite(speed):
+        why = marks or "check the sensor and its threshold, and how many marks pass it in a turn"
+        text = (
+            f"none of the {times.size - 1} periods between the trigger pulses is within "
+            f"{100.0 * PERIOD_TOLERANCE:.0f} % of their median, expected one pulse per turn: {why}"
+        )
+        return [Finding("pulses_irregular", "error", text, where)]
     found = []
     if abs(speed / config.nominal_speed - 1.0) > SPEED_TOLERANCE:
         text = f"the pulses tell {speed / RPM:.4g} rpm, recording.toml says {config.nominal_speed / RPM:.4g} rpm"
@@ -217,6 +234,7 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
         odd = int((np.abs(period / np.median(period) - 1.0) > PERIOD_TOLERANCE)[whole].sum())
         if odd:
             text = f"{odd} of {period.size} pulse periods differ by more than 30 % from the usual one"
+            text += f": {marks}" if marks else ""
             found.append(Finding("pulses_irregular", "warning", text, where))
     return found
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.next_run import TOOTH
 from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
@@ -16,7 +17,6 @@ from camtorque.report.numbers import plus_minus, rounded_to_error, unit_text, wo
 from camtorque.report.page import Drawing, render
 from camtorque.report.tones import CYCLE
 
-TOOTH = "a second tooth on the wheel"
 MOST_CURVES = 6
 """Lines of the chart of runs on offer: more cannot be distinguished."""
 
