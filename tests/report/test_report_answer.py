@@ -18,6 +18,7 @@ from camtorque.report.answer import (
     answer,
     cards,
     closing_text,
+    known_text,
     left_out_text,
     shape_text,
     unexplained_advice,
@@ -25,7 +26,7 @@ from camtorque.report.answer import (
 )
 from camtorque.report.document import result_document
 from camtorque.report.page import run_page
-from camtorque.report.texts import budget_rows, by_size, parameter_groups
+from camtorque.report.texts import budget_rows, by_size, parameter_groups, parameter_row
 from camtorque.report.verdict import DOUBTFUL, FAR_OFF, UNUSUAL, missed_limits, unexplained_text, verdict
 from camtorque.report.write import write_pdf, write_run
 from report_cases import NASTY, parameter, run_result
@@ -159,6 +160,19 @@ def test_parameters_stand_by_what_the_data_added(tmp_path: Path) -> None:
     assert "± 0 " not in text
     assert "not identifiable" not in text
     assert "ladder" not in text.lower()
+
+
+@pytest.mark.parametrize(("name", "low", "knowledge", "interval"), [
+    ("valve_area", 0.14, "upper limit", "at most 1.77"), ("valve_area", 0.14, "narrowed", "at most 1.77"),
+    ("valve_area", 0.5, "measured", "0.50 … 1.77"), ("chamber_peak", 0.5, "measured", "0.50 … 1.77"),
+])  # fmt: skip
+def test_no_interval_is_printed_below_the_lower_bound_of_its_parameter(
+    name: str, low: float, knowledge: str, interval: str
+) -> None:
+    row = {"value": 0.96, "stderr": 0.41, "ci95": [low, 1.77], "unit": "mm^2", "prior": None, "meaning": "area",
+           "knowledge": knowledge, "at_bound": False, "confounded_with": [], "source": ""}  # fmt: skip
+    assert parameter_row(name, row, explained=True)["interval"] == interval
+    assert "reaches the lower bound, mostly zero" in known_text([{"knowledge": "upper limit"}])
 
 
 def test_a_parameter_fitted_by_its_logarithm_is_shown_as_it_is() -> None:

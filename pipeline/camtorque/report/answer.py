@@ -161,7 +161,11 @@ def left_out_text(blocks: Sequence[float]) -> str:
 def known_text(rows: Collection[Document]) -> str:
     """Return how many parameters the data tell something about, and what."""
     counts = [sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE]
-    limits = f"{counts[1]} have only an upper limit (zero is not excluded), " if counts[1] else ""
+    limits = (
+        f"{counts[1]} have only an upper limit (their interval reaches the lower bound, mostly zero), "
+        if counts[1]
+        else ""
+    )
     return f"{counts[0]} are measured, {limits}{counts[2]} narrowed"
 
 

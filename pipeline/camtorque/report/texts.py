@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from camtorque.laws import ROWS
 from camtorque.records import APART, KNOWLEDGE, TOGETHER
 from camtorque.report.answer import NOT_LOSSES, sure
 from camtorque.report.numbers import (
@@ -122,7 +123,7 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     """Return the parameters by what the data added, each group with its rows in the order of the fit."""
     texts = (
         "The data determine the value; what was known before hardly matters.",
-        "The data tell how large it is at most: zero is not excluded.",
+        "The data tell how large it is at most: the interval reaches its lower bound in the fit, mostly zero.",
         "The data narrowed what was known before.",
         "The data made these no surer than sheet, certificate or literature; the fit may lean on them within that.",
     )
@@ -137,7 +138,7 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
 def parameter_row(name: str, row: Document, explained: bool) -> dict[str, Any]:
     """Return one parameter as the texts of a table; no interval where the model does not explain the data."""
     logarithm = LOGARITHM.fullmatch(row["unit"])
-    shown = _factors(row) if logarithm else _amounts(row)
+    shown = _factors(row) if logarithm else _amounts(row, least_of(name))
     if not (explained and row["stderr"] is not None):
         shown |= {"error": UNKNOWN, "interval": UNKNOWN}
     return {
@@ -148,11 +149,19 @@ def parameter_row(name: str, row: Document, explained: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _amounts(row: Document) -> dict[str, str]:
-    prior, stderr = row["prior"], row["stderr"]
+def least_of(name: str) -> float:
+    """Return the lower bound of a parameter in the unit that it is shown in, none of what is no parameter of a law."""
+    row = ROWS.get(name.split("__")[0])
+    return -math.inf if row is None else row.lower / row.per_unit
+
+
+def _amounts(row: Document, least: float) -> dict[str, str]:
+    prior, stderr, (low, high) = row["prior"], row["stderr"], row["ci95"]
+    top = rounded_to_error(high, stderr)
+    only_top = row["knowledge"] == KNOWLEDGE[1] or low < least  # a bound of the search: nothing tells what lies below
     return {
         "value": rounded_to_error(row["value"], stderr), "error": plus_minus(stderr),
-        "interval": " … ".join(rounded_to_error(end, stderr) for end in row["ci95"]),
+        "interval": f"at most {top}" if only_top else f"{rounded_to_error(low, stderr)} … {top}",
         "prior": f"{significant(prior[0])} ± {significant(prior[1], 2)}" if prior else UNKNOWN,
     }  # fmt: skip
 
