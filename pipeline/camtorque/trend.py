@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from camtorque.export import safe_text
-from camtorque.records import KNOWLEDGE
+from camtorque.records import UNTOLD
 
 AXES = {
     "date": "date",
@@ -56,6 +57,30 @@ def informed_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str,
     found = {}
     for document in documents.values():
         for name, row in document["parameters"].items() if document["explained"] else ():
-            if row.get("knowledge") in KNOWLEDGE[:-1] and row.get("role") == "shared":
+            if _informed(row) and row.get("role") == "shared":
                 found[name] = f"{name.replace('_', ' ')} / {row['unit']}"
     return found
+
+
+def _informed(row: Mapping[str, Any]) -> bool:
+    return row.get("knowledge", UNTOLD[0]) not in UNTOLD
+
+
+def drawn_table(table: pd.DataFrame, documents: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> pd.DataFrame:
+    """Return what a figure shows of a trend: parameters where they are measured or narrowed, bars within the interval.
+
+    A bar of ``NAME`` goes ``NAME_down`` down and ``NAME_up`` up: an interval ends at the bounds of its parameter, one
+    standard error may reach beyond them.
+    """
+    drawn = table.copy()
+    reports = {safe_text(folder): document for folder, document in documents.items()}
+    for name in names:
+        rows = [reports[report]["parameters"].get(name) for report in table["report"]]
+        told = [
+            row if row and sure and _informed(row) else {} for row, sure in zip(rows, table["explained"], strict=True)
+        ]
+        drawn[name] = np.array([row.get("value", np.nan) for row in told], dtype=np.float64)
+        for k, end in enumerate(("down", "up")):
+            bars = [min(row["stderr"], abs(row["ci95"][k] - row["value"])) if row else np.nan for row in told]
+            drawn[f"{name}_{end}"] = np.array(bars, dtype=np.float64)
+    return drawn

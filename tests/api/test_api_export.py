@@ -15,8 +15,9 @@ import pandas as pd
 import pytest
 from camtorque import cli, export
 from camtorque.records import Refusal
+from camtorque.report.document import result_document
 from camtorque.report.write import write_run
-from camtorque.trend import informed_parameters, trend_table
+from camtorque.trend import drawn_table, informed_parameters, trend_table
 from report.report_cases import run_result
 from scipy.io import loadmat
 
@@ -178,6 +179,21 @@ def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.Ca
     for label in ("feed pressure / bar", "fuel temperature", "date", "chamber peak"):
         assert label in svg
     assert "speed / rpm" not in svg  # all three ran at one speed
+
+
+def test_a_trend_draws_what_is_measured_and_no_bar_below_a_bound() -> None:
+    def document(knowledge: str, explained: bool = True) -> dict[str, object]:
+        document = result_document(run_result(explained=explained))
+        row = {"value": 0.2, "stderr": 0.3, "ci95": [0.0, 0.9], "unit": "%", "role": "shared", "knowledge": knowledge}
+        return {**document, "parameters": {"free_air": row}}
+
+    words = ("narrowed", "from the sheet", "not told by the data")
+    documents = {**{word: document(word) for word in words}, "unexplained": document("measured", explained=False)}
+    table = trend_table(documents)
+    drawn = drawn_table(table, documents, ["free_air"]).set_index("report")
+    assert drawn["free_air"].dropna().to_dict() == {"narrowed": 0.2}
+    assert drawn.loc["narrowed", ["free_air_down", "free_air_up"]].tolist() == pytest.approx([0.2, 0.3])
+    assert table["free_air"].notna().all(), "the table holds all"
 
 
 def test_a_full_disk_leaves_nothing(

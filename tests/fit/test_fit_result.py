@@ -94,6 +94,11 @@ def test_words_for_what_the_data_added(ratio, least, lower, word):
     assert knowledge(ratio, 1.0, least, lower) == word
 
 
+def test_what_no_sheet_has_and_the_data_do_not_narrow_is_not_told():
+    assert knowledge(0.95, 1.0, 0.0, 0.0, has_prior=False) == "not told by the data"
+    assert knowledge(0.1, 1.0, 0.3, 0.0, has_prior=False) == "measured"
+
+
 def test_intervals_stop_at_bounds():
     assert confidence(1.0, 1.0, 0.0, 10.0) == pytest.approx((0.0, 2.959964))
     assert confidence(0.0, 1.0, 0.0, 10.0) == pytest.approx((0.0, 1.959964))

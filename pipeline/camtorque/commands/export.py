@@ -16,7 +16,7 @@ from camtorque.report.checksums import SUMS
 from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
 from camtorque.results import read_results
-from camtorque.trend import AXES, informed_parameters, trend_table
+from camtorque.trend import AXES, drawn_table, informed_parameters, trend_table
 
 PACKAGES = {"xlsx": ("openpyxl",), "parquet": ("pyarrow",)}
 DRAWN = {"fitted_rms_percent": "fitted RMS / % of peak", "chamber_peak_bar": "chamber peak / bar"}
@@ -66,7 +66,7 @@ def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any], out: Pat
     paths = write_tables({"trend": table}, out / "reports", arguments.format)
     chosen = dict(list(informed_parameters(documents).items())[:MOST_PARAMETERS])
     drawn = {name: label for name, label in {**DRAWN, **chosen}.items() if table[name].notna().any()}
-    figure = trend_figure(table, AXES, drawn)
+    figure = trend_figure(drawn_table(table, documents, chosen), AXES, drawn)
     for suffix in ("svg", "png"):
         paths.append(out / f"trend.{suffix}")
         figure.savefig(paths[-1], dpi=DPI)

@@ -44,6 +44,7 @@ from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import forces_of
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import (
+    UNTOLD,
     Alternative,
     AngleError,
     Array,
@@ -214,13 +215,13 @@ def parameter_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
         row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
         low, high = confidence(value, std, row.lower, row.upper)
         before = float(fit.covariance.prior_std[k])
-        known = knowledge(std, before, low, row.lower)
+        known = knowledge(std, before, low, row.lower, row.prior is not None)
         per = row.per_unit
         rows.append(ParameterEstimate(
             name=parameter.name, value=value / per, unit=row.unit, stderr=std / per,
             stderr_statistical=float(fit.covariance.std[k]) / per, ci95=(low / per, high / per),
-            at_bound=value <= row.lower or value >= row.upper, identifiable=known != "from the sheet",
-            confounded_with=confounded_with(problem, fit.covariance, k) if known != "from the sheet" else (),
+            at_bound=value <= row.lower or value >= row.upper, identifiable=known not in UNTOLD,
+            confounded_with=confounded_with(problem, fit.covariance, k) if known not in UNTOLD else (),
             prior=None if row.prior is None else (row.prior[0] / per, row.prior[1] / per), meaning=row.meaning,
             source=row.source, role=row.role, symbol=row.symbol, knowledge=known,
         ))  # fmt: skip

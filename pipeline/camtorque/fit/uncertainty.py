@@ -226,7 +226,7 @@ def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Arr
     return tuple(rows)
 
 
-def knowledge(std: float, before: float, least: float, lower: float) -> str:
+def knowledge(std: float, before: float, least: float, lower: float, has_prior: bool = True) -> str:
     """Return how far the data went beyond what was known.
 
     Parameters
@@ -234,11 +234,14 @@ def knowledge(std: float, before: float, least: float, lower: float) -> str:
     std, before : standard deviation with the data and without
     least : lower end of the 95 % interval, which ends at the bounds (`confidence`)
     lower : bound; where it is not negative the least of an amount, which an interval that begins there leaves open
+    has_prior : whether a sheet, certificate or literature had told anything
     """
     ratio = std / before
     if ratio < MEASURED:
         return "upper limit" if 0.0 <= least <= lower else "measured"
-    return "narrowed" if ratio < NARROWED else "from the sheet"
+    if ratio < NARROWED:
+        return "narrowed"
+    return "from the sheet" if has_prior else "not told by the data"
 
 
 def confounded_with(problem: Problem, cov: Covariance, index: int) -> tuple[str, ...]:

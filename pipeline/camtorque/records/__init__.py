@@ -11,6 +11,7 @@ from camtorque.records.fitted import (
     EITHER_LOSS,
     KNOWLEDGE,
     TOGETHER,
+    UNTOLD,
     VERDICTS,
     Alternative,
     FittedTorque,

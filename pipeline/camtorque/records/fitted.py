@@ -13,9 +13,10 @@ from camtorque.records.rigid import Forces
 
 APART, TOGETHER, EITHER_LOSS = ("friction", "damping"), "friction_and_damping", "friction_or_damping"
 """Losses that one recording tells apart badly, and their sum, which it tells well."""
-KNOWLEDGE = ("measured", "upper limit", "narrowed", "from the sheet")
+KNOWLEDGE = ("measured", "upper limit", "narrowed", "from the sheet", "not told by the data")
+UNTOLD = KNOWLEDGE[3:]
 """How far the data went beyond what was known of a parameter before; an amount whose interval reaches its lower bound,
-mostly zero, has an upper limit."""
+mostly zero, has an upper limit; `UNTOLD`: the data added nothing to a prior, or to no prior at all."""
 VERDICTS = ("needed", "not needed", "cannot tell")
 """Of a loss: what the data say of it."""
 

@@ -13,7 +13,7 @@ from urllib.parse import quote
 import h5py
 import numpy as np
 
-from camtorque.records import KNOWLEDGE, Array, ReadOnly
+from camtorque.records import UNTOLD, Array, ReadOnly
 from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.fit_figures import CONSERVED
@@ -176,7 +176,7 @@ def _budget(documents: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float
         rows = doc.get("parameters", {})
         source_of = {name: row["source"] for name, row in rows.items()}
         for name, parts in doc.get("uncertainty", {}).get("budget", {}).items():
-            if any(parts.values()) and rows.get(name, {}).get("knowledge") != KNOWLEDGE[-1]:
+            if any(parts.values()) and rows.get(name, {}).get("knowledge") not in UNTOLD:
                 found.setdefault(name, []).append(shares(parts, source_of))
     return {
         name: {

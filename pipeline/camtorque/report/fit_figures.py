@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from camtorque.records import KNOWLEDGE, LossEvidence, ParameterEstimate
+from camtorque.records import UNTOLD, LossEvidence, ParameterEstimate
 from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
@@ -76,7 +76,7 @@ def priors(result: RunResult) -> Rows | None:
     if not rows:
         return None
     pulls = [_pull(row) for row in rows]
-    tones = tuple("c7" if row.knowledge == "from the sheet" else "fitted" for row in rows)
+    tones = tuple("c7" if row.knowledge in UNTOLD else "fitted" for row in rows)
     marks = Marks("", tuple(p[0] for p in pulls), tones, "point", tuple(p[0] - p[1] for p in pulls),
                   tuple(p[0] + p[1] for p in pulls))  # fmt: skip
     panel = RowPanel("distance from what was expected [standard deviations of the prior]", (marks,), shaded=(-2.0, 2.0))
@@ -138,7 +138,7 @@ def shown(rows: tuple[GapShare, ...]) -> list[GapShare]:
 def budget(result: RunResult) -> Rows | None:
     """Show the share of each source in the variance of every parameter that the data say something about."""
     source_of = {row.name: row.source for row in result.fitted.parameters}
-    informed = {row.name for row in result.fitted.parameters if row.knowledge != KNOWLEDGE[-1]}
+    informed = {row.name for row in result.fitted.parameters if row.knowledge not in UNTOLD}
     rows = [row for row in result.fitted.details.get("budget", ()) if row.total > 0.0 and row.name in informed]
     table = {row.name: shares(row.contributions, source_of) for row in rows}
     return source_chart(table, "share of the variance [%]")

@@ -21,7 +21,12 @@ WIDTH, HEIGHT = 3.4, 1.9
 
 
 def trend_figure(table: Any, axes: Mapping[str, str], quantities: Mapping[str, str]) -> Figure:
-    """Return the figure of a trend; ``axes``, ``quantities``: column (bars of ``NAME_stderr``) -> label."""
+    """Return the figure of a trend.
+
+    Parameters
+    ----------
+    axes, quantities : column -> label; bars of a quantity go by ``NAME_down`` and ``NAME_up``, else by ``NAME_stderr``
+    """
     over = {name: label for name, label in axes.items() if table[name].nunique() > 1} or {"recording": "recording"}
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH * len(over), HEIGHT * len(quantities)), layout="constrained")
@@ -38,7 +43,8 @@ def trend_figure(table: Any, axes: Mapping[str, str], quantities: Mapping[str, s
 
 def _draw(panel: Axes, table: Any, name: str, quantity: str) -> None:
     rows = table[table[name].notna() & table[quantity].notna()].sort_values(name, kind="stable")
-    error = rows[f"{quantity}_stderr"] if f"{quantity}_stderr" in table else None
+    ends = [column for end in ("down", "up") if (column := f"{quantity}_{end}") in table]
+    error = rows[ends].to_numpy(float).T if ends else rows.get(f"{quantity}_stderr")
     place = rows[name].astype("datetime64[ns]") if name == "date" else rows[name]
     panel.errorbar(place, rows[quantity], yerr=error, fmt="o", markersize=4, linewidth=1.0, color=light("fitted"))
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from camtorque.laws import ROWS
-from camtorque.records import APART, KNOWLEDGE, TOGETHER
+from camtorque.records import APART, KNOWLEDGE, TOGETHER, UNTOLD
 from camtorque.report.answer import NOT_LOSSES, sure
 from camtorque.report.numbers import (
     UNKNOWN,
@@ -126,10 +126,11 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
         "The data tell how large it is at most: the interval reaches its lower bound in the fit, mostly zero.",
         "The data narrowed what was known before.",
         "The data made these no surer than sheet, certificate or literature; the fit may lean on them within that.",
+        "Neither the data nor a sheet or literature tell these: the value is where the search left it.",
     )
     rows = [parameter_row(name, row, doc["explained"]) for name, row in doc["parameters"].items()]
     return [
-        {"name": name, "text": text, "rows": found}
+        {"name": name, "text": text, "untold": name in UNTOLD, "rows": found}
         for name, text in zip(KNOWLEDGE, texts, strict=True)
         if (found := [row for row in rows if row["knowledge"] == name])
     ]
