@@ -134,6 +134,8 @@ def sureness_text(doc: Document) -> str:
         text += f" In the fitted cycles it stands out at {bump_places(doc)}."
     if accuracy["block_cv_percent"] and doc["explained"]:
         text += f" {left_out_text(accuracy['block_cv_percent'])}"
+    if not doc["explained"]:
+        return f"{text} The model is incomplete: see above."
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
             f" Absolute torque: ±{significant(accuracy['absolute_uncertainty_percent'], 2)} % of the peak (k = 1; "
@@ -141,7 +143,7 @@ def sureness_text(doc: Document) -> str:
             "taken as the sheet has them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
         )
     text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
-    return text + (alternatives_text(doc) if doc["explained"] else " The model is incomplete: see above.")
+    return text + alternatives_text(doc)
 
 
 def left_out_text(blocks: Sequence[float]) -> str:
