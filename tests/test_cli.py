@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -268,6 +269,23 @@ def test_check_names_every_column_that_is_not_there(copy: Path, capsys: pytest.C
     assert cli.main(["check", str(copy), "--json"]) == 2
     refused_by = json.loads(capsys.readouterr().out)["refused"]
     assert ["no column 'Moment'" in refused_by[0], "no column 'Gebre'" in refused_by[1]] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("samples", "said"),
+    [
+        (2600, "found 1 trigger pulse of .* expected at least two pulses"),
+        (6000, "align; run refuses it: 1 used cycle, at"),
+    ],
+)
+def test_two_pulses_are_enough_to_align(
+    copy: Path, capsys: pytest.CaptureFixture[str], samples: int, said: str
+) -> None:
+    log = next(copy.glob("*.csv"))
+    lines = log.read_bytes().split(b"\n")
+    log.write_bytes(b"\n".join(lines[: samples + 10]) + b"\n")
+    assert cli.main(["check", str(copy)]) == (2 if samples < 6000 else 0)
+    assert re.search(said, capsys.readouterr().out)
 
 
 def test_check_never_passes_what_align_refuses(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:

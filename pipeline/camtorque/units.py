@@ -153,6 +153,11 @@ def _is_alike(word: str, name: str) -> bool:
     return ratio > SURELY_ALIKE or word[:1] == name[:1] or word in name or name in word
 
 
+def counted(number: int, one: str, many: str) -> str:
+    """Return a number with its noun and verb, in the singular where it is one."""
+    return f"{number} {one if number == 1 else many}"
+
+
 def expected_one_of(word: str, known: list[str] | tuple[str, ...]) -> str:
     """Return the nearest known word as a question, or all of them where none is near."""
     return did_you_mean(word, known) or f", expected one of {', '.join(known)}"

@@ -417,3 +417,13 @@ def test_a_last_row_is_whole_where_it_ends_as_those_before(before: str, row: str
     assert is_whole_row(row.encode(), rows, LAYOUT) == is_whole
     assert not is_whole_row(row.encode(), rows + b"1,2,3.5\n", LAYOUT)
     assert not is_whole_row(row.encode(), rows[: -len(before) - 1], LAYOUT)
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "1 cell is not a number and"), (2, "2 cells are not numbers and")])
+def test_damage_is_counted_in_words(tmp_path: Path, count: int, said: str):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["csv"])
+    lines = log_file(folder).read_text().split("\n")
+    for line in range(500, 500 + count):
+        lines[line] = lines[line].rpartition(",")[0] + ",x7"
+    log_file(folder).write_text("\n".join(lines))
+    assert any(finding.text.startswith(said) for finding in read_recording(folder).findings)

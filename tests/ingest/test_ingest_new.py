@@ -95,6 +95,14 @@ def test_like_another_recording_nothing_is_left_to_ask(tmp_path: Path, capsys: p
                           read_recording(EXAMPLES / "A_1250rpm").of("torque")[0].read_volts(0, 100))  # fmt: skip
 
 
+def test_values_that_are_asked_for_twice_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    log = shutil.copy(EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv", tmp_path)
+    assert cli.main(["new", str(log)]) == 0
+    printed = capsys.readouterr().out
+    assert '17 values are marked "?": pump_id' in printed
+    assert ", sensitivity_V_per_unit (2 times)\n" in printed
+
+
 def test_an_existing_recording_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     folder = write_folder(tmp_path / "r", [clean_log(revolutions=5.0)], PLANS["csv"])
     before = (folder / "recording.toml").read_bytes()

@@ -17,6 +17,7 @@ from camtorque.config import TriggerSpec
 from camtorque.records import Array, Refusal
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
+from camtorque.units import counted
 
 LEAST_PULSES = 2
 PITCH_TEETH = 11
@@ -63,8 +64,8 @@ def forward(time: Array, where: str) -> Array:
     kept = time[np.r_[True, np.diff(np.maximum.accumulate(time)) > 0.0]] if time.size else time
     if kept.size < LEAST_PULSES:
         raise Refusal(
-            f"{where}: found {kept.size} trigger pulses in the order of time, expected at least {LEAST_PULSES}; record "
-            "more revolutions, or check the time of the file"
+            f"{where}: found {counted(kept.size, 'pulse', 'pulses')} in the order of time, expected at least "
+            f"{LEAST_PULSES}; record more revolutions, or check the time of the file"
         )
     return kept
 

@@ -16,7 +16,7 @@ from camtorque.ingest import RecordingSummary, read_recording, summarise
 from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Finding, Recording, Refusal
 from camtorque.rehearsal import rehearse
-from camtorque.units import RPM
+from camtorque.units import RPM, counted
 
 LOUDEST = ("error", "warning", "info")
 """Severities in the order of the list: what has to be mended is not to stand between long notes."""
@@ -82,7 +82,7 @@ def missing_for_run(recording: Recording, cycles: CamCycles) -> list[str]:
         "torque is missing": cycles.torque is None,
         "pressure is missing": not recording.of("pressure"),
         "[pump] with its lift table is missing": recording.lift_table is None,
-        f"{cycles.index.size} used cycles, at least {LEAST_CYCLES} are needed": (
+        f"{counted(cycles.index.size, 'used cycle', 'used cycles')}, at least {LEAST_CYCLES} are needed": (
             cycles.index.size < LEAST_CYCLES or bool(cycles.held_out.all()) or not cycles.held_out.any()
         ),
     }

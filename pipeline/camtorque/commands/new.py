@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from pathlib import Path
 
 from camtorque.commands import Outcome, Tell
@@ -11,6 +12,7 @@ from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
 from camtorque.jsonable import jsonable
 from camtorque.records import Refusal, printable
+from camtorque.units import counted
 
 SCHEMA = "camtorque.new/1"
 
@@ -28,13 +30,17 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     with file.open("x", encoding="utf-8") as stream:
         stream.write(new.text)
     left = (
-        f'{len(new.unknown)} values are marked "?": {", ".join(dict.fromkeys(new.unknown))}'
+        f'{counted(len(new.unknown), "value is", "values are")} marked "?": {", ".join(_with_counts(new.unknown))}'
         if new.unknown
         else "nothing is unknown"
     )
     text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {folder}"])
     document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}
     return Outcome(text, jsonable(document))
+
+
+def _with_counts(names: tuple[str, ...]) -> list[str]:
+    return [f"{name} ({count} times)" if count > 1 else name for name, count in Counter(names).items()]
 
 
 def _line(item: Proposal) -> str:

@@ -14,7 +14,7 @@ from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.marks import uneven_marks
 from camtorque.signal.pickup import find_pulses
 from camtorque.signal.scan import SPIKE_TIMES_BESIDE, Scan, scan_channel
-from camtorque.units import BAR, RPM
+from camtorque.units import BAR, RPM, counted
 
 VACUUM = -1.5 * BAR
 """Gauge pressure that no liquid line keeps up [Pa]."""
@@ -26,8 +26,6 @@ SPEED_TOLERANCE = 0.1
 """Relative difference of pulse count and nominal speed that is worth a finding."""
 PERIOD_TOLERANCE = 0.3
 """A pulse period that differs by this share from the usual one is a missed or an extra pulse."""
-LEAST_PULSES = 3
-"""Two periods: fewer show no usual one."""
 MUCH_CLIPPED = 1.0e-4
 SAME_ANGLE, OTHER_TURNS, LEAST_TURNS = 1.5 / 360.0, (-3, -2, -1, 1, 2, 3), 3
 """A sample is held against what the signal does so near to it [turns] in so many other turns."""
@@ -119,7 +117,9 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
     where = f"{channel.path.name} {channel.name}"
     found = []
     if scan.missing:
-        text = f"{scan.missing} samples are missing, the longest run has {scan.longest_missing}"
+        text = (
+            f"{counted(scan.missing, 'sample is', 'samples are')} missing, the longest run has {scan.longest_missing}"
+        )
         found.append(Finding("samples_not_numbers", "warning", text, where))
     if scan.is_constant:
         text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"
@@ -197,7 +197,7 @@ def _speed(times: Array, config: RecordingConfig) -> float:
 
     Where each period is a turn it is told by the usual ones: pulses may be missing.
     """
-    if times.size < LEAST_PULSES:
+    if times.size < 2:
         return float("nan")
     periods = np.diff(times)
     if config.trigger.pulses_per_rev == 1:
@@ -209,12 +209,6 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
     where = f"{channel.path.name} {channel.name}"
     speed = _speed(times, config)
     marks = uneven_marks(times) if config.trigger.pulses_per_rev == 1 else ""
-    if times.size < LEAST_PULSES:
-        text = (
-            f"found {times.size} trigger pulses in {channel.duration:.3g} s, expected at least {LEAST_PULSES}; record "
-            "longer"
-        )
-        return [Finding("few_pulses", "error", text, where)]
     if not np.isfinite(speed):
         why = marks or "check the sensor and its threshold, and how many marks pass it in a turn"
         text = (

@@ -34,6 +34,7 @@ from camtorque.ingest.csv_layout import (
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
 from camtorque.records import Array, Finding, Refusal, SampleSource
+from camtorque.units import counted
 
 BLOCK_BYTES = 8 * 2**20
 LONGEST_LINE = 2**20
@@ -299,13 +300,20 @@ def _damage_findings(damage: Damage, where: str) -> list[Finding]:
     at = f"(line {', '.join(str(line) for line in damage.places)})"
     rows = (
         (damage.rows, "csv_rows_damaged", "error",
+         f"row has the wrong number of fields and is read as missing samples {at}",
          f"rows have the wrong number of fields and are read as missing samples {at}"),
-        (damage.cells, "csv_cells_damaged", "error", f"cells are not numbers and are read as missing samples {at}"),
+        (damage.cells, "csv_cells_damaged", "error",
+         f"cell is not a number and is read as a missing sample {at}",
+         f"cells are not numbers and are read as missing samples {at}"),
         (damage.overrange, "csv_overrange", "warning",
+         "cell says that the value is beyond the logger's range; it is a missing sample",
          "cells say that the value is beyond the logger's range; they are missing samples"),
-        (damage.headers, "csv_header_repeated", "warning", "lines repeat the header and are left out"),
+        (damage.headers, "csv_header_repeated", "warning",
+         "line repeats the header and is left out", "lines repeat the header and are left out"),
     )  # fmt: skip
-    return [Finding(code, severity, f"{count} {text}", where) for count, code, severity, text in rows if count]
+    return [
+        Finding(code, severity, counted(count, one, many), where) for count, code, severity, one, many in rows if count
+    ]
 
 
 def _tail_findings(tail: bytes, path: Path, line: int) -> list[Finding]:

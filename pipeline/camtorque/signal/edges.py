@@ -21,6 +21,7 @@ from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, looked_at, noi
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Threshold
+from camtorque.units import counted
 
 LONGEST_HALF_WINDOW = 64
 """Samples on either side of an edge that are looked at, at most."""
@@ -238,7 +239,14 @@ def missing_finding(n_missing: int, where: str) -> tuple[Finding, ...]:
     """Return the finding of samples that are no numbers."""
     if not n_missing:
         return ()
-    return (Finding("trigger_drop_out", "warning", f"{n_missing} samples are missing (not a number)", where),)
+    return (
+        Finding(
+            "trigger_drop_out",
+            "warning",
+            f"{counted(n_missing, 'sample is', 'samples are')} missing (not a number)",
+            where,
+        ),
+    )
 
 
 def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
@@ -250,12 +258,12 @@ def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
             f"{channel.where}: found 0 trigger pulses in {channel.n_samples} samples ({volts.size} of them voltages), "
             "expected at least two revolutions; the file is empty or cut off: record or export it again"
         )
-    found = f"of {height:.3g} V" if count else "at all"
+    pulses, found = counted(count, "trigger pulse", "trigger pulses"), f"of {height:.3g} V" if count else "at all"
     middle, swing = float(np.median(volts)), float(np.ptp(volts))
     waves = count > 1 and abs(middle - 0.5 * (np.max(volts) + np.min(volts))) < COIL_SYMMETRY * swing
     coil = '; it swings alike to both sides: a coil is declared as sensor = "inductive" in [trigger]' if waves else ""
     return Refusal(
-        f"{channel.where}: found {count} trigger pulses {found} in {channel.duration:.3g} s of a signal from "
+        f"{channel.where}: found {pulses} {found} in {channel.duration:.3g} s of a signal from "
         f"{np.min(volts):.3g} to {np.max(volts):.3g} V with a noise of {noise_of(volts):.2g} V, expected at least two "
         f"pulses that stand {NOISE_HEIGHTS:.0f} times above the noise; check that the channel is the trigger, that "
         f"the sensor saw the tooth and that the recording is longer than two revolutions{coil}"
