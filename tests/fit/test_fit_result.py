@@ -229,6 +229,13 @@ def test_values_that_are_unusual_together_are_told(record):
     assert implausible_findings([replace(row, at_bound=True) for row in off], True) == ()
 
 
+@pytest.mark.parametrize("name", ["cam_side_inertia", "shaft_damping"])
+def test_what_follows_from_the_shaft_is_log_normal_with_its_relative_deviation(record, name):
+    row = next(row for row in record.parameters if row.name == name)
+    spread = np.sqrt(np.log1p((row.stderr / row.value) ** 2))
+    np.testing.assert_allclose(np.log(np.array(row.ci95) / row.value), [-1.959964 * spread, 1.959964 * spread])
+
+
 def test_a_shaft_that_rings_as_if_the_cam_were_lighter_than_it_is_is_told(record):
     row = next(row for row in record.parameters if row.name == "cam_side_inertia")
     least = 1e-6 * row.ci95[1]

@@ -22,7 +22,7 @@ SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
 
 
 def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
-    """Return inertia on the cam's side and damping of the shaft; their logarithms to first order."""
+    """Return inertia on the cam's side and damping of the shaft: log-normal, of a relative deviation to first order."""
     values, _ = fit.problem.values(fit.solution.z, 0)
     compliance, resonance, ratio = (values[name] for name in SHAFT)
     if compliance <= RIGID:
@@ -36,13 +36,12 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
                 row[fit.problem.index(parameter)] = exponent / values[parameter]
         statistical = float(np.sqrt(row @ fit.covariance.matrix @ row))
         total = float(np.sqrt(statistical**2 + sum(float(np.sum((rows @ row) ** 2)) for rows in fit.shifts.values())))
-        value = found[name] / per
+        value, end = found[name] / per, float(np.exp(COVERAGE * np.sqrt(np.log1p(total**2))))
         rows.append(ParameterEstimate(
             name=name, value=value, unit=unit, stderr=value * total, stderr_statistical=value * statistical,
-            ci95=(value * float(np.exp(-COVERAGE * total)), value * float(np.exp(COVERAGE * total))), at_bound=False,
-            identifiable=total < NARROWED, confounded_with=(), prior=None, meaning=meaning,
-            source="follows from compliance, resonance and damping ratio of the shaft", role="shared",
-            symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
+            ci95=(value / end, value * end), at_bound=False, identifiable=total < NARROWED, confounded_with=(),
+            prior=None, meaning=meaning, source="follows from compliance, resonance and damping ratio of the shaft",
+            role="shared", symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
         ))  # fmt: skip
     return tuple(rows)
 
