@@ -13,7 +13,14 @@ from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, arrow_inverse
 from camtorque.fit.descent import Effort
-from camtorque.fit.drift import contradiction, contradiction_findings, drift_spread, shared_drifts
+from camtorque.fit.drift import (
+    Drift,
+    contradiction,
+    contradiction_findings,
+    drift_findings,
+    drift_spread,
+    shared_drifts,
+)
 from camtorque.fit.joint import (
     anchors,
     common_error,
@@ -163,7 +170,7 @@ def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(camp
     assert {row.name for row in campaign.drifts} <= {row.name for row in campaign.shared_parameters}
     assert "dead_volume" in {row.name for row in campaign.drifts}
     told = [finding.where for finding in campaign.findings if finding.code == "shared_parameter_drifts"]
-    assert told == [row.name for row in campaign.drifts if row.significant]
+    assert told == [row.name for row in campaign.drifts if row.chance < 0.05 / len(campaign.drifts)]
 
 
 def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
@@ -177,6 +184,15 @@ def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
     # equal errors: sigma over the root of the summed squares of speed about its mean, 1.1667 (1000 rpm)^2
     assert row.slope_stderr == pytest.approx(2.0 / np.sqrt(7.0 / 6.0), rel=1e-9)
     assert row.significant
+
+
+def test_one_of_many_that_drifts_by_chance_widens_its_interval_and_is_no_finding():
+    rows = [Drift(f"p{k}", "mm", ("a", "b", "c"), (5.0, 7.0, 9.0), (1.0,) * 3, (1.0,) * 3, slope, 1.0)
+            for k, slope in enumerate([2.6, 3.6, *[0.5] * 58])]  # fmt: skip
+    assert rows[0].significant
+    assert rows[0].chance == pytest.approx(0.0093, abs=1e-4)
+    assert [finding.where for finding in drift_findings(rows)] == ["p1"]
+    assert [finding.where for finding in drift_findings(rows[:1])] == ["p0"]
 
 
 def test_recordings_contradict_one_another_where_sharing_costs_more_than_each_leaves():

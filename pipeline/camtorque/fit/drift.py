@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,9 @@ from camtorque.records import Array, Finding
 from camtorque.units import short
 
 DRIFT_SIGMA = 2.5
-"""Standard errors beyond which a slope is a finding."""
+"""Standard errors beyond which a slope widens the joint interval."""
+CHANCE = 0.05
+"""Odds that chance alone makes a finding of one of all parameters that are compared (Bonferroni)."""
 CONTRADICTED = 0.5
 """Contradiction beyond which it is a finding: a quarter of the residual's variance comes from sharing parameters."""
 EXCLUSION_FACTOR = 25.0
@@ -41,6 +44,12 @@ class Drift:
     def significant(self) -> bool:
         """Whether the slope stands out of its standard error."""
         return self.slope_stderr > 0.0 and abs(self.slope_per_1000_rpm) > DRIFT_SIGMA * self.slope_stderr
+
+    @property
+    def chance(self) -> float:
+        """Probability of a slope this far from zero where nothing drifts."""
+        known = self.slope_stderr > 0.0
+        return math.erfc(abs(self.slope_per_1000_rpm) / (math.sqrt(2.0) * self.slope_stderr)) if known else 1.0
 
 
 def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
@@ -92,7 +101,7 @@ def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift], contradict
 
 
 def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
-    """Return a warning for each parameter that drifts."""
+    """Return a warning for each parameter that drifts more than chance makes one of them drift."""
     return tuple(
         Finding(
             "shared_parameter_drifts", "warning",
@@ -101,7 +110,7 @@ def drift_findings(drifts: Sequence[Drift]) -> tuple[Finding, ...]:
             "a law may be missing. Its joint interval holds that drift; where the recordings that were left out are "
             "predicted well, it does no harm", drift.name,
         )
-        for drift in drifts if drift.significant
+        for drift in drifts if drift.significant and drift.chance * len(drifts) < CHANCE
     )  # fmt: skip
 
 
