@@ -75,7 +75,7 @@ def level_drifts(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any)
     for quantity, (values, mean) in rows.items():
         share = np.zeros(values.shape[1])
         share[idle] = 1.0 / idle.size
-        drift, stderr = _line(products_of(values, share), index - np.mean(index))
+        drift, stderr = _line(products_of(values, share), index)
         if abs(drift) >= max(SIGNIFICANT * stderr, DRIFTING[quantity].share * float(np.max(mean))):
             found[quantity] = drift
     return found
@@ -106,14 +106,10 @@ def size_findings(torque: tuple[Array, Array], pressure: tuple[Array, Array], in
     if index.size < FEWEST:
         return ()
     size, asked = (products_of(values, _shape(mean)) for values, mean in (torque, pressure))
-    beside = np.column_stack([np.ones(index.size), asked])
-    place, rest = (values - beside @ np.linalg.lstsq(beside, values, rcond=None)[0] for values in (index, size))
-    square, span = float(np.sum(place**2)), float(np.ptp(index))
-    slope = float(place @ rest) / square
-    stderr = math.sqrt(float(np.sum((rest - slope * place) ** 2)) / (index.size - 3) / square)
-    if abs(slope) < SIGNIFICANT * stderr or abs(slope * span) < SIZE_SHARE:
+    drift, stderr = _line(size, index, asked)
+    if abs(drift) < max(SIGNIFICANT * stderr, SIZE_SHARE):
         return ()
-    grown = f"{'+' * (slope > 0.0)}{short(100.0 * slope * span, 2)} %"
+    grown = f"{'+' * (drift > 0.0)}{short(100.0 * drift, 2)} %"
     text = (
         f"the torque of a cycle changes by {grown} during the recording, its line pressure does not: the gain of "
         "transducer or amplifier drifts, or friction does; the fit meets a mean cycle whose size is that of no time; "
@@ -129,10 +125,14 @@ def _shape(mean: Array) -> Array:
     return np.asarray(swing / square if square > 0.0 else swing)
 
 
-def _line(level: Array, place: Array) -> tuple[float, float]:
-    """Return the change of a level from the first to the last cycle by a straight line, and its standard error."""
-    square = float(np.sum(place**2))
-    slope = float(np.sum(place * level)) / square
-    rest = level - np.mean(level) - slope * place
-    span = float(np.ptp(place))
-    return slope * span, span * math.sqrt(float(np.sum(rest**2)) / (level.size - 2) / square)
+def _line(level: Array, place: Any, *beside: Array) -> tuple[float, float]:
+    """Return the change of a level from the first to the last cycle by a straight line, and its standard error.
+
+    What the level follows ``beside`` the place, (n,) each, is taken off both.
+    """
+    columns = np.column_stack([np.ones(place.size), *beside])
+    moved, rest = (values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0] for values in (place, level))
+    square, span = float(np.sum(moved**2)), float(np.ptp(place))
+    slope = float(moved @ rest) / square
+    freedom = level.size - 1 - columns.shape[1]
+    return slope * span, span * math.sqrt(float(np.sum((rest - slope * moved) ** 2)) / freedom / square)
