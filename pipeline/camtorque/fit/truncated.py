@@ -66,7 +66,9 @@ def truncated(gaussian: Gaussian) -> Truncated:
     for _ in range(SWEEPS):
         last = mean.copy()
         for i in near:
-            cavity = 1.0 / matrix[i, i] - precision[i]
+            cavity = 1.0 / matrix[i, i] - precision[i] if matrix[i, i] > 0.0 else 0.0
+            if not cavity > 0.0:
+                continue  # hundreds of deviations off the box rounding may leave no Gaussian of the other factors
             centre = (mean[i] / matrix[i, i] - shift[i]) / cavity
             share, inside, variance = one_sided_moments(centre, cavity**-0.5, low[i], high[i])
             more = max(1.0 / variance - cavity, 0.0) - precision[i]
