@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -120,6 +121,9 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
         text = (
             f"{counted(scan.missing, 'sample is', 'samples are')} missing, the longest run has {scan.longest_missing}"
         )
+        every = scan.longest_missing + 1
+        if scan.missing == scan.n_samples - math.ceil(scan.n_samples / every):
+            text += f": one in {every} holds a value; write sample_rate_hz = {channel.sample_rate / every:g}"
         found.append(Finding("samples_not_numbers", "warning", text, where))
     if scan.is_constant:
         text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"

@@ -27,6 +27,8 @@ MOST_ALIKE = 0.9
 """Share of the steps that are alike where stamps have enough digits; the others are gaps."""
 LEAST_STAMPS = 100
 """This many values that rise evenly are no coincidence."""
+ROWS = 1_000_000
+"""Rows looked at in one go."""
 RATE_SAMPLES = 10_000
 """Time stamps used to find the rate of a file that has no recording.toml yet."""
 
@@ -37,14 +39,16 @@ def raw_file(
     """Return the channels of columns that were read; ``sources`` holds them by number, the time column too."""
     channels: list[RawChannel] = []
     findings: list[Finding] = []
-    seen: set[int | None] = set()
+    seen: set[tuple[int | None, int]] = set()
+    fastest = max(spec.sample_rate for spec in specs)
     for spec, time in zip(specs, time_columns_of(path, layout, specs), strict=True):
         column = column_of(path, layout, spec.channel)
         source, stamps, cut = _without_footer(sources[column], sources.get(time) if time is not None else None, path)
-        base, stamp = _times(path, layout, stamps, time, spec)
-        channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
-        findings += (*base.findings, *cut) if time not in seen else ()
-        seen.add(time)
+        rows = _rows_of(source, round(fastest / spec.sample_rate))
+        base, stamp = _times(path, layout, stamps and _at(rows, stamps), time, spec, rows)
+        channels.append(base.channel(spec.channel, layout.units[column], _at(rows, source), stamp))
+        findings += (*base.findings, *cut) if (time, rows.step) not in seen else ()
+        seen.add((time, rows.step))
     return RawFile(tuple(channels), tuple(findings))
 
 
@@ -80,6 +84,34 @@ def _without_footer(
     return *kept, (Finding("rows_without_time", "warning", text, path.name),)
 
 
+def _rows_of(source: SampleSource, every: int) -> slice:
+    """Return the rows that hold a channel: one in so many where a faster one fills the rows between, else all.
+
+    Only where its values stand in each ``every``-th row and nowhere else; the cells between are blank.
+    """
+    every = max(every, 1)
+    block = every * max(ROWS // every, 1)
+    held: set[int] = set()
+    for low in range(0, source.n_samples if every > 1 else 0, block):
+        held |= set((np.flatnonzero(np.isfinite(source.read(low, low + block))) % every).tolist())
+    return slice(held.pop(), None, every) if len(held) == 1 else slice(0, None, 1)
+
+
+def _usual_distance(source: SampleSource) -> int:
+    """Return how many rows lie from one value to the next, 1 where there are fewer than two."""
+    there = np.flatnonzero(np.isfinite(source.read(0, min(source.n_samples, ROWS))))
+    return int(np.median(np.diff(there))) if there.size > 1 else 1
+
+
+def _at(rows: slice, source: SampleSource) -> SampleSource:
+    if rows.step == 1:
+        return source
+    block = rows.step * max(ROWS // rows.step, 1)
+    return ArraySource(
+        np.concatenate([source.read(low, low + block)[rows] for low in range(0, source.n_samples, block)])
+    )
+
+
 def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -> tuple[FileChannel, ...]:
     """Return every column but the times as a channel; the time's usual step tells the rate."""
     columns = {number: layout.time_column("", (), number) for number in sources}
@@ -90,16 +122,18 @@ def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -
     times = {time for time in columns.values() if time is not None}
     rates = {time: _listed_rate(path, layout, sources[time], time) for time in times if time in sources}
 
-    def rate_of(number: int) -> float | None:
-        time = columns[number]
-        return layout.header_rate if time is None else rates.get(time)
+    def channel(number: int, source: SampleSource) -> FileChannel:
+        time, rows = columns[number], _rows_of(source, _usual_distance(source))
+        rate, source = layout.header_rate if time is None else rates.get(time), _at(rows, source)
+        named = "" if unnamed is None else _unique(layout, unnamed)
+        return FileChannel("", _unique(layout, number), layout.units[number], source.n_samples,
+                           rate and rate / rows.step, named, source)  # fmt: skip
 
     return tuple(
-        FileChannel("", _unique(layout, number), layout.units[number], source.n_samples,
-                    rate_of(number), "" if unnamed is None else _unique(layout, unnamed), source)
+        channel(number, source)
         for number, source in sources.items()
         if number not in times and layout.names[number] and layout.stamp_kind(number) != "date"
-    )  # fmt: skip
+    )
 
 
 def _unique(layout: CsvLayout, number: int) -> str:
@@ -217,17 +251,17 @@ def columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) ->
 
 
 def _times(
-    path: Path, layout: CsvLayout, times: SampleSource | None, column: int | None, spec: ChannelSpec
+    path: Path, layout: CsvLayout, times: SampleSource | None, column: int | None, spec: ChannelSpec, rows: slice
 ) -> tuple[Stamps, float | None]:
-    """Return the time base of a channel, and its date where the file has stamps."""
-    where, stated = path.name, layout.header_rate
+    """Return the time base of a channel that stands in some rows, and its date where the file has stamps."""
+    where, stated = path.name, layout.header_rate and layout.header_rate / rows.step
     if column is None or times is None:
         rate: float = spec.sample_rate
         findings: tuple[Finding, ...] = ()
         if stated is not None:
             rate, findings = agreed_rate(stated, spec.sample_rate, where, 1e-9, "the header says")
         begun = (layout.start or 0.0) if spec.start_time is None else spec.start_time
-        return Stamps(begun, rate, findings=findings), None
+        return Stamps(begun + rows.start / rows.step / rate, rate, findings=findings), None
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)
