@@ -113,8 +113,14 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
         ("roller_radius_m", "rollerradius_m", "roller_radius_m: this key is missing, is it 'rollerradius_m'?"),
         ("roller_radius_m = 0.008\n", "", "roller_radius_m: this key is missing; radius"),
         ("[pump]", "[pump", "is not valid TOML"),
-        # a decimal comma, a path of Windows: the line says more than the grammar
-        ("roller_radius_m = 0.008", "roller_radius_m = 0,008", r"line \d+, column \d+\): 'roller_radius_m = 0,008'"),
+        # a path of Windows: the line says more than the grammar
+        ('file = "log.h5"', r'file = "logs\log.h5"', r"not valid TOML: .*: 'file = \"logs.+log.h5\"'"),
+        (
+            "roller_radius_m = 0.008",
+            "roller_radius_m = 0,008 # mm",
+            r"line \d+: found 'roller_radius_m = 0,008 .*comma",
+        ),
+        ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = 1.600,0", "no sign between thousands: write 1234.5"),
     ],
 )
 def test_a_bad_value_is_refused(tmp_path: Path, old: str, new: str, message: str):
@@ -172,6 +178,35 @@ def test_a_missing_file_names_what_its_folder_holds(tmp_path: Path):
         Refusal, match=r"expected a lift table .*; its folder holds run_all.csv, .*, x6.csv and 3 more$"
     ):
         read_small_table(tmp_path / "cam", "a lift table")
+
+
+def test_a_missing_sheet_names_the_sheets_beside_it(tmp_path: Path):
+    (tmp_path / "torque.toml").write_text("x")
+    (tmp_path / "torque.csv").write_text("x")
+    with pytest.raises(Refusal, match=r"no such file; names it, did you mean 'torque.toml'\?$"):
+        read_toml(tmp_path / "torqe.toml", "names it")
+    with pytest.raises(Refusal, match=r"no such file; names it; its folder holds torque.toml$"):
+        read_toml(tmp_path / "druck.toml", "names it")
+
+
+def test_a_folder_that_is_no_recording_names_those_in_it_or_beside_it(tmp_path: Path):
+    for name in ("run_1", "run_2"):
+        (tmp_path / name).mkdir()
+        write(tmp_path / name, TEXT)
+    with pytest.raises(Refusal, match=r"or that file; in .* are run_1, run_2$"):
+        load_recording_config(tmp_path)
+    with pytest.raises(Refusal, match=r"or that file, did you mean 'run_1'\?$"):
+        load_recording_config(tmp_path / "rum_1")
+
+
+def test_a_file_under_two_clocks_is_told(tmp_path: Path):
+    clocks = '[[loggers]]\nid = "DAQ1"\nclock = "independent"\n\n[[loggers]]\nid = "DAQ2"\nclock = "independent"\n'
+    text = TEXT.replace('[[loggers]]\nid = "DAQ1"\nclock = "single"\n', clocks)
+    first, _, last = text.rpartition('logger = "DAQ1"')
+    found = load_recording_config(write(tmp_path, f'{first}logger = "DAQ2"{last}')).findings
+    assert [(row.code, row.severity, row.where) for row in found] == [("one_file_several_clocks", "warning", "log.h5")]
+    assert "given to the loggers DAQ1 and DAQ2" in found[0].text
+    assert not load_recording_config(write(tmp_path, text)).findings
 
 
 def test_an_offset_that_nobody_states_is_told(tmp_path: Path):

@@ -7,6 +7,7 @@ product does not know is a finding: benches add keys of their own.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from camtorque.config import (
 from camtorque.config.keys import TableSchema
 from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
 from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
-from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
+from camtorque.config.tables import MOST_LISTED, Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
@@ -43,7 +44,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
     Refusals : missing files or keys, wrong types, impossible values, channels without logger or sensor; all of them
     """
     file = path / RECORDING_FILE if path.is_dir() else path
-    text, values = read_toml(file, "a recording is a folder that holds recording.toml, or that file")
+    text, values = read_toml(file, f"a recording is a folder that holds {RECORDING_FILE}, or that file{_near(path)}")
     root = Table(values, file, "")
     check_schema(values, file, RECORDING_SCHEMA)
     problems = Problems()
@@ -71,7 +72,19 @@ def load_recording_config(path: Path) -> RecordingConfig:
         drive=DriveSpec(**single["drive"]),
     )
     _check_roles(config)
-    return config
+    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config)))
+
+
+def _near(path: Path) -> str:
+    """Return the recordings below a folder that is none, or beside one that is missing, in words."""
+    folder = path if path.is_dir() else path.parent
+    if (path / RECORDING_FILE).exists() or path.is_file() or not folder.is_dir():
+        return ""
+    names = tuple(sorted(item.parent.name for item in folder.glob(f"*/{RECORDING_FILE}")))
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return did_you_mean(path.name, names) or (
+        f"; in {folder} are {', '.join(names[:MOST_LISTED])}{more}" if names else ""
+    )
 
 
 def _refuse_other_tables(root: Table) -> None:
@@ -160,6 +173,21 @@ def _assumed(root: Table) -> list[Finding]:
     return [Finding("follower_offset_assumed", "info", text, f"{root.file.name} [pump]")]
 
 
+def _one_file_two_clocks(config: RecordingConfig) -> list[Finding]:
+    """Tell a file whose channels are given to loggers with clocks of their own: one device wrote them all, mostly."""
+    own = {logger.id for logger in config.loggers if logger.clock == "independent"}
+    found = []
+    for path in dict.fromkeys(channel.path for channel in config.channels):
+        named = sorted({channel.logger for channel in config.channels if channel.path == path} & own)
+        if len(named) > 1:
+            text = (
+                f"its channels are given to the loggers {' and '.join(named)} with clocks of their own, which are then "
+                f"sought from the signals: where one device wrote the file, give all of them to {named[0]}"
+            )
+            found.append(Finding("one_file_several_clocks", "warning", text, path.name))
+    return found
+
+
 def _left_out(table: dict[str, Any]) -> Finding:
     text = f"the {table['quantity']} {table['channel']!r} is left out: used = false"
     return Finding("channel_left_out", "info", text, table["path"].name)
@@ -172,7 +200,8 @@ def _check_roles(config: RecordingConfig) -> None:
         with problems.collecting():
             _check_channel(channel, config)
     names, where = {channel.quantity for channel in config.channels}, f"{file} [[channels]]"
-    problems.texts += _repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in config.channels], where)
+    repeated = _repeated([f"{c.path.name} / {c.group} / {c.channel}" for c in config.channels], where)
+    problems.texts += [f"{text}; one for each is expected: a file of one device has one logger" for text in repeated]
     pulses = [c for c in config.channels if c.quantity in PER_LOGGER]
     problems.texts += _repeated([f"{c.quantity} on {c.logger}" for c in pulses], where)
     problems.texts += _rivals(config)

@@ -23,6 +23,7 @@ LONGEST_KEY = 100
 LONGEST_TEXT = 4096
 MOST_LISTED = 8
 """Files of a folder that a refusal names."""
+DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#.*)?")
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
@@ -74,13 +75,20 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
         raise Refusal(f"{file}: tables or lists are nested too deep; a bench file has two levels") from error
     except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
         said = " ".join(str(error).split())[:200]
-        raise Refusal(f"{file}: is not valid TOML: {said}{_quoted_line(text, said)}") from error
+        number, line = _named_line(text, said)
+        if DECIMAL_COMMA.fullmatch(line):
+            raise Refusal(
+                f"{file} line {number}: found {line[:80]!r}, a number with a decimal comma; expected a decimal "
+                "point and no sign between thousands: write 1234.5"
+            ) from error
+        raise Refusal(f"{file}: is not valid TOML: {said}{f': {line[:80]!r}' if number else ''}") from error
 
 
-def _quoted_line(text: str, said: str) -> str:
-    """Return the line that a message of the TOML reader names, as it stands in the file."""
+def _named_line(text: str, said: str) -> tuple[int, str]:
+    """Return number and text of the line that a message of the TOML reader names, 0 and "" where it names none."""
     found, lines = re.search(r"at line (\d+)", said), text.split("\n")
-    return f": {lines[int(found[1]) - 1].strip()[:80]!r}" if found and int(found[1]) <= len(lines) else ""
+    number = int(found[1]) if found and int(found[1]) <= len(lines) else 0
+    return (number, lines[number - 1].strip()) if number else (0, "")
 
 
 def no_file(path: Path) -> str:
@@ -88,16 +96,20 @@ def no_file(path: Path) -> str:
     return "is a folder" if path.is_dir() else "is a pipe or a device" if path.exists() else "no such file"
 
 
-def what_is_beside(path: Path) -> str:
-    """Return the file that the path of a missing log or table may mean, as a question, or what its folder holds."""
+def what_is_beside(path: Path, *, toml: bool = False) -> str:
+    """Return the file that the path of a missing log or table may mean, as a question, or what its folder holds.
+
+    ``toml``: a TOML file is missing, and only such are looked for.
+    """
     if path.exists():
         return ""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent}"
-    names = tuple(sorted(item.name for item in path.parent.iterdir() if item.is_file() and item.suffix != ".toml"))
+    found = (item for item in path.parent.iterdir() if item.is_file() and (item.suffix == ".toml") is toml)
+    names = tuple(sorted(item.name for item in found))
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     held = f"; its folder holds {', '.join(names[:MOST_LISTED]) or 'no log or table'}{more}"
-    return did_you_mean(path.name, names) or held
+    return did_you_mean(path.name, names) or ("" if toml and not names else held)
 
 
 def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
@@ -113,7 +125,7 @@ def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
 def _text(file: Path, expected: str) -> str:
     try:
         if not file.is_file():
-            raise Refusal(f"{file}: {no_file(file)}; {expected}")
+            raise Refusal(f"{file}: {no_file(file)}; {expected}{what_is_beside(file, toml=True)}")
         size = file.stat().st_size
         if size > LARGEST_FILE:
             raise Refusal(f"{file}: has {size} bytes, a TOML file of a bench has at most {LARGEST_FILE}; {expected}")
