@@ -317,6 +317,17 @@ def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest
     assert {path.name for path in (tmp_path / "o").iterdir()} == {"predict.html", "predict.json", "SHA256SUMS"}
 
 
+def test_predict_leaves_out_speeds_at_which_the_follower_flies_on(capsys: pytest.CaptureFixture[str]) -> None:
+    pump = str(EXAMPLES.parent / "calibration" / "paper_pump.toml")
+    assert cli.main(["predict", pump, "--speed", "1000", "3000", "15000"]) == 0
+    text = capsys.readouterr().out
+    assert "no row: the follower is still in the air after 5 revolutions at 15000 rpm" in text
+    assert [line.split()[0] for line in text.splitlines()[-2:]] == ["1000.0", "3000.0"]
+    assert text.splitlines()[-1].endswith("THE FOLLOWER LEAVES THE CAM, see above")
+    assert cli.main(["predict", pump, "--speed", "15000"]) == 2
+    assert "still in the air after 5 revolutions at 15000 rpm" in capsys.readouterr().err
+
+
 def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pump = EXAMPLES.parent / "calibration" / "paper_pump.toml"
     assert cli.main(["predict", str(pump), "--speed", "500", "--tolerance", "1e-3", "--out", str(tmp_path / "o")]) == 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -302,14 +302,16 @@ def predict(
     Refusal : a speed that is not positive, a cam that cannot be built, a file that cannot be read, a pressure that is
         neither
     """
-    config = pump if isinstance(pump, PumpConfig) else read_pump(pump)[0]
+    config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
     curve = read_pressure_curve(pressure) if isinstance(pressure, Path | str) else pressure
     if curve is not None and not isinstance(curve, PressureCurve):
         raise records.Refusal(
             f"predict: found a pressure of type {type(curve).__name__}, expected a CSV file of the pressure over cam "
             "angle or PressureCurve(theta, pressure) in rad and Pa"
         )
-    return _predict(config, np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64)) * RPM, curve, n_theta=n_theta)
+    speeds = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64)) * RPM
+    found = _predict(config, speeds, curve, n_theta=n_theta)
+    return replace(found, findings=(*notes, *found.findings))
 
 
 def _recording(given: records.Recording | Path | str) -> records.Recording:

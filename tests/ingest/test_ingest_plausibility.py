@@ -113,6 +113,18 @@ def test_a_lift_table_turned_a_little_is_told(bench: Path, turned: int):
     assert "closing_lift_unusual" in codes(bench)
 
 
+def test_a_wrong_point_of_a_lift_table_is_named_in_place_of_the_roller(bench: Path):
+    table = bench / "calibration" / "cam_A.csv"
+    edit(table, "\n42,6.794\n", "\n42,6.894\n")
+    assert [row.where for row in read(bench).findings if row.code == "lift_outlier"] == ["42 deg"]
+    edit(table, "\n42,6.894\n", "\n42,6.794\n")
+    edit(table, "\n40,6.449\n", "\n40,7.449\n")
+    with pytest.raises(
+        Refusal, match=r"curvature of its path .*; 1 point\(s\) of the lift table .* at 40 deg: measure"
+    ):
+        read(bench)
+
+
 @pytest.mark.parametrize(
     ("name", "told"), [("A_0750rpm_press.tdms", True), ("A_1000rpm_press.tdms", False), ("press.tdms", False)]
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
 from camtorque.commands import Outcome, Tell
@@ -11,9 +12,10 @@ from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.jsonable import jsonable
+from camtorque.mechanism.flight import Aloft
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
 from camtorque.predict_from import predict_from
-from camtorque.records import Refusal
+from camtorque.records import Finding, Refusal
 from camtorque.report.folder import check_output, output_folder
 from camtorque.report.forecast_page import with_band, write_forecast
 from camtorque.report.predict_page import write_prediction
@@ -84,8 +86,40 @@ def _prediction(arguments: argparse.Namespace) -> Prediction:
         n_theta, note = grid_note(arguments.tolerance)
         notes = (*notes, note)
     speeds = [speed * RPM for speed in arguments.speed]
-    prediction = predict(config, speeds, pressure, n_theta=n_theta, method=arguments.method or METHODS[0])
-    return replace(prediction, findings=(*notes, *prediction.findings))
+
+    def at(speeds: Sequence[float]) -> Prediction:
+        return predict(config, speeds, pressure, n_theta=n_theta, method=arguments.method or METHODS[0])
+
+    prediction, left_out = _what_lands(at, speeds)
+    return replace(prediction, findings=(*notes, *left_out, *prediction.findings))
+
+
+def _what_lands(
+    at: Callable[[Sequence[float]], Prediction], speeds: Sequence[float]
+) -> tuple[Prediction, list[Finding]]:
+    """Return the prediction at the speeds that can be predicted, and what is to be said of the others.
+
+    Raises
+    ------
+    Refusal : there is none
+    """
+    try:
+        return at(speeds), []
+    except Aloft as first:
+        said: dict[float, str] = {}
+        for speed in speeds:
+            try:
+                at([speed])
+            except Aloft as refusal:
+                said[speed] = str(refusal)
+        kept = [speed for speed in speeds if speed not in said]
+        if not kept:
+            raise first
+        found = [
+            Finding("left_out", "error", f"no row: {text.removeprefix('contact: ')}", f"{v / RPM:.0f} rpm")
+            for v, text in said.items()
+        ]
+        return at(kept), found
 
 
 def _table(prediction: Prediction) -> list[str]:
@@ -94,6 +128,6 @@ def _table(prediction: Prediction) -> list[str]:
         lines.append(
             f"{row['speed_rpm']:8.1f}{row['shaft_torque_max_nm']:12.2f}{row['shaft_torque_min_nm']:9.2f}"
             f"{round(row['shaft_torque_mean_nm'], 3) + 0.0:9.3f}    {row['contact_normal_max_n']:10.0f}"
-            f"  {row['hertz_max_gpa']:8.3f}"
+            f"  {row['hertz_max_gpa']:8.3f}{'  THE FOLLOWER LEAVES THE CAM, see above' if row['contact_lost'] else ''}"
         )
     return lines

@@ -11,7 +11,6 @@ from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput
-from camtorque.mechanism.outliers import lift_outlier_findings
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import CamTable, Finding, ParameterEstimate
 from camtorque.units import DEGREE, LOGARITHM, short
@@ -114,17 +113,16 @@ def largest_chi_square(degrees: float) -> float:
 
 
 def table_findings(table: CamTable) -> tuple[Finding, ...]:
-    """Return what is odd about a lift table: single points that stick out, and scatter beyond the stated resolution."""
-    result = list(lift_outlier_findings(table))
+    """Return a note on a lift table that scatters beyond its stated resolution."""
     scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)
-    if scatter > 0.6 * table.resolution:
-        text = (
-            f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
-            f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; "
-            "it is smoothed by its scatter"
-        )
-        result.append(Finding("lift_scatter", "info", text))
-    return tuple(result)
+    if scatter <= 0.6 * table.resolution:
+        return ()
+    text = (
+        f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
+        f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; "
+        "it is smoothed by its scatter"
+    )
+    return (Finding("lift_scatter", "info", text),)
 
 
 def fit_findings(fit: Fit, chain: ChainInput, output: ChainOutput, unexplained: float | None) -> tuple[Finding, ...]:

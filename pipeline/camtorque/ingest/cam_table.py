@@ -10,6 +10,7 @@ from camtorque.config import PumpData
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
+from camtorque.signal.outliers import lift_outlier_findings
 from camtorque.units import BORDER_UNITS, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
@@ -61,7 +62,8 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
     findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
     _check_zero(table, theta, lift)
-    return CamTable(theta, lift, resolution), tuple(findings)
+    cam = CamTable(theta, lift, resolution)
+    return cam, (*findings, *lift_outlier_findings(cam))
 
 
 def _in_order(theta: Array, lift: Array, where: str) -> tuple[Array, Array, list[Finding]]:

@@ -19,6 +19,7 @@ from camtorque.config.tables import Problems
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.signal.outliers import outliers_text
 from camtorque.signal.running import percentile
 from camtorque.units import BAR, STEEL_DENSITY, short
 
@@ -155,14 +156,15 @@ def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
     """
     problems, findings = Problems(), []
     where = f"{config.path} [pump]"
-    foot = config.pump.roller_inertia == 0.0
+    foot, (wrong, _) = config.pump.roller_inertia == 0.0, outliers_text(table)
     # the cam sees the offset on its other side where it runs backwards
     pump = replace(config.pump, follower_offset=config.pump.follower_offset * config.rotation)
     for name, ratio in PUMP_RATIOS.items():
         if foot and name in OF_ROLLERS:
             continue
         value = ratio.value(pump, table)
-        text = f"{ratio.what} is {short(value)}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; check {ratio.keys}"
+        ask = f"{wrong}: measure them again" if wrong and "the lift table" in ratio.keys else f"check {ratio.keys}"
+        text = f"{ratio.what} is {short(value)}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; {ask}"
         if not ratio.possible[0] <= value <= ratio.possible[1]:
             problems.texts.append(f"{where}: {text}")
         elif not ratio.usual[0] <= value <= ratio.usual[1]:

@@ -19,6 +19,7 @@ from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
 from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.units import RPM
 
 SUBSTEPS = 8
 """Steps between two points of the grid: on 3600 points a flight of 20 degrees is followed in 1600 steps."""
@@ -26,6 +27,10 @@ WIDEST_GAP = np.deg2rad(3.0)
 """Distance of two angles beyond which a grid is no revolution to fly over."""
 TURNS = 5
 """Revolutions after which a follower that is still in the air never comes to a periodic motion."""
+
+
+class Aloft(Refusal):
+    """A speed at which the follower leaves the cam for longer, or on another shaft, than is modelled."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +84,8 @@ def fly(
     steps = np.diff(np.append(fine, fine[0] + TURN))
     count = _fly(c, lift, force, (load, speed, change), steps, _surest(force), gap, events)
     if count < 0:
-        raise Refusal(
-            f"contact: the follower is still in the air after {TURNS} revolutions at {np.mean(speed):.4g} rad/s, "
+        raise Aloft(
+            f"contact: the follower is still in the air after {TURNS} revolutions at {np.mean(speed) / RPM:.0f} rpm, "
             "expected it to land; lower the speed, or choose a stiffer or more preloaded spring"
         )
     rows = events[:count]

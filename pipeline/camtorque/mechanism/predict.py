@@ -13,12 +13,11 @@ from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.mechanism.cam import TURN, CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
-from camtorque.mechanism.flight import flights_at
+from camtorque.mechanism.flight import Aloft, Flight, flights_at
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
-from camtorque.mechanism.outliers import lift_outlier_findings
 from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings
 from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
@@ -137,26 +136,22 @@ def predict(
     load = np.stack([pressure_at(curve, theta - phase) for phase in config.phases])
     own = pressure_at(curve, theta)
     tables = closed_form_tables(config.pump, law, theta, mounting, friction)
-    pumps = tuple(
-        solve_rigid(config.pump, law, theta, own, value, mounting=mounting, friction=friction, method=method)
-        for value in speed
-    )
-    torque = np.stack([
-        _flown_torque(config, pump, value) if pump.contact_lost else _shaft_torque(config, units, load, value, method)
-        for pump, value in zip(pumps, speed, strict=True)
-    ])  # fmt: skip
-    flights = tuple(
-        flights_at(config.pump, law, theta, own, value, mounting) if pump.contact_lost else ()
-        for pump, value in zip(pumps, speed, strict=True)
-    )
+
+    def at(value: float) -> tuple[RigidTorque, Array, tuple[Flight, ...]]:
+        pump = solve_rigid(config.pump, law, theta, own, value, mounting=mounting, friction=friction, method=method)
+        if not pump.contact_lost:
+            return pump, _shaft_torque(config, units, load, value, method), ()
+        return pump, _flown_torque(config, pump, value), flights_at(config.pump, law, theta, own, value, mounting)
+
+    pumps, torque, flights = zip(*(at(value) for value in speed), strict=True)
     roller = assumed_roller(config.pump)
     findings = (
-        *(lift_outlier_findings(config.cam_table) if config.cam_table else ()), *curve_findings(pressure),
-        *cam_findings(tables.kinematics, law, roller, pressure is None), *flight_findings(flights, speed),
+        *curve_findings(pressure), *cam_findings(tables.kinematics, law, roller, pressure is None),
+        *flight_findings(flights, speed),
     )  # fmt: skip
     return Prediction(
-        theta=theta, pressure=own, speeds=speed, pumps=pumps, shaft_torque=torque, kinematics=tables.kinematics,
-        jump=tables.jump(own), jump_without_pressure=tables.jump(),
+        theta=theta, pressure=own, speeds=speed, pumps=pumps, shaft_torque=np.stack(torque),
+        kinematics=tables.kinematics, jump=tables.jump(own), jump_without_pressure=tables.jump(),
         flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation), roller=roller, findings=findings,
         friction=friction,
     )  # fmt: skip
@@ -185,7 +180,7 @@ def _shaft_torque(config: PumpConfig, units: list[PumpUnit], load: Array, speed:
 def _flown_torque(config: PumpConfig, pump: RigidTorque, speed: float) -> Array:
     """Return the torque of all pumps on a rigid shaft where followers fly; every pump flies as the first one does."""
     if np.isfinite(config.shaft_stiffness):
-        raise Refusal(
+        raise Aloft(
             f"{config.path} [shaft]: at {speed / RPM:.0f} rpm the follower leaves the cam, and flight on an elastic "
             "shaft is not modelled; predict lower speeds, or leave the stiffness out"
         )

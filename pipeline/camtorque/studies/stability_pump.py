@@ -17,10 +17,10 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
-from camtorque.mechanism.outliers import outlying_points
 from camtorque.mechanism.predict import predict
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable, Refusal
+from camtorque.signal.outliers import outlying_points
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
 from camtorque.studies.table import Outcome, StabilityMap, cell
