@@ -20,7 +20,7 @@ from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
-from camtorque.fit.residual import BUMP_WINDOW_DEG, residual_bumps, ringing
+from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
 from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled
 from camtorque.fit.search import Found
 from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std, structure_spread
@@ -274,6 +274,16 @@ def test_bumps_are_where_the_residual_stands_out():
     assert residual_bumps(repeat[::-1].copy(), repeat, fitted) == ()
     twice = residual - 0.5 * np.exp(-(((theta - 1.0 - np.radians(0.9 * BUMP_WINDOW_DEG)) / 0.005) ** 2))
     assert len(residual_bumps(twice, repeat, fitted)) == 1  # nearer than the window: one bump
+
+
+def test_the_base_circle_is_where_the_lift_is_least_even_in_a_table_that_never_comes_down_to_zero():
+    theta = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    lift = 0.2e-3 + 8e-3 * np.where(theta < np.pi, np.sin(theta) ** 2, 0.0)
+    motion = SimpleNamespace(lift=np.stack([lift, np.gradient(lift, theta)]))
+    fitted = SimpleNamespace(output=SimpleNamespace(motion=motion, flows=np.zeros((360, 4))))
+    assert [phase_at(fitted, place) for place in (0, 45, 90, 135, 270)] == [
+        "base circle", "compression", "top dwell", "expansion on the return", "base circle",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("signal", "told"), [

@@ -123,7 +123,8 @@ def phase_at(fitted: Any, place: int) -> str:
     port, spill, seat, _ = fitted.output.flows[place]
     largest = np.max(np.abs(fitted.output.flows))
     rising = slope[place] > 0.0
-    if lift[place] < 0.02 * np.max(lift):
+    share = (lift[place] - np.min(lift)) / np.ptp(lift)
+    if share < 0.02:
         return "base circle"
     if abs(spill) > 0.05 * largest:
         return "spill"
@@ -131,6 +132,6 @@ def phase_at(fitted: Any, place: int) -> str:
         return "delivery"
     if abs(port) > 0.05 * largest:
         return "inlet port open"
-    if lift[place] > 0.97 * np.max(lift):
+    if share > 0.97:
         return "top dwell"
     return "compression" if rising else "expansion on the return"
