@@ -56,9 +56,10 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
     """
     folder = path if path.is_dir() else path.parent
     file = folder / NAME
-    if not file.is_file():
+    if not path.exists() or not file.is_file():
+        where = "beside it" if path.exists() else "there, nor such a path"
         raise Refusal(
-            f"{path}: found no {NAME} beside it, expected the report of `camtorque run` or of a campaign with a joint "
+            f"{path}: found no {NAME} {where}, expected the report of `camtorque run` or of a campaign with a joint "
             "fit; make the report again"
         )
     doc = read_document(file, SCHEMA, "a report of `camtorque run`, or make it again")

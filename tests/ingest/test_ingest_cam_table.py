@@ -75,7 +75,12 @@ def test_resolution_is_the_step_that_all_values_share(tmp_path: Path):
         (rows(ANGLES[:90], LIFT[:90]), "lift_mm", "expected one whole revolution"),
         (rows(ANGLES, 0.0 * LIFT), "lift_mm", "is the column right"),
         (rows(np.append(ANGLES, 360.0), np.append(LIFT, 1.0)), "lift_mm", "does not close"),
-        (rows(ANGLES, LIFT), "lif_mm", "did you mean 'lift_mm'"),
+        (rows(ANGLES, LIFT), "lif_mm", "did you mean 'lift_mm'.*meant as cam_table_lift_column in"),
+        (
+            rows(ANGLES, LIFT, "Winkel_deg,lift_mm"),
+            "lift_mm",
+            "there are Winkel_deg, lift_mm: .* cam_table_angle_column in",
+        ),
         (rows(ANGLES, LIFT, "cam_angle_deg,lift_xy"), "lift_xy", "has no known unit"),
         (rows(ANGLES[:3], LIFT[:3]), "lift_mm", "3 rows, expected at least"),
         (rows(ANGLES, LIFT).replace("4,", "4,4,", 1), "lift_mm", "one per column"),

@@ -1,5 +1,6 @@
 """recording.toml: every required key is required, every bad value refused, every unknown key told."""
 
+import gzip
 import pickle
 import re
 import tomllib
@@ -10,7 +11,7 @@ import pytest
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_TABLES
 from camtorque.config.tables import read_toml
-from camtorque.ingest.formats import FORMATS, declared_format, first_bytes
+from camtorque.ingest.formats import FORMATS, declared_format, file_format, first_bytes
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
 from camtorque.units import DEGREE, RPM, did_you_mean
@@ -120,6 +121,18 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
             "roller_radius_m = 0,008 # mm",
             r"line \d+: found 'roller_radius_m = 0,008 .*comma",
         ),
+        (
+            "roller_radius_m = 0.008",
+            "roller_radius_m = 0.008\nroller_radius_m = 0.008",
+            "it is given twice: remove one",
+        ),
+        ('rotation = "positive"', "rotation = \u201cpositive\u201d", 'write straight quotes "$'),
+        (
+            '"fip-bench-recording/1"',
+            '"camtorque-pump/1"',
+            "expected 'fip-bench-recording/1'; this is a file of another",
+        ),
+        ('"fip-bench-recording/1"', '"fip-bench-recording/2"', 'write schema = "fip-bench-recording/1" at the top$'),
         ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = 1.600,0", "no sign between thousands: write 1234.5"),
     ],
 )
@@ -172,6 +185,8 @@ def test_a_missing_file_names_what_its_folder_holds(tmp_path: Path):
         first_bytes(tmp_path / "test.tdms")
     with pytest.raises(Refusal, match=r"no such file, expected a log; .*; there is no folder .*logs$"):
         first_bytes(tmp_path / "logs" / "run_all.csv")
+    with pytest.raises(Refusal, match=r"its name holds a backslash: write / between folders$"):
+        first_bytes(tmp_path / r"logs\run_all.csv")
     for number in range(10):
         (tmp_path / f"x{number}.csv").write_text("x")
     with pytest.raises(
@@ -237,8 +252,17 @@ def test_the_raw_examples_hold_no_unknown_key_and_every_known_key_is_a_key_of_so
 def test_every_word_for_a_format_is_known_and_another_is_refused():
     for name, form in FORMATS.items():
         assert {declared_format(word.upper(), "x") for word in (name, *form.aliases)} == {name}
+    assert declared_format("CSV ", "x") == "csv"
     with pytest.raises(Refusal, match="did you mean 'hdf5'"):
         declared_format("hdf", "recording.toml")
+
+
+def test_a_packed_log_is_no_text(tmp_path: Path):
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(b"Time,Torque\n0.0,1.0\n"))
+    with pytest.raises(
+        Refusal, match="file_format says CSV or ASCII text, but the content is gzip; correct file_format"
+    ):
+        file_format(tmp_path / "log.csv.gz", "csv")
 
 
 @pytest.mark.parametrize("name", FORMATS)

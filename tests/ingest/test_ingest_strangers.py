@@ -364,6 +364,14 @@ def test_a_line_that_lacks_a_name_names_nothing(tmp_path: Path):
         both(file)
 
 
+@pytest.mark.parametrize("repeat", [1, 100])
+def test_line_ends_of_old_macintosh_are_named(tmp_path: Path, repeat: int):
+    file = tmp_path / "log.csv"
+    file.write_bytes("\r".join(["Time,Torque,Pressure", "s,N m,bar", *rows() * repeat]).encode())
+    with pytest.raises(Refusal, match="holds no line end but CR alone, as a CSV for Macintosh has; expected columns"):
+        both(file)
+
+
 def test_a_counter_may_be_the_time_of_columns_without_names(tmp_path: Path):
     file = write(tmp_path, *[f"{n} {a} {b}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))])
     assert {(c.time_channel, c.sample_rate) for c in channels(file)} == {("column 1", None)}

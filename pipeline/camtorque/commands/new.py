@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from pathlib import Path
+from shlex import quote
 
 from camtorque.commands import Outcome, Tell
 from camtorque.config.schemas import RECORDING_FILE
@@ -34,7 +35,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         if new.unknown
         else "nothing is unknown"
     )
-    text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {folder}"])
+    text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {quote(str(folder))}"])
     document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}
     return Outcome(text, jsonable(document))
 

@@ -24,6 +24,14 @@ LONGEST_TEXT = 4096
 MOST_LISTED = 8
 """Files of a folder that a refusal names."""
 DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#.*)?")
+OTHER_SCHEMA = re.compile(r"(camtorque-[a-z]+|fip-bench-recording)/\d+")
+TOML_SLIPS = {
+    "Cannot overwrite": "it is given twice: remove one",
+    "\u201c": 'write straight quotes "',
+    "\u201d": 'write straight quotes "',
+    "\u201e": 'write straight quotes "',
+}
+"""What the reader says, or the line holds -> what to do."""
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
@@ -81,7 +89,8 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
                 f"{file} line {number}: found {line[:80]!r}, a number with a decimal comma; expected a decimal "
                 "point and no sign between thousands: write 1234.5"
             ) from error
-        raise Refusal(f"{file}: is not valid TOML: {said}{f': {line[:80]!r}' if number else ''}") from error
+        hint = next((f"; {hint}" for sign, hint in TOML_SLIPS.items() if sign in said + line), "")
+        raise Refusal(f"{file}: is not valid TOML: {said}{f': {line[:80]!r}' if number else ''}{hint}") from error
 
 
 def _named_line(text: str, said: str) -> tuple[int, str]:
@@ -97,29 +106,34 @@ def no_file(path: Path) -> str:
 
 
 def what_is_beside(path: Path, *, toml: bool = False) -> str:
-    """Return the file that the path of a missing log or table may mean, as a question, or what its folder holds.
+    """Return the file that the path of a missing log or table may mean, as a question, or what the folder holds.
 
     ``toml``: a TOML file is missing, and only such are looked for.
     """
-    if path.exists():
+    folder = path if path.is_dir() else path.parent
+    if path.exists() and folder != path:
         return ""
-    if not path.parent.is_dir():
+    if "\\" in path.name:
+        return "; its name holds a backslash: write / between folders"
+    if not folder.is_dir():
         return f"; there is no folder {path.parent}"
-    found = (item for item in path.parent.iterdir() if item.is_file() and (item.suffix == ".toml") is toml)
+    found = (item for item in folder.iterdir() if item.is_file() and (item.suffix == ".toml") is toml)
     names = tuple(sorted(item.name for item in found))
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    held = f"; its folder holds {', '.join(names[:MOST_LISTED]) or 'no log or table'}{more}"
-    return did_you_mean(path.name, names) or ("" if toml and not names else held)
+    held = f"holds {', '.join(names[:MOST_LISTED]) or 'no log or table'}{more}"
+    if folder == path:
+        return f"; it {held}"
+    return did_you_mean(path.name, names) or ("" if toml and not names else f"; its folder {held}")
 
 
 def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
     """Refuse a file of another schema than expected, or of none."""
     found = values.get("schema")
     if found != schema:
-        raise Refusal(
-            f"{file}: schema is {found!r:.80}, expected {schema!r}{did_you_mean(str(found)[:80], (schema,))}; write "
-            f'schema = "{schema}" at the top'
-        )
+        kind = OTHER_SCHEMA.fullmatch(str(found)[:80])
+        other = kind is not None and kind[1] != schema.partition("/")[0]
+        ask = "this is a file of another kind: name one" if other else f'write schema = "{schema}" at the top'
+        raise Refusal(f"{file}: schema is {found!r:.80}, expected {schema!r}; {ask}")
 
 
 def _text(file: Path, expected: str) -> str:

@@ -11,7 +11,7 @@ from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.signal.outliers import lift_outlier_findings
-from camtorque.units import BORDER_UNITS, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
 LEAST_ROWS = 8
@@ -42,7 +42,8 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     Refusal : for a missing file or column, an unknown unit, angles that do not increase or exceed one revolution
     """
     table = read_small_table(pump.cam_table_path, "a lift table")
-    angle_name, lift_name = (_named(table, n) for n in (pump.cam_table_angle_column, pump.cam_table_lift_column))
+    angle_name = _named(table, pump.cam_table_angle_column, "cam_table_angle_column")
+    lift_name = _named(table, pump.cam_table_lift_column, "cam_table_lift_column")
     theta, lift = _column(table, angle_name, "angle"), _column(table, lift_name, "length")
     scale = unit_factor(_unit(table, lift_name), "length", str(table.path))
     resolution = _resolution(table, lift_name, scale, lift)
@@ -120,9 +121,16 @@ def lift_table_comment(pump: PumpData) -> str:
     return read_comment(pump.cam_table_path, "a lift table")
 
 
-def _named(table: SmallTable, name: str) -> str:
+def _named(table: SmallTable, name: str, key: str) -> str:
     """Return the column that is meant, with or without its unit in brackets."""
-    return name if name in table.columns else name_and_unit(name)[0]
+    found = name if name in table.columns else name_and_unit(name)[0]
+    if found not in table.columns:
+        names = tuple(table.columns)
+        raise Refusal(
+            f"{table.path}: no column {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}: write the one "
+            f"that is meant as {key} in [pump]"
+        )
+    return found
 
 
 def _column(table: SmallTable, name: str, dimension: str) -> Array:

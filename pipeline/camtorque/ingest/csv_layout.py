@@ -270,6 +270,8 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
     found = _best_table(lines[:SNIFF_LINES]) or _best_table(lines)
     if found is None:
         what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
+        if not lines or any("\r" in line for line in lines):
+            what = "no line end but CR alone, as a CSV for Macintosh has"
         raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
     separator, decimal, thousands, first = found
     if not thousands and decimal == "." and _grouped([split_row(line, separator) for line in lines[first:]]):

@@ -99,6 +99,7 @@ def declared_format(word: str, where: str) -> str:
     ------
     Refusal : the word names no format
     """
+    word = word.strip()
     if not word:
         return ""
     if word.lower() not in ALIASES:
@@ -123,12 +124,14 @@ def file_format(path: Path, declared: str) -> str:
     head = first_bytes(path)
     found = content_format(head)
     # damage at the very beginning of a text makes it look like nothing: its reader says more
-    agrees = found == declared or (declared == "csv" and not found) or (declared, found) == ("mat", "hdf5")
+    other = next((name for name, begins in UNREADABLE.items() if begins(head)), "")
+    agrees = (
+        found == declared or (declared == "csv" and not found and not other) or (declared, found) == ("mat", "hdf5")
+    )
     if found and not declared:
         return found
     if agrees and declared:
         return declared
-    other = next((name for name, begins in UNREADABLE.items() if begins(head)), "")
     said = FORMATS[found].shown if found else other or "of no known kind or damaged at its very beginning"
     if declared:
         raise Refusal(
