@@ -25,7 +25,7 @@ LEFT = {"compiled", "config", "grid_choice", "hashes", "jsonable", "limits", "pr
         "results", "stacks", "units", "version"}  # fmt: skip
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
 FLOWS = ["rehearsal", "run", "campaign", "compare", "finished_fit", "predict_from", "design_from", "plan", "studies"]
-FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_fit", "commands", "cli", "__init__"]
+FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_fit", "commands", "cli", "__main__", "__init__"]
 ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf"}
 ONLY_SHOWN = {
@@ -228,7 +228,7 @@ def test_everything_in_the_package_is_reachable() -> None:
         *(f"camtorque.commands.{name}" for name in COMMANDS),
         *(f"camtorque.ingest.{f.module}" for f in FORMATS.values()),
     }
-    todo, seen = ["camtorque", "camtorque.cli", *loaded], set[str]()
+    todo, seen = ["camtorque", "camtorque.__main__", *loaded], set[str]()
     while todo:
         name = todo.pop()
         if name in seen:

@@ -98,6 +98,8 @@ def test_narrower_bounds_take_the_start_along(own: OwnFit) -> None:
     assert changed(own.parameters(), {"dead_volume": {"max": 0.5 * start}})["dead_volume"].value == 0.5 * start
     with pytest.raises(Refusal, match=f"found {start:g}, expected a value from"):
         changed(own.parameters(), {"dead_volume": {"max": 0.5 * start, "value": start}})
+    with pytest.raises(Refusal, match="found min 2 above max 1, expected it below; exchange them"):
+        changed(own.parameters(), {"dead_volume": {"min": 2.0, "max": 1.0}})
 
 
 def test_uncertainties_and_intervals(own: OwnFit) -> None:

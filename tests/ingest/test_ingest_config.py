@@ -133,6 +133,7 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
             "expected 'fip-bench-recording/1'; this is a file of another",
         ),
         ('"fip-bench-recording/1"', '"fip-bench-recording/2"', 'write schema = "fip-bench-recording/1" at the top$'),
+        ("roller_radius_m = 0.008", "roller_radius_m = 8 mm", "'roller_radius_m = 8 mm'; write the number alone"),
         ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = 1.600,0", "no sign between thousands: write 1234.5"),
     ],
 )

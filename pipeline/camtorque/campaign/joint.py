@@ -10,6 +10,7 @@ from camtorque.fit.joint_input import HeldOnce, JointInput, Known
 from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Finding, Refusal
+from camtorque.units import counted
 
 
 @on_one_thread
@@ -25,7 +26,7 @@ def joint_fit(
     threads : recordings that are worked at side by side
     """
     if count < 2:
-        return _none(f"{count} usable recordings, a joint fit needs at least 2")
+        return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")
     held, known, names, pumps = HeldOnce(), list[Known](), Counter[str](), set[str]()
     same: dict[bytes, list[str]] = {}
     for item in map(read, range(count)):

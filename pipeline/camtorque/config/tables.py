@@ -27,9 +27,8 @@ DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#
 OTHER_SCHEMA = re.compile(r"(camtorque-[a-z]+|fip-bench-recording)/\d+")
 TOML_SLIPS = {
     "Cannot overwrite": "it is given twice: remove one",
-    "\u201c": 'write straight quotes "',
-    "\u201d": 'write straight quotes "',
-    "\u201e": 'write straight quotes "',
+    "[\u201c\u201d\u201e]": 'write straight quotes "',
+    r": [\w-]+\s*=\s*[+-]?\d[\d.]*\s*[^\W\d]": "write the number alone: the name of the key says the unit",
 }
 """What the reader says, or the line holds -> what to do."""
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
@@ -89,7 +88,7 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
                 f"{file} line {number}: found {line[:80]!r}, a number with a decimal comma; expected a decimal "
                 "point and no sign between thousands: write 1234.5"
             ) from error
-        hint = next((f"; {hint}" for sign, hint in TOML_SLIPS.items() if sign in said + line), "")
+        hint = next((f"; {hint}" for sign, hint in TOML_SLIPS.items() if re.search(sign, f"{said}: {line}")), "")
         raise Refusal(f"{file}: is not valid TOML: {said}{f': {line[:80]!r}' if number else ''}{hint}") from error
 
 
