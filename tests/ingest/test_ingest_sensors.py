@@ -267,6 +267,11 @@ def test_zero_from_a_marked_idle_stretch(tmp_path: Path):
     calibration = read_recording(folder).of("torque")[0].calibration
     assert calibration.zero_source == "idle stretch"
     assert calibration.zero_volts == pytest.approx(0.0123, abs=1e-12)
+    running = replace(Plan("hdf5"), edits=((edits[0][0], "idle_from_s = 0.2\nidle_to_s = 0.4"),))
+    with pytest.raises(
+        Refusal, match=r"the idle stretch 0\.2\.\.0\.4 s swings by \d+ % of what the whole log does, expect"
+    ):
+        read_recording(write_folder(tmp_path / "m", [log.with_volts("torque", volts)], running))
     short = replace(Plan("hdf5"), edits=((edits[0][0], "idle_from_s = 90.0\nidle_to_s = 91.0"),))
     with pytest.raises(Refusal, match=r"the idle stretch 90\.\.91 s holds 0 samples"):
         read_recording(write_folder(tmp_path / "s", [log], short))

@@ -22,7 +22,7 @@ from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger, check_trigger_exchanged
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
-from camtorque.ingest.zeros import with_idle_zero
+from camtorque.ingest.zeros import check_idle, with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
@@ -289,9 +289,22 @@ def _idle_zero(
     if values.size < LEAST_IDLE_SAMPLES:
         raise Refusal(f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s holds {values.size} "
                       f"samples, expected at least {LEAST_IDLE_SAMPLES}")  # fmt: skip
+    check_idle(
+        values, _extent(raw) * abs(scale), f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s"
+    )
     first, second = np.array_split(values, 2)
     noise = float(values.std()) / math.sqrt(0.5 * values.size)
     return with_idle_zero(calibration, (float(first.mean()), float(second.mean())), noise)
+
+
+def _extent(raw: RawChannel) -> float:
+    """Return how far the samples of a whole channel lie apart, in its own unit."""
+    low, high = math.inf, -math.inf
+    for first in range(0, raw.source.n_samples, SPAN_SAMPLES):
+        values = raw.source.read(first, first + SPAN_SAMPLES)
+        values = values[np.isfinite(values)]
+        low, high = float(np.min(values, initial=low)), float(np.max(values, initial=high))
+    return high - low
 
 
 def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from camtorque.ingest.certificate import CertificateLine
 from camtorque.ingest.sheet import Sheet
-from camtorque.records import Finding, Refusal, SensorCalibration
+from camtorque.records import Array, Finding, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE
 
 USUAL_ACCURACY = 0.01
@@ -18,6 +20,10 @@ READING_SHARE = READING_STEP / 10.0
 """Scaled ones are noted to the same part of the range as a tenth of a millivolt is of 10 V."""
 MILLIVOLTS = 0.1
 """A zero is noted in volts below this; millivolts written as volts lie above [V]."""
+
+IDLE_SWING = 0.25
+"""Share of the whole log's extent that 98 % of a standstill may take: noise and hum take a few percent, a
+running pump nearly all."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,21 @@ def zero_of_readings(readings: list[float], resolution: float, tolerance: float)
 
     weight = math.sqrt(math.pi) / (2.0 * half) * (math.erf(half / least) - math.erf(half / most))
     return sum(readings) / 2.0, math.sqrt((moment(most) - moment(least)) / weight / 2.0)
+
+
+def check_idle(values: Array, extent: float, what: str) -> None:
+    """Look whether a channel rests in a stretch that is said to be at standstill.
+
+    Raises
+    ------
+    Refusal : all but 2 % of it lie apart by more than `IDLE_SWING` of what the whole log does
+    """
+    low, high = np.percentile(values, [1.0, 99.0])
+    if high - low > IDLE_SWING * extent:
+        raise Refusal(
+            f"{what} swings by {100.0 * (high - low) / extent:.0f} % of what the whole log does, expected at most "
+            f"{100.0 * IDLE_SWING:.0f} % at standstill; correct idle_from_s and idle_to_s [s after the first sample]"
+        )
 
 
 def with_idle_zero(calibration: SensorCalibration, halves: tuple[float, float], noise: float) -> SensorCalibration:
