@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from camtorque.ingest.outliers import outlying_points
 from camtorque.records import CamTable
-from camtorque.signal.outliers import outlying_points
 from mechanism_cases import analytic_law
 
 KINDS = ("polynomial_4567", "polynomial_345", "cycloidal", "modified_sine", "simple_harmonic")

@@ -16,12 +16,12 @@ from camtorque.design.front import Front, FrontPoint, find_front
 from camtorque.design.task import Task
 from camtorque.design.tolerances import Spread, spreads
 from camtorque.ingest.new_recording import toml_value
+from camtorque.ingest.outliers import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.jsonable import jsonable
 from camtorque.mechanism.predict import predict, sweep_rows
 from camtorque.progress import Progress
 from camtorque.records import Refusal
-from camtorque.signal.outliers import outlying_points
 from camtorque.units import BAR, DEGREE
 
 TABLE_STEP_DEG, TABLE_DECIMALS = 0.5, 5

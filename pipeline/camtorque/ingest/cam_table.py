@@ -8,9 +8,9 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.ingest.header import name_and_unit
+from camtorque.ingest.outliers import lift_outlier_findings
 from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
-from camtorque.signal.outliers import lift_outlier_findings
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)

@@ -185,7 +185,7 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     encoding = encoding_of(head)
     raw_lines = head.split(b"\n")
     if len(head) == SNIFF_BYTES:
-        raw_lines = raw_lines[:-1]
+        raw_lines = raw_lines[:-1] or raw_lines
     lines = [line.decode(encoding, errors="replace").rstrip("\r") for line in raw_lines]
     separator, decimal, thousands, first = _table(path, lines)
     offset = sum(len(line) + 1 for line in raw_lines[:first])
@@ -270,7 +270,7 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
     found = _best_table(lines[:SNIFF_LINES]) or _best_table(lines)
     if found is None:
         what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
-        if not lines or any("\r" in line for line in lines):
+        if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
             what = "no line end but CR alone, as a CSV for Macintosh has"
         raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
     separator, decimal, thousands, first = found

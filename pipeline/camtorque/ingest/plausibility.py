@@ -16,10 +16,10 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
+from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
-from camtorque.signal.outliers import outliers_text
 from camtorque.signal.running import percentile
 from camtorque.units import BAR, STEEL_DENSITY, short
 

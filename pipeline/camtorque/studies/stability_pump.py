@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from camtorque.config.pump import PressureCurve, PumpConfig
+from camtorque.ingest.outliers import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import CamLaw
@@ -20,7 +21,6 @@ from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.predict import predict
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable, Refusal
-from camtorque.signal.outliers import outlying_points
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
 from camtorque.studies.table import Outcome, StabilityMap, cell
