@@ -482,8 +482,11 @@ def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> No
     assert doc["names"] == ["feed_pressure", "dead_volume"]
     assert doc["values"][0] == pytest.approx(1.7e5)
     (tmp_path / "fit.json").write_text(json.dumps({**doc, "stderr": [1e4, 1e-9]}))
+    (tmp_path / "result.json").write_text("{}")
     fit, folder, _ = read_fit(tmp_path / "result.json")
     assert folder == tmp_path
+    with pytest.raises(Refusal, match=r"runs: found no fit\.json there, nor such a path, expected the report of"):
+        read_fit(tmp_path / "runs")
     assert fit.covariance.among([0, 1])[0, 1] == pytest.approx(0.4 * 1e4 * 1e-9)
     assert fit.recordings[0].id == "case"
 
