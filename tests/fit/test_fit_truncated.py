@@ -72,7 +72,7 @@ def test_a_box_dozens_of_deviations_away_is_improbable_and_no_warning():
     assert -7000.0 < found.log_probability < -3700.0  # 86.7^2 / 2 = 3760 of the second alone
 
 
-@pytest.mark.parametrize(("distance", "alike"), [(60.0, 0.99999), (400.0, 0.9998), (1000.0, 0.99)])
+@pytest.mark.parametrize(("distance", "alike"), [(60.0, 0.99999), (1000.0, 0.99)])
 def test_a_box_hundreds_of_deviations_from_mixed_parameters_is_improbable_and_finite(distance, alike):
     matrix = np.array([[1.0, -alike], [-alike, 1.0]])  # rounding leaves the factor of the other bound no Gaussian
     found = truncated(Gaussian(-distance * np.array([1.0, 1.05]), matrix, np.zeros(2), np.full(2, np.inf)))
