@@ -12,6 +12,7 @@ from camtorque.fit.evidence import (
     LOSSES,
     NEEDED,
     SURELY_NOT,
+    laplace,
     loss_evidence,
     prior_of,
     savage_dickey,
@@ -52,6 +53,41 @@ def test_savage_dickey_is_the_ratio_of_densities_at_zero():
 
     expected = 2.0 * (density(middle[0], before[0]) - density(mean[0], std[0]))
     assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("off", "inflation"), [(0.5, 1.0), (-0.3, 1.0), (-2.0, 4.0), (-6.0, 1.0)])
+def test_evidence_of_a_linear_fit_is_the_integral_over_its_box(off, inflation):
+    """What bounds cost is in the share of the Gaussian within them, and not in chi-square a second time."""
+    found = quick(("closed_volume", 0, 1000.0))
+    lower, upper, before = np.zeros(2), np.array([3.0, 4.0]), np.array([1.5, 2.0])
+    parameters = tuple(
+        replace(
+            parameter, row=replace(parameter.row, start=1.0, prior=(1.0, float(b)), lower=float(low), upper=float(high))
+        )
+        for parameter, b, low, high in zip(found.problem.parameters[:2], before, lower, upper, strict=True)
+    )
+    problem = replace(found.problem, parameters=parameters)
+    weight, unbounded = np.array([[3.0, 0.8], [0.8, 2.0]]), np.array([off, 1.3])
+
+    def data_chi(z):
+        return 7.0 + np.einsum("...i,ij,...j->...", z - unbounded, weight, z - unbounded)
+
+    def prior_chi(z):
+        return np.sum(((z - 1.0) / before) ** 2, axis=-1)
+
+    x, y = np.meshgrid(*(np.linspace(low, high, 2001) for low, high in zip(lower, upper, strict=True)), indexing="ij")
+    inside = np.stack([x, y], axis=-1)
+    likelihood, known = data_chi(inside) / inflation, np.exp(-0.5 * prior_chi(inside))
+    expected = -2.0 * np.log(np.sum(known * np.exp(-0.5 * likelihood)) / np.sum(known))
+    at = np.unravel_index(np.argmin(likelihood + prior_chi(inside)), x.shape)
+    z = inside[at]
+    slope = weight @ (unbounded - z) + inflation * (1.0 - z) / before**2  # of the priors as the inflation leaves them
+    solution = replace(
+        found.solution, z=z, chi_square=float(data_chi(z) + prior_chi(z)), data_chi_square=float(data_chi(z)),
+        data_hessian=weight, gradient=slope,
+    )  # fmt: skip
+    # sums over a grid, a little expectation propagation
+    assert laplace(problem, solution, inflation) == pytest.approx(expected, abs=0.06)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,8 @@ For a loss e that vanishes with its parameters, Gaussian posterior (mu, C) and p
     2 ln K = mu_e' C_ee^-1 mu_e + ln det C_ee + 2 ln Pr(box) - 2 ln Pr(rest in box | e = 0) - the same of the prior
 
 and a fit without the loss gives it by Laplace's approximation,
-``-2 ln Z = chi^2 + ln det H - ln det P^-1 - 2 ln Pr(box) + 2 ln Pr_prior(box)``.
+``-2 ln Z = chi^2 - g'Cg + ln det H - ln det P^-1 - 2 ln Pr(box) + 2 ln Pr_prior(box)``,
+where g is the slope left at a minimum against the bounds and g'Cg what these cost, which Pr(box) holds already.
 
 *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
 small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
@@ -18,6 +19,7 @@ Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -27,8 +29,8 @@ import numpy as np
 from camtorque import laws
 from camtorque.fit.descent import Effort
 from camtorque.fit.problem import Problem, build_problem
-from camtorque.fit.solver import Solution, solve
-from camtorque.fit.truncated import Gaussian
+from camtorque.fit.solver import Solution, free_at, solve
+from camtorque.fit.truncated import Gaussian, log_share_below
 from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.process.second_process import in_two
@@ -92,8 +94,12 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
     matrix = inverse(information)
     scaled = information * np.outer(before, before)
     prior_part = solution.chi_square - solution.data_chi_square
-    chi = solution.data_chi_square / inflation + prior_part
+    cost = float(solution.gradient @ matrix @ solution.gradient) / inflation**2
+    chi = solution.data_chi_square / inflation + prior_part - cost
     inside = posterior_at(problem, solution, matrix, inflation).within.log_probability
+    if not np.all(free_at(solution.z, solution.gradient, *problem.bounds)):
+        # the box lies beyond the plane through the minimum across the slope that is left there
+        inside = min(inside, log_share_below(-math.sqrt(cost)))
     prior_inside = prior_of(problem, before).within.log_probability
     return chi + float(np.linalg.slogdet(scaled)[1]) - 2.0 * inside + 2.0 * prior_inside
 

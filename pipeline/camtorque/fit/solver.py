@@ -138,7 +138,7 @@ class Solution(ReadOnly):
     z : (k,) free parameters [SI]
     chi_square : weighted sum of squares with priors and lift; ``data_chi_square`` without the priors
     hessian : (k, k) Gauss-Newton matrix in SI units of the parameters, priors included; ``data_hessian`` without
-    gradient : (k,) half the gradient of chi-square [1/SI]
+    gradient : (k,) half of how much chi-square falls with each parameter [1/SI]
     outputs : per recording the chain with its derivative
     residuals : per recording (BINS,) measured - model without lift correction, weighted
     lifts : per recording the modes of the lift correction
@@ -314,7 +314,7 @@ def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -
         try_at=lambda point: try_at(problem, point, modes, smooth),
         linearise=linearise,
         step=lambda point, at, damping: _step(problem, point, at, damping),
-        promise=lambda point, at: _promise(point.matrix, point.vector, _free(at, point.vector, *bounds)),
+        promise=lambda point, at: _promise(point.matrix, point.vector, free_at(at, point.vector, *bounds)),
         bounds=bounds,
     )
 
@@ -330,7 +330,7 @@ def lifts_at(
     )
 
 
-def _free(z: Array, vector: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
+def free_at(z: Array, vector: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
     """Return which parameters are not held by a bound that the descent pushes against."""
     return ~(((z <= lower) & (vector < 0.0)) | ((z >= upper) & (vector > 0.0)))
 
