@@ -21,7 +21,7 @@ from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
-from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled
+from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled, parameter_estimates
 from camtorque.fit.search import Found
 from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std, structure_spread
 from camtorque.fit.solver import no_lift
@@ -44,20 +44,21 @@ def fit():
 
 def test_budget_splits_the_whole_variance(fit):
     spreads = {"other law": np.full(fit.problem.size, 1e-9)}
-    for row, std in zip(uncertainty_budget(fit.problem, fit.covariance, spreads), fit.covariance.std, strict=True):
+    rows = uncertainty_budget(fit.problem, fit.covariance, fit.deviation, spreads)
+    for row, std in zip(rows, np.sqrt(np.diag(fit.deviation)), strict=True):
         assert row.total**2 == pytest.approx(sum(part**2 for part in row.contributions.values()), rel=1e-6)
         assert row.total**2 == pytest.approx(std**2 + 1e-18, rel=2e-2)
 
 
 def test_work_and_torque_by_cause_scatter_as_stated(fit):
     """Draws of all parameters, so narrow that all is straight over them, against the carried covariance."""
-    narrow = replace(fit, covariance=replace(fit.covariance, matrix=1e-4 * fit.covariance.matrix), shifts={})
+    narrow = replace(fit, deviation=1e-4 * fit.deviation, shifts={})
     case = quick_prepared(*LAND)
     forward, fall, lowest = parts_of_gap(case.rigid, case.means.torque_all)
     stated = sureness(narrow, case.rigid, case.means.torque_all)
     rng = np.random.default_rng(3)
-    std = narrow.covariance.std
-    root = np.linalg.cholesky(narrow.covariance.matrix / np.outer(std, std) + 1e-10 * np.eye(std.size))
+    std = np.sqrt(np.diag(narrow.deviation))
+    root = np.linalg.cholesky(narrow.deviation / np.outer(std, std) + 1e-10 * np.eye(std.size))
     draws = fit.solution.z + rng.standard_normal((200, std.size)) @ root.T * std
     lifts = np.zeros(fit.solution.lifts[0].coefficients(fit.solution.residuals[0]).size)
     means = (case.means.torque, case.means.pressure)
@@ -73,7 +74,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
             np.std(curves[:, lowest]),
         ]
         np.testing.assert_allclose(found, stated.gap[name], rtol=0.2, err_msg=name)
-    moved = replace(narrow, shifts={"other law": 100.0 * fit.covariance.std[None]})
+    moved = replace(narrow, shifts={"other law": 1e4 * std[None]})
     assert sureness(moved, case.rigid, case.means.torque_all).work["pressure"] > 10.0 * stated.work["pressure"]
 
 
@@ -107,6 +108,17 @@ def test_intervals_stop_at_bounds():
     assert confidence(4.0, 9.0, 4.0, 10.0)[0] == 0.0
 
 
+def test_bounds_narrow_what_is_stated_and_tell_nothing(fit):
+    k = int(np.argmin(fit.std / fit.unbounded_std))
+    assert fit.std[k] < 0.7 * fit.unbounded_std[k]
+    rows = {row.name: row for row in parameter_estimates(fit)}
+    parameter = fit.problem.parameters[k]
+    row = rows[parameter.name]
+    assert row.stderr == pytest.approx(fit.std[k] / parameter.row.per_unit)
+    told = fit.unbounded_std[k]
+    assert row.knowledge == knowledge(told, fit.covariance.prior_std[k], row.ci95[0], parameter.row.lower)
+
+
 def test_structures_that_exchange_two_losses_leave_their_sum_sure():
     def minimum(z, pressure):
         chain = SimpleNamespace(theta=np.zeros(2))
@@ -126,7 +138,7 @@ def test_structures_that_exchange_two_losses_leave_their_sum_sure():
 
 
 def test_variants_only_widen(fit):
-    assert np.all(fit.std >= fit.covariance.std)
+    assert np.all(fit.std >= np.sqrt(np.diag(fit.deviation)))
     assert "what the delivery valve does as it opens" in fit.shifts
     assert any(np.any(shift) for shift in fit.shifts.values())
 

@@ -83,11 +83,11 @@ def test_a_wider_valley_moves_the_others_along_it():
     found = quick(LAND)
     cov = covariance(found.problem, found.solution)
     k = found.problem.index(ANGLE)
-    along = along_valley(cov, k, 1.7 * cov.std[k])
+    along = along_valley(cov.matrix, k, 1.7 * cov.std[k])
     assert cov.std[k] ** 2 + along[k] ** 2 == pytest.approx((1.7 * cov.std[k]) ** 2)
     np.testing.assert_allclose(along / along[k], cov.matrix[:, k] / cov.matrix[k, k])
     for known in (0.6 * cov.std[k], float("nan")):
-        assert not along_valley(cov, k, known).any()
+        assert not along_valley(cov.matrix, k, known).any()
 
 
 def test_the_pressure_follows_its_parameters():

@@ -34,7 +34,7 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
         for parameter, exponent in zip(SHAFT, exponents, strict=True):
             if fit.problem.index(parameter) >= 0:
                 row[fit.problem.index(parameter)] = exponent / values[parameter]
-        statistical = float(np.sqrt(row @ fit.covariance.matrix @ row))
+        statistical = float(np.sqrt(row @ fit.deviation @ row))
         total = float(np.sqrt(statistical**2 + sum(float(np.sum((rows @ row) ** 2)) for rows in fit.shifts.values())))
         value, end = found[name] / per, float(np.exp(COVERAGE * np.sqrt(np.log1p(total**2))))
         rows.append(ParameterEstimate(
@@ -54,7 +54,7 @@ def delivered_volume(fit: Fit) -> Estimate | None:
     chain = fit.problem.data[0].chain
     if not chain.uses_chamber:
         return None
-    z, std = fit.solution.z, fit.covariance.std
+    z, std = fit.solution.z, np.sqrt(np.diag(fit.deviation))
 
     def volume(moved: Array) -> float:
         values, _ = fit.problem.values(moved, 0)
@@ -70,6 +70,6 @@ def delivered_volume(fit: Fit) -> Estimate | None:
             moved = z.copy()
             moved[k] += step
             slope[k] = (volume(moved) - base) / step if step else 0.0
-    variance = float(slope @ fit.covariance.matrix @ slope)
+    variance = float(slope @ fit.deviation @ slope)
     total = variance + sum(float(np.sum((rows @ slope) ** 2)) for rows in fit.shifts.values())
     return Estimate(base, float(np.sqrt(total)), stderr_statistical=float(np.sqrt(variance)))

@@ -69,7 +69,7 @@ class JointFit(ReadOnly):
             self.solution.converged,
         )  # fmt: skip
         shifts = {name: shift[:, places] for name, shift in self.shifts.items()}
-        return Fit(small, light, known, shifts, nothing, (), (), (), np.zeros(0), 0.0)
+        return Fit(small, light, known, matrix, shifts, nothing, (), (), (), np.zeros(0), 0.0)
 
 
 @dataclass(frozen=True)

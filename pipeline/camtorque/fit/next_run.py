@@ -27,7 +27,7 @@ def next_measurement(fit: Fit) -> tuple[str, ...]:
     """Return proposals for the next recording, each with what it is expected to bring."""
     names = fit.problem.names
     watched = [name for name in OUTCOMES if name in names]
-    today = fit.std
+    today = fit.unbounded_std
     rest = today**2 - fit.covariance.std**2  # other laws and structures, the trigger's switching: no run narrows these
     texts = []
     for title, matrix in proposals(fit):

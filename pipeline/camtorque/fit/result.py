@@ -25,9 +25,8 @@ from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import (
     confidence,
     confounded_with,
-    deviation_within,
+    correlation_of,
     knowledge,
-    posterior_at,
     pressure_jacobian,
     uncertainty_budget,
     unresolved_amplitude,
@@ -185,7 +184,7 @@ def fitted_torque(
     delivered = delivered_volume(fit) if "delivered_volume" in cycles.channels else None
     return FittedTorque(
         effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
-        parameters=parameters, correlation=_correlation(fit),
+        parameters=parameters, correlation=correlation_of(fit.deviation),
         correlation_names=fit.problem.names,
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
@@ -209,19 +208,19 @@ def fitted_torque(
 
 def parameter_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
     """Return the parameters of a recording, then what the structure leaves out."""
-    problem, total = fit.problem, fit.std
+    problem, total, told = fit.problem, fit.std, fit.unbounded_std
     rows = []
     for k, parameter in enumerate(problem.parameters):
         row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
         low, high = confidence(value, std, row.lower, row.upper)
         before = float(fit.covariance.prior_std[k])
-        known = knowledge(std, before, low, row.lower, row.prior is not None)
+        known = knowledge(float(told[k]), before, low, row.lower, row.prior is not None)
         per = row.per_unit
         rows.append(ParameterEstimate(
             name=parameter.name, value=value / per, unit=row.unit, stderr=std / per,
-            stderr_statistical=float(fit.covariance.std[k]) / per, ci95=(low / per, high / per),
+            stderr_statistical=float(np.sqrt(fit.deviation[k, k])) / per, ci95=(low / per, high / per),
             at_bound=value <= row.lower or value >= row.upper, identifiable=known not in UNTOLD,
-            confounded_with=confounded_with(problem, fit.covariance, k) if known not in UNTOLD else (),
+            confounded_with=confounded_with(problem, fit.deviation, k) if known not in UNTOLD else (),
             prior=None if row.prior is None else (row.prior[0] / per, row.prior[1] / per), meaning=row.meaning,
             source=row.source, role=row.role, symbol=row.symbol, knowledge=known,
         ))  # fmt: skip
@@ -243,11 +242,6 @@ def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
     return tuple(rows)
 
 
-def _correlation(fit: Fit) -> Array:
-    std = fit.covariance.std
-    return fit.covariance.matrix / np.outer(std, std)
-
-
 def _details(fit: Fit, fitted: Modelled, recording: Recording, peak: float) -> dict[str, object]:
     solution, problem = fit.solution, fit.problem
     blocks = 100.0 / peak * block_cross_validation(problem, solution, fit.covariance)
@@ -259,7 +253,8 @@ def _details(fit: Fit, fitted: Modelled, recording: Recording, peak: float) -> d
     return {
         "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
         "chi_square": solution.chi_square, "lift_correction": fitted.lift_correction, "flows": fitted.output.flows,
-        "delivery": problem.data[0].structure, "budget": uncertainty_budget(problem, fit.covariance, spreads),
+        "delivery": problem.data[0].structure,
+        "budget": uncertainty_budget(problem, fit.covariance, fit.deviation, spreads),
         "block_cv_percent": blocks.tolist(), "absolute_uncertainty_percent": absolute,
         "freedom": fit.covariance.freedom,
     }  # fmt: skip
@@ -291,9 +286,7 @@ def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:
     if tangents is None or not fitted.chain.uses_chamber:
         return None
     jacobian, own = pressure_jacobian(fit.problem, tangents)
-    known = posterior_at(fit.problem, fit.solution, fit.covariance.matrix, fit.covariance.inflation)
-    spread = deviation_within(known, fit.solution.z)[np.ix_(own, own)]
-    variance = np.einsum("ij,jk,ik->i", jacobian, spread, jacobian)
+    variance = np.einsum("ij,jk,ik->i", jacobian, fit.deviation[np.ix_(own, own)], jacobian)
     for shift in fit.pressure_shifts:
         variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std * fitted.output.pressure

@@ -22,7 +22,9 @@ from camtorque.fit.uncertainty import (
     along_valley,
     covariance,
     delivering,
+    deviation_within,
     narrowed,
+    posterior_at,
     pressure_jacobian,
 )
 from camtorque.fit.valley import ANGLE, Valley, swept
@@ -74,6 +76,8 @@ class Prepared:
 class Fit:
     """Everything that the fit of a recording consists of.
 
+    ``deviation`` is how far the parameters lie from what is stated, within their bounds (`deviation_within`), (k, k)
+    [SI^2]; ``covariance`` that of the Gaussian that knows of no bounds, and of a joint fit the deviation, too.
     ``shifts`` are further deviations by source, (m, k) each [SI]: one standard deviation in each of m directions;
     ``pressure_shifts`` those of the chamber pressure, (m, n) [Pa]; ``probabilities`` of the candidates; ``measured``
     the mean torque on the grid of the fit, (n,) [N m]; ``pressure_gain_std`` relative.
@@ -82,6 +86,7 @@ class Fit:
     problem: Problem
     solution: Solution
     covariance: Covariance
+    deviation: Array
     shifts: Mapping[str, Array]
     pressure_shifts: Array
     candidates: tuple[Candidate, ...]
@@ -93,6 +98,11 @@ class Fit:
     @property
     def std(self) -> Array:
         """Total standard uncertainty, (k,) [SI]."""
+        return np.sqrt(np.diag(self.deviation) + variance_of(self.shifts, self.problem.size))
+
+    @property
+    def unbounded_std(self) -> Array:
+        """The same if the parameters had no bounds, (k,) [SI]: what the data tell, which bounds do not."""
         return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
 
 
@@ -186,7 +196,8 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     # by the weights alone: a structure with more parameters always leaves less
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
-    along = along_valley(cov, problem.index(ANGLE), prepared.valley.std(cov.inflation))
+    deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
+    along = along_valley(deviation, problem.index(ANGLE), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
     shifts["what the delivery valve does as it opens"] = (relaxed.solution.z - solution.z)[None]
@@ -206,7 +217,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     gain = pressure_gain_std(prepared.recording)
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)[None]
     return Fit(
-        problem, solution, cov, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
+        problem, solution, cov, deviation, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
         prepared.measured, gain,
     )  # fmt: skip
 

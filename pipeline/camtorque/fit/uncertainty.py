@@ -111,24 +111,24 @@ def posterior_at(problem: Problem, solution: Solution, matrix: Array, inflation:
 def deviation_within(known: Gaussian, stated: Array) -> Array:
     """Return how far parameters within their bounds lie from stated values (k,): E[(x - s)(x - s)'], (k, k) [SI^2].
 
-    For what is computed from all of them, such as a pressure: without the bounds its uncertainty would hold volumes
-    and losses below zero. A single parameter at its bound keeps its width beyond (`covariance`), for the laws err too.
+    Without the bounds an uncertainty would hold volumes and losses below zero that cancel one another.
     """
     off = known.within.mean - stated
     return np.asarray(known.within.matrix + np.outer(off, off))
 
 
-def along_valley(cov: Covariance, index: int, std: float) -> Array:
+def along_valley(deviation: Array, index: int, std: float) -> Array:
     """Return the shift (k,) of all parameters that is missing where one of them has a larger deviation [SI].
 
     The others follow it along the valley of the residual, as they are correlated with it.
 
     Parameters
     ----------
+    deviation : (k, k) `deviation_within` [SI^2]
     index : parameter whose deviation is known from more than the curvature at the minimum
     std : that deviation [SI]; nothing is missing where it is smaller, or nan
     """
-    column = cov.matrix[:, index]
+    column = deviation[:, index]
     missing = std**2 - column[index]
     return np.asarray(column / column[index] * np.sqrt(missing) if missing > 0.0 else np.zeros(column.size))
 
@@ -204,11 +204,16 @@ class BudgetRow:
     contributions: dict[str, float]
 
 
-def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Array]) -> tuple[BudgetRow, ...]:
+def uncertainty_budget(
+    problem: Problem, cov: Covariance, deviation: Array, spreads: dict[str, Array]
+) -> tuple[BudgetRow, ...]:
     """Return the split of every parameter's variance by source, exact by C = C (J'WJ + sum of priors) C.
+
+    What the bounds take away is taken from all of these sources alike.
 
     Parameters
     ----------
+    deviation : (k, k) `deviation_within` [SI^2]
     spreads : source -> (k,) further standard uncertainty, such as other laws
     """
     rows = []
@@ -217,6 +222,8 @@ def uncertainty_budget(problem: Problem, cov: Covariance, spreads: dict[str, Arr
         for j, other in enumerate(problem.parameters):
             share = float(cov.matrix[k, j] ** 2 / cov.prior_std[j] ** 2)
             found[other.row.source] = found.get(other.row.source, 0.0) + share
+        within = float(deviation[k, k] / cov.matrix[k, k])
+        found = {source: within * share for source, share in found.items()}
         for source, spread in spreads.items():
             found[source] = float(spread[k] ** 2)
         total = float(np.sqrt(sum(found.values())))
@@ -231,7 +238,7 @@ def knowledge(std: float, before: float, least: float, lower: float, has_prior: 
 
     Parameters
     ----------
-    std, before : standard deviation with the data and without
+    std, before : standard deviation with the data and without, neither of them cut off at bounds
     least : lower end of the 95 % interval, which ends at the bounds (`confidence`)
     lower : bound; where it is not negative the least of an amount, which an interval that begins there leaves open
     has_prior : whether a sheet, certificate or literature had told anything
@@ -244,9 +251,15 @@ def knowledge(std: float, before: float, least: float, lower: float, has_prior: 
     return "from the sheet" if has_prior else "not told by the data"
 
 
-def confounded_with(problem: Problem, cov: Covariance, index: int) -> tuple[str, ...]:
+def correlation_of(matrix: Array) -> Array:
+    """Return the correlations (k, k) that a covariance holds."""
+    std = np.sqrt(np.diag(matrix))
+    return np.asarray(matrix / np.outer(std, std))
+
+
+def confounded_with(problem: Problem, deviation: Array, index: int) -> tuple[str, ...]:
     """Return the parameters that a parameter is mixed up with, among those that the data speak of."""
-    correlation = cov.matrix[index] / (cov.std * cov.std[index])
+    correlation = correlation_of(deviation)[index]
     return tuple(
         problem.parameters[j].name for j in np.argsort(-np.abs(correlation))
         if j != index and abs(correlation[j]) > CONFOUNDED
@@ -254,7 +267,7 @@ def confounded_with(problem: Problem, cov: Covariance, index: int) -> tuple[str,
 
 
 def confidence(value: float, std: float, lower: float, upper: float) -> tuple[float, float]:
-    """Return the 95 % interval within the bounds; at a bound it is one-sided and keeps its width.
+    """Return the 95 % interval within the bounds; at a bound it is one-sided.
 
     An amount whose lower bound is not zero is bounded for the search alone: nothing says that there is not less of it.
     """

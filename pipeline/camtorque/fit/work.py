@@ -64,7 +64,7 @@ def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> Sureness:
 def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Array:
     """Return the standard uncertainty of numbers (m,) that hang on the values of a fit.
 
-    Covariance and further shifts of the fit are carried on by differences, one parameter after the other.
+    Deviations and further shifts of the fit are carried on by differences, one parameter after the other.
     """
     problem, z = fit.problem, fit.solution.z
     here = at(*problem.values(z, 0))
@@ -73,7 +73,7 @@ def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Arra
         moved, step = z.copy(), STEP * float(fit.std[k])
         moved[k] += step
         slopes[:, k] = (at(*problem.values(moved, 0)) - here) / step
-    variance = np.einsum("ij,jk,ik->i", slopes, fit.covariance.matrix, slopes)
+    variance = np.einsum("ij,jk,ik->i", slopes, fit.deviation, slopes)
     for rows in fit.shifts.values():
         variance = variance + np.sum((slopes @ rows.T) ** 2, axis=1)
     return np.sqrt(np.maximum(variance, 0.0))
