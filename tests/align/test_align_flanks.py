@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.align import align
-from camtorque.align.flanks import APART_DEG, check_flanks, flank_places
+from camtorque.align.flanks import APART_DEG, _local_best, check_flanks, flank_places
 from camtorque.ingest import read_recording
 from camtorque.records import CamTable, Recording, Refusal
 from rig_bridge import cycles_of, recording_of
@@ -120,3 +120,20 @@ def test_limits_leave_room_above_sound_rigs() -> None:
             spread[kind] = max(spread[kind], float(np.degrees(np.ptp(shifts))) if shifts else 0.0)
     for kind, widest in spread.items():
         assert widest < APART_DEG[kind] / 1.15
+
+
+def test_a_line_that_rests_at_a_high_pressure_hides_what_the_chamber_does_before() -> None:
+    recording, typical, speed = rig("closed_volume", 400.0)
+    pump = recording.config.pump
+    rest = 10.0 * pump.spring_preload / pump.plunger_area
+    high = {**typical, "pressure": typical["pressure"] + rest}
+    assert "start of the rise" in flank_places(*typical.values(), recording.cam_table, pump, speed).places
+    assert "start of the rise" not in flank_places(*high.values(), recording.cam_table, pump, speed).places
+
+
+@pytest.mark.parametrize(("gained", "place_deg"), [(0.002, None), (0.02, -6.0)])
+def test_a_delivery_that_follows_its_nominal_place_as_well_lies_nowhere_else(gained: float, place_deg: float) -> None:
+    shift = np.arange(720) * (TURN / 720)
+    scores = 0.9 + gained * np.cos(shift + np.radians(6.0)) / (1.0 - np.cos(np.radians(6.0)))
+    found = _local_best(scores - np.max(scores) + 0.95)
+    assert (found is None) if place_deg is None else (np.degrees(found) == pytest.approx(place_deg, abs=0.5))
