@@ -322,3 +322,12 @@ def test_a_channel_that_never_changes_is_not_held_against_the_others(bench: Path
     changed = replace(recording, channels=tuple(flat if c is channel else c for c in recording.channels))
     assert check_loads(changed) == []
     assert "channel_constant" in {finding.code for finding in summarise(changed).findings}
+
+
+def test_a_sensor_beyond_its_nominal_range_is_told(bench: Path):
+    sheet = bench / "calibration" / TORQUE
+    assert "beyond_nominal_range" not in codes(bench)
+    lines = [line for line in sheet.read_text(encoding="utf-8").splitlines() if line.startswith("nominal_range")]
+    edit(sheet, lines[0], f"{lines[0].split('=')[0]}= [-20.0, 20.0]")
+    (found,) = (finding for finding in read(bench).findings if finding.code == "beyond_nominal_range")
+    assert "the torque reaches 309 % of nominal_range" in found.text

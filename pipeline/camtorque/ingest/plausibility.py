@@ -16,20 +16,16 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
+from camtorque.ingest.largest import largest
 from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
-from camtorque.signal.running import percentile
 from camtorque.units import BAR, STEEL_DENSITY, short
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
 CLOSING_LIFT = (0.04, 0.5)
 """Share of the lift at which a pre-stroke ends; 21 pumps of other makers have 0.11 to 0.34."""
-BLOCKS, BLOCK_SAMPLES = 16, 50_000
-"""Pieces of a log looked at for its largest values; each holds several revolutions at usual rates."""
-MOST_RANKED = 200_000
-"""Of these samples, as many are ranked as make the highest 0.1 % a sound choice."""
 SMOOTHED = 5.0
 """Slopes and bends of a lift table are taken over this many degrees, to suppress its noise."""
 STEEPER = 1.0 / 3.0
@@ -38,12 +34,12 @@ torques of 69 recordings are between theirs for ten times the trigger's time or 
 FAR_BEYOND = 3.0
 """A sensor stands up to twice its range; a pressure of more than so many times that is in another unit."""
 LOADED = 30.0 * BAR
+"""Below this peak pressure friction and spring rule the torque."""
 PRESSURE_SLIPS = {
     1.0e1: "MPa read as bar", 1.0e2: "bar read as kPa", 1.0e3: "kPa read as Pa, or MPa as kPa",
     1.0e5: "bar read as Pa", 1.0e6: "MPa read as Pa",
 }  # fmt: skip
 """Factor by which a pressure is too small -> the slip."""
-"""Below this peak pressure friction and spring rule the torque."""
 LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)
 HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
 """Contact stress of rolling steel is 0.5 to 2.5 GPa; 6 GPa marks any steel at first touch [Pa]."""
@@ -250,7 +246,7 @@ def check_loads(recording: Recording) -> list[Finding]:
     if recording.lift_table is None or not pressure or pressure[0].calibration is None:
         return []
     pump, where = recording.config.pump, f"{recording.config.path} [pump]"
-    peak = _largest(pressure[0])
+    peak = largest(pressure[0])
     _refuse_other_unit(recording, pressure[0].calibration.range_max, peak)
     if not peak > 0.0:
         return []
@@ -263,7 +259,7 @@ def check_loads(recording: Recording) -> list[Finding]:
     spring = pump.spring_preload + pump.spring_stiffness * float(np.max(recording.lift_table.lift))
     by_pressure = pump.plunger_area * peak * slope
     other = (spring + pump.follower_mass * speed**2 * rise) * slope
-    measured = _largest(torque[0])
+    measured = largest(torque[0])
     if math.isnan(measured):
         return findings
     text = (
@@ -332,17 +328,3 @@ def _steepest(table: CamTable) -> tuple[float, float]:
     lift = table.at(grid)
     slope = np.diff(lift) / np.diff(grid)
     return float(np.max(np.abs(slope))), float(np.max(np.abs(np.diff(slope)))) / float(np.radians(SMOOTHED))
-
-
-def _largest(channel: Channel) -> float:
-    """Return the largest value that is no stray sample: the 99.9th percentile of pieces all over the log.
-
-    It is nan for a channel that never changes: `camtorque check` tells that.
-    """
-    last = max(channel.n_samples - BLOCK_SAMPLES, 0)
-    count = min(BLOCKS, -(-channel.n_samples // BLOCK_SAMPLES))
-    starts = np.unique(np.linspace(0, last, count).astype(int))
-    every = -(-min(channel.n_samples, BLOCKS * BLOCK_SAMPLES) // MOST_RANKED)
-    volts: Array = np.concatenate([channel.read_volts(int(s), int(s) + BLOCK_SAMPLES)[::every] for s in starts])
-    values = np.abs(channel.from_volts(volts[np.isfinite(volts)]))
-    return percentile(values, 99.9) if values.size and np.ptp(values) > 0.0 else math.nan

@@ -19,6 +19,7 @@ from camtorque.hashes import input_file
 from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
+from camtorque.ingest.largest import overload_findings
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger, check_trigger_exchanged
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
@@ -75,7 +76,7 @@ def recording_of(config: RecordingConfig) -> Recording:
         ),
     )
     check_trigger_exchanged(recording)
-    plausible = [*_plausible(config, cam_table), *check_loads(recording)]
+    plausible = [*_plausible(config, cam_table), *check_loads(recording), *overload_findings(recording)]
     return replace(recording, findings=(*recording.findings, *plausible))
 
 
