@@ -279,6 +279,7 @@ def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, mon
 @pytest.mark.parametrize(
     ("head", "name"),
     [(b"\xd0\xcf\x11\xe0", r"Excel 97 \(\.xls\)"), (b"|CF,2,1,1;", "imc FAMOS"), (b"\x1f\x8b\x08", "gzip"),
+     (b"PK\x03\x04" + bytes(22) + b"\x07\x00\x00\x00log.csv", "a zip archive"),
      (b"RIFF\0\0\0\0WAVE", "WAV")],
 )  # fmt: skip
 def test_a_format_that_is_known_and_not_read_is_named(tmp_path: Path, head: bytes, name: str):

@@ -19,6 +19,9 @@ from camtorque.units import did_you_mean
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 HDF5_PLACES = (0, 512, 1024, 2048)
+ZIP_MAGIC = b"PK\x03\x04"
+WORKBOOK_PARTS = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"customXml/", b"xl/")
+"""What a workbook's archive begins with, whichever program wrote it."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,10 @@ def _is_catman(head: bytes) -> bool:
     return len(head) > 10 and 5009 <= int.from_bytes(head[:2], "little") <= 5020 and b"\x00" in head
 
 
-def _is_npz(head: bytes) -> bool:
-    """Tell NumPy's archive: a zip file whose first member ends in .npy."""
+def _first_member(head: bytes) -> bytes:
+    """Return the name of the first file of a zip archive, empty for other files."""
     length = int.from_bytes(head[26:28], "little")
-    return head.startswith(b"PK\x03\x04") and head[30 : 30 + length].endswith(b".npy")
+    return head[30 : 30 + length] if head.startswith(ZIP_MAGIC) else b""
 
 
 FORMATS: dict[str, Format] = {
@@ -69,10 +72,11 @@ FORMATS: dict[str, Format] = {
                   lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] >= b"4"),
     "mat": Format("MATLAB", (), "mat", lambda head: head.startswith(b"MATLAB")),
     "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
-    "numpy": Format("NumPy", ("npz", "npy"), "numpy_file", lambda head: head.startswith(b"\x93NUMPY") or _is_npz(head)),
+    "numpy": Format("NumPy", ("npz", "npy"), "numpy_file",
+                    lambda head: head.startswith(b"\x93NUMPY") or _first_member(head).endswith(b".npy")),
     "catman": Format("catman binary", (), "catman", _is_catman),
     "xlsx": Format("Excel workbook", ("excel",), "xlsx",
-                   lambda head: head.startswith(b"PK\x03\x04") and not _is_npz(head)),
+                   lambda head: _first_member(head).startswith(WORKBOOK_PARTS)),
     "parquet": Format("Parquet or Feather", ("feather", "arrow"), "parquet",
                       lambda head: head.startswith((b"PAR1", b"ARROW1"))),
     "lvm": Format("LabVIEW measurement", (), "lvm", lambda head: head.startswith(b"LabVIEW Measurement")),
@@ -87,6 +91,7 @@ UNREADABLE = {
     "imc FAMOS": lambda head: head.startswith(b"|CF,"),
     "WAV": lambda head: head.startswith(b"RIFF") and head[8:12] == b"WAVE",
     "gzip": lambda head: head.startswith(b"\x1f\x8b"),
+    "a zip archive": lambda head: head.startswith(ZIP_MAGIC) and not content_format(head),
 }
 """Formats that are known, not read."""
 ALIASES = {word: name for name, form in FORMATS.items() for word in (name, *form.aliases)}
