@@ -59,9 +59,9 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
 
     Raises
     ------
-    Refusal : another text, an unknown name, a number that is not positive
+    Refusal : another text, an unknown name, a number that is not positive, another unit than the report's
     """
-    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:e-?\d{{1,3}})?)\s*(%?)\s*", text)
+    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:e-?\d{{1,3}})?)\s*(.*?)\s*", text)
     if match is None or not float(match[2]) > 0.0:
         raise Refusal(
             f"plan: found --target {text!r}, expected a name and a standard uncertainty such as 'chamber_peak 0.5 %' "
@@ -70,7 +70,10 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
     if match[1] not in names:
         raise Refusal(f"plan: {match[1]!r} is no number of this fit{did_you_mean(match[1], tuple(names))}; there are "
                       f"{', '.join(names)}")  # fmt: skip
-    return match[1], float(match[2]), bool(match[3])
+    unit = "bar" if match[1] == CHAMBER_PEAK else ROWS[match[1]].unit
+    if match[3] not in ("", "%", unit):
+        raise Refusal(f"plan: found --target {text!r}, expected % or {unit}, the unit of the report")
+    return match[1], float(match[2]), match[3] == "%"
 
 
 @on_one_thread
