@@ -197,6 +197,8 @@ def test_line_pressure_on_the_plunger_is_told_from_a_chamber():
     row = chamber_evidence((found, line), 1.0)
     assert row.verdict == "needed"
     assert row.size == pytest.approx(float(np.sqrt(np.mean((3.0 / data.weight) ** 2))))
+    slight = replace(worse, residuals=(found.solution.residuals[0] + 5e-4 * np.max(data.torque) * data.weight,))
+    assert chamber_evidence((found, replace(line, solution=slight)), 1.0).verdict == "cannot tell"
     even = replace(line, solution=replace(worse, chi_square=found.solution.chi_square))
     assert chamber_evidence((even, found), 1.0).verdict == "not needed"
 

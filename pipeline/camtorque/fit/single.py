@@ -12,7 +12,7 @@ from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, strength, where_unexplained
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
-from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
+from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
@@ -305,7 +305,10 @@ def relaxed_variant(best: Candidate) -> Candidate:
 
 
 def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> LossEvidence:
-    """Return the evidence for a chamber whose pressure is not the line's."""
+    """Return the evidence for a chamber whose pressure is not the line's.
+
+    One that moves the torque by less than all laws are trusted to is not needed, however much chi-square it gains.
+    """
 
     def least(kinds: tuple[str, ...]) -> Candidate | None:
         found = [item for item in candidates if item.data.structure in kinds]
@@ -315,8 +318,9 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
     if line is None or chamber is None:
         return LossEvidence("chamber", np.nan, "cannot tell", False, np.nan, (np.nan, np.nan), "N m", "not compared")
     factor = (line.value - chamber.value) / inflation - np.log(INDEPENDENT) * 4.0
-    verdict = "needed" if factor > NEEDED else "not needed" if factor < NOT_NEEDED else "cannot tell"
     weight = line.data.weight
     size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
+    trusted = size > DISCREPANCY * np.max(np.abs(line.data.torque))
+    verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < NOT_NEEDED else "cannot tell"
     text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms ({strength(factor)})"
     return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)
