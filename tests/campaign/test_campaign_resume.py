@@ -312,7 +312,7 @@ def test_a_page_of_hundreds_has_no_pictures(
 @pytest.mark.parametrize(
     ("items", "reason"),
     [
-        (["a P"], "1 usable recordings"),
+        (["a P"], "1 usable recording,"),
         (["a P", "b Q"], "found pumps P, Q,"),
         (["a P", "b P", "a P"], "found recording ids that repeat: a,"),
         (["a P", "b P"], None),

@@ -66,6 +66,11 @@ def _first_member(head: bytes) -> bytes:
     return head[30 : 30 + length] if head.startswith(ZIP_MAGIC) else b""
 
 
+def _is_workbook(member: bytes) -> bool:
+    """Tell a workbook by the first file of its archive; one whose very name is cut off may be one, too."""
+    return not member or member.startswith(WORKBOOK_PARTS)
+
+
 FORMATS: dict[str, Format] = {
     "tdms": Format("TDMS", (), "tdms", lambda head: head.startswith((b"TDSm", b"TDSh"))),
     "mf4": Format("MDF 4", ("mdf4", "mdf"), "mf4",
@@ -76,7 +81,7 @@ FORMATS: dict[str, Format] = {
                     lambda head: head.startswith(b"\x93NUMPY") or _first_member(head).endswith(b".npy")),
     "catman": Format("catman binary", (), "catman", _is_catman),
     "xlsx": Format("Excel workbook", ("excel",), "xlsx",
-                   lambda head: _first_member(head).startswith(WORKBOOK_PARTS)),
+                   lambda head: head.startswith(ZIP_MAGIC) and _is_workbook(_first_member(head))),
     "parquet": Format("Parquet or Feather", ("feather", "arrow"), "parquet",
                       lambda head: head.startswith((b"PAR1", b"ARROW1"))),
     "lvm": Format("LabVIEW measurement", (), "lvm", lambda head: head.startswith(b"LabVIEW Measurement")),
