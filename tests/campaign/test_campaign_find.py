@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,22 @@ def test_a_link_to_itself_is_no_folder(tmp_path: Path) -> None:
     make(tmp_path, a="")
     (tmp_path / "self").symlink_to(tmp_path / "self")
     assert list(search(tmp_path)[0]) == ["a"]
+
+
+def test_a_folder_that_may_not_be_read_is_told_and_the_others_are_found(tmp_path: Path, monkeypatch) -> None:
+    for name in ("a", "private"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "recording.toml").touch()
+    scandir = os.scandir
+
+    def closed(folder: Path):
+        if folder.name == "private":
+            raise PermissionError(13, "Permission denied", str(folder))
+        return scandir(folder)
+
+    monkeypatch.setattr(os, "scandir", closed)
+    names, (told,) = search(tmp_path)
+    assert list(names) == ["a"]
+    assert (told.code, told.severity, told.where) == ("folder_unreadable", "warning", str(tmp_path / "private"))
+    with pytest.raises(PermissionError):
+        search(tmp_path / "private")

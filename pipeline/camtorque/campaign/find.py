@@ -11,7 +11,9 @@ from camtorque.records import Finding, Refusal
 
 
 def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
-    """Return every recording at or below a folder by its relative path, and a finding for each further link to one.
+    """Return every recording at or below a folder by its relative path.
+
+    There is a finding for each further link to one, and for each folder below that may not be read.
 
     Raises
     ------
@@ -21,9 +23,16 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
     if not folder.is_dir():
         raise Refusal(f"{folder}: found no such folder, expected one with recordings below it; check the path")
     names: dict[str, Path] = {}
-    findings = []
+    closed: list[Path] = []
     first: dict[str, str] = {}
-    for path in sorted(_walk(folder, ())):
+    found = sorted(_walk(folder, (), closed))
+    findings = [
+        Finding(
+            "folder_unreadable", "warning", "may not be read: recordings in it are missed; correct its rights", str(p)
+        )
+        for p in closed
+    ]
+    for path in found:
         name = path.relative_to(folder).as_posix()
         name = folder.resolve().name if name == "." else name
         known = first.setdefault(os.path.realpath(path), name)
@@ -39,15 +48,25 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
     return names, tuple(findings)
 
 
-def _walk(folder: Path, above: tuple[tuple[int, int], ...]) -> Iterator[Path]:
-    """Yield the folders that hold a recording; hidden ones may be half-written and are passed over."""
+def _walk(folder: Path, above: tuple[tuple[int, int], ...], closed: list[Path]) -> Iterator[Path]:
+    """Yield the folders that hold a recording; hidden ones may be half-written and are passed over.
+
+    Folders below that may not be read are added to ``closed``.
+    """
     status = folder.stat()
     own = (status.st_dev, status.st_ino)
     if own in above:
         raise Refusal(f"{folder}: found a link that leads back to a folder above it, expected no loop; remove the link")
-    with os.scandir(folder) as entries:
+    try:
+        entries = os.scandir(folder)
+    except PermissionError:
+        if not above:
+            raise
+        closed.append(folder)
+        return
+    with entries:
         for entry in entries:
             if entry.name == RECORDING_FILE:
                 yield folder
             elif not entry.name.startswith(".") and Path(entry).is_dir():  # a link to itself is none
-                yield from _walk(folder / entry.name, (*above, own))
+                yield from _walk(folder / entry.name, (*above, own), closed)
