@@ -61,7 +61,7 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
     ------
     Refusal : another text, an unknown name, a number that is not positive, another unit than the report's
     """
-    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:e-?\d{{1,3}})?)\s*(.*?)\s*", text)
+    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:e-?\d{{1,3}})?)\s*([^\s\d.].*?)?\s*", text)
     if match is None or not float(match[2]) > 0.0:
         raise Refusal(
             f"plan: found --target {text!r}, expected a name and a standard uncertainty such as 'chamber_peak 0.5 %' "
@@ -70,10 +70,15 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
     if match[1] not in names:
         raise Refusal(f"plan: {match[1]!r} is no number of this fit{did_you_mean(match[1], tuple(names))}; there are "
                       f"{', '.join(names)}")  # fmt: skip
-    unit = "bar" if match[1] == CHAMBER_PEAK else ROWS[match[1]].unit
-    if match[3] not in ("", "%", unit):
+    unit, _ = shown_in(match[1])
+    if match[3] not in (None, "%", unit):
         raise Refusal(f"plan: found --target {text!r}, expected % or {unit}, the unit of the report")
     return match[1], float(match[2]), match[3] == "%"
+
+
+def shown_in(name: str) -> tuple[str, float]:
+    """Return the unit in which a report states a number, and SI per unit."""
+    return ("bar", BAR) if name == CHAMBER_PEAK else (ROWS[name].unit, ROWS[name].per_unit)
 
 
 @on_one_thread
@@ -130,14 +135,15 @@ def _scatter(report: Path) -> float:
 
 def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: tuple[str, float, bool]) -> Target:
     name, size, relative = wanted
+    unit, per = shown_in(name)
     item = _fastest(known)
     if name == CHAMBER_PEAK:
         chain = chain_of(rig_of(reports[item.id], None, None), item.speed, curve_of(reports[item.id], item.speed))
         value, gradient = chamber_peak(known, chain, item)
-        of, unit, per = item.id, "bar", BAR
+        of = item.id
     else:
         gradient = np.eye(len(known.names))[known.names.index(name)]
-        of, unit, per = "", ROWS[name].unit, ROWS[name].per_unit
+        of = ""
         value = float(known.values[known.names.index(name)])
     fitted = float(np.sqrt(gradient @ known.matrix @ gradient))
     number = TargetQuantity(gradient, rest_of(folder, reports[item.id], name, per, fitted))
