@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from camtorque.records import Array, Channel, Finding, Recording
+from camtorque.records import Array, Channel, Finding, SampleSource, SensorCalibration
 from camtorque.signal.running import percentile
 
 BLOCKS, BLOCK_SAMPLES = 16, 50_000
@@ -17,19 +18,16 @@ OVERLOAD = 1.1
 """Share of the nominal range that a sensor is run at by those who know it; its class holds up to 1."""
 
 
-def overload_findings(recording: Recording) -> list[Finding]:
-    """Return a warning for each torque or pressure beyond the nominal range that its sheet states."""
-    found = []
-    for channel in (*recording.of("torque"), *recording.of("pressure")):
-        sheet = channel.calibration
-        share = largest(channel) / sheet.largest_reading if sheet is not None else math.nan
-        if sheet is not None and share > OVERLOAD:
-            text = (
-                f"the {channel.quantity} reaches {100.0 * share:.0f} % of nominal_range, expected at "
-                "most 100 %: accuracy and linearity of the sheet do not hold there; check nominal_range and sensitivity"
-            )
-            found.append(Finding("beyond_nominal_range", "warning", text, sheet.serial or channel.name))
-    return found
+def overload_findings(sheet: SensorCalibration, peak: float) -> list[Finding]:
+    """Return a warning where the largest value of a channel lies beyond the nominal range that its sheet states."""
+    share = peak / sheet.largest_reading
+    if not share > OVERLOAD:
+        return []
+    text = (
+        f"the {sheet.quantity} reaches {100.0 * share:.0f} % of nominal_range, expected at most 100 %: accuracy and "
+        "linearity of the sheet do not hold there; check nominal_range and sensitivity"
+    )
+    return [Finding("beyond_nominal_range", "warning", text, sheet.serial)]
 
 
 def largest(channel: Channel) -> float:
@@ -37,10 +35,21 @@ def largest(channel: Channel) -> float:
 
     It is nan for a channel that never changes: `camtorque check` tells that.
     """
-    last = max(channel.n_samples - BLOCK_SAMPLES, 0)
-    count = min(BLOCKS, -(-channel.n_samples // BLOCK_SAMPLES))
-    starts = np.unique(np.linspace(0, last, count).astype(int))
-    every = -(-min(channel.n_samples, BLOCKS * BLOCK_SAMPLES) // MOST_RANKED)
-    volts: Array = np.concatenate([channel.read_volts(int(s), int(s) + BLOCK_SAMPLES)[::every] for s in starts])
-    values = np.abs(channel.from_volts(volts[np.isfinite(volts)]))
+    values = np.abs(channel.from_volts(pieces(channel.read_volts, channel.n_samples)))
     return percentile(values, 99.9) if values.size and np.ptp(values) > 0.0 else math.nan
+
+
+def extent(source: SampleSource) -> float:
+    """Return how far the samples of a log lie apart, as pieces all over it tell, in its own unit."""
+    values = pieces(source.read, source.n_samples)
+    return float(np.ptp(values)) if values.size else 0.0
+
+
+def pieces(read: Callable[[int, int], Array], n_samples: int) -> Array:
+    """Return the samples of pieces all over a log that are numbers, as many as make its extremes a sound choice."""
+    last = max(n_samples - BLOCK_SAMPLES, 0)
+    count = min(BLOCKS, -(-n_samples // BLOCK_SAMPLES))
+    starts = np.unique(np.linspace(0, last, count).astype(int))
+    every = -(-min(n_samples, BLOCKS * BLOCK_SAMPLES) // MOST_RANKED)
+    found: Array = np.concatenate([read(int(s), int(s) + BLOCK_SAMPLES)[::every] for s in starts])
+    return found[np.isfinite(found)]

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
-from camtorque.ingest.largest import largest
+from camtorque.ingest.largest import largest, overload_findings
 from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
-from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import BAR, STEEL_DENSITY, short
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
@@ -236,32 +236,41 @@ def _beginning(channel: Channel) -> Array:
 
 
 def check_loads(recording: Recording) -> list[Finding]:
-    """Hold torque and contact stress against the pressure: how large each can be at the other's largest value.
+    """Hold torque, contact stress and pressure against each other at their largest values, and against their sensors.
 
     Raises
     ------
     Refusal : torque and pressure cannot come from this pump; names what each number would have to be
     """
-    torque, pressure = recording.of("torque"), recording.of("pressure")
-    if recording.lift_table is None or not pressure or pressure[0].calibration is None:
-        return []
+    sheets: dict[str, SensorCalibration] = {}
+    peaks: dict[str, float] = {}
+    for quantity in ("torque", "pressure"):
+        for channel in recording.of(quantity)[:1]:
+            if channel.calibration is not None:
+                sheets[quantity], peaks[quantity] = channel.calibration, largest(channel)
+    overload = [row for quantity, sheet in sheets.items() for row in overload_findings(sheet, peaks[quantity])]
+    if recording.lift_table is None or "pressure" not in sheets:
+        return overload
+    _refuse_other_unit(recording, sheets["pressure"].range_max, peaks["pressure"])
+    return [*_against_each_other(recording, recording.lift_table, peaks), *overload]
+
+
+def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[str, float]) -> list[Finding]:
+    """Hold the largest torque [N m], if there is one, against the largest pressure [Pa]."""
     pump, where = recording.config.pump, f"{recording.config.path} [pump]"
-    peak = largest(pressure[0])
-    _refuse_other_unit(recording, pressure[0].calibration.range_max, peak)
+    peak = peaks["pressure"]
     if not peak > 0.0:
         return []
     is_loaded = peak > LOADED
     findings = _contact(pump, pump.plunger_area * peak, where) if is_loaded else []
-    if not torque or torque[0].calibration is None:
-        return findings
-    slope, rise = _steepest(recording.lift_table)
-    speed = recording.config.nominal_speed
-    spring = pump.spring_preload + pump.spring_stiffness * float(np.max(recording.lift_table.lift))
-    by_pressure = pump.plunger_area * peak * slope
-    other = (spring + pump.follower_mass * speed**2 * rise) * slope
-    measured = largest(torque[0])
+    measured = peaks.get("torque", math.nan)
     if math.isnan(measured):
         return findings
+    slope, rise = _steepest(table)
+    speed = recording.config.nominal_speed
+    spring = pump.spring_preload + pump.spring_stiffness * float(np.max(table.lift))
+    by_pressure = pump.plunger_area * peak * slope
+    other = (spring + pump.follower_mass * speed**2 * rise) * slope
     text = (
         f"the largest torque is {short(measured)} N m, the largest pressure of {peak / BAR:.4g} bar gives "
         f"{short(by_pressure)} N m on a plunger of {1e3 * pump.plunger_diameter:g} mm where the lift rises steepest "

@@ -19,7 +19,7 @@ from camtorque.hashes import input_file
 from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
-from camtorque.ingest.largest import overload_findings
+from camtorque.ingest.largest import extent
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger, check_trigger_exchanged
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
@@ -76,7 +76,7 @@ def recording_of(config: RecordingConfig) -> Recording:
         ),
     )
     check_trigger_exchanged(recording)
-    plausible = [*_plausible(config, cam_table), *check_loads(recording), *overload_findings(recording)]
+    plausible = [*_plausible(config, cam_table), *check_loads(recording)]
     return replace(recording, findings=(*recording.findings, *plausible))
 
 
@@ -287,25 +287,13 @@ def _idle_zero(
     stop = min(stop, raw.source.n_samples)
     values = raw.source.read(start, stop) * scale
     values = values[np.isfinite(values)]
+    stretch = f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s"
     if values.size < LEAST_IDLE_SAMPLES:
-        raise Refusal(f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s holds {values.size} "
-                      f"samples, expected at least {LEAST_IDLE_SAMPLES}")  # fmt: skip
-    check_idle(
-        values, _extent(raw) * abs(scale), f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s"
-    )
+        raise Refusal(f"{stretch} holds {values.size} samples, expected at least {LEAST_IDLE_SAMPLES}")
+    check_idle(values, extent(raw.source) * abs(scale), stretch)
     first, second = np.array_split(values, 2)
     noise = float(values.std()) / math.sqrt(0.5 * values.size)
     return with_idle_zero(calibration, (float(first.mean()), float(second.mean())), noise)
-
-
-def _extent(raw: RawChannel) -> float:
-    """Return how far the samples of a whole channel lie apart, in its own unit."""
-    low, high = math.inf, -math.inf
-    for first in range(0, raw.source.n_samples, SPAN_SAMPLES):
-        values = raw.source.read(first, first + SPAN_SAMPLES)
-        values = values[np.isfinite(values)]
-        low, high = float(np.min(values, initial=low)), float(np.max(values, initial=high))
-    return high - low
 
 
 def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
