@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -156,6 +157,12 @@ def _is_alike(word: str, name: str) -> bool:
 def counted(number: int, one: str, many: str) -> str:
     """Return a number with its noun and verb, in the singular where it is one."""
     return f"{number} {one if number == 1 else many}"
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """Return the first of some names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
 
 
 def expected_one_of(word: str, known: list[str] | tuple[str, ...]) -> str:

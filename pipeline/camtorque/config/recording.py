@@ -26,7 +26,7 @@ from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SE
 from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
 from camtorque.config.tables import MOST_LISTED, Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Finding, Refusal
-from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, did_you_mean, first_of, tidy_unit, unit_factor
 
 ONLY_LOGGER = LoggerSpec("logger", "single")
 """Where recording.toml names no logger."""
@@ -81,10 +81,7 @@ def _near(path: Path) -> str:
     if (path / RECORDING_FILE).exists() or path.is_file() or not folder.is_dir():
         return ""
     names = tuple(sorted(item.parent.name for item in folder.glob(f"*/{RECORDING_FILE}")))
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return did_you_mean(path.name, names) or (
-        f"; in {folder} are {', '.join(names[:MOST_LISTED])}{more}" if names else ""
-    )
+    return did_you_mean(path.name, names) or (f"; in {folder} are {first_of(names, MOST_LISTED)}" if names else "")
 
 
 def _refuse_other_tables(root: Table) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from camtorque.config.keys import UNKNOWN, Key, TableSchema
 from camtorque.records import CONTROL, Refusal
-from camtorque.units import did_you_mean, expected_one_of
+from camtorque.units import did_you_mean, expected_one_of, first_of
 
 LARGEST_FILE = 512 * 1024
 """A bench file has a few kilobytes; beyond this the parser itself could take minutes [bytes]."""
@@ -118,8 +118,7 @@ def what_is_beside(path: Path, *, toml: bool = False) -> str:
         return f"; there is no folder {path.parent}"
     found = (item for item in folder.iterdir() if item.is_file() and (item.suffix == ".toml") is toml)
     names = tuple(sorted(item.name for item in found))
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    held = f"holds {', '.join(names[:MOST_LISTED]) or 'no log or table'}{more}"
+    held = f"holds {first_of(names, MOST_LISTED) or 'no log or table'}"
     if folder == path:
         return f"; it {held}"
     return did_you_mean(path.name, names) or ("" if toml and not names else f"; its folder {held}")

@@ -21,6 +21,7 @@ from camtorque.process.system import described
 from camtorque.records import Refusal
 from camtorque.report.checksums import unlisted_files, visible_files, write_checksums
 from camtorque.report.provenance import write_crate
+from camtorque.units import first_of
 
 try:
     import fcntl
@@ -73,7 +74,7 @@ def check_output(target: Path, marker: str) -> None:
             f"{marker}; choose another name"
         )
     if target.is_dir() and (more := unlisted_files(target)):
-        named = ", ".join(more[:3]) + (f" and {len(more) - 3} more" if len(more) > 3 else "")
+        named = first_of(more, 3)
         raise Refusal(
             f"output {target}: found {named} beside an earlier report, which would be lost, expected files of the "
             "report alone; move them away or choose another name"
