@@ -54,7 +54,7 @@ def delivered_volume(fit: Fit) -> Estimate | None:
     chain = fit.problem.data[0].chain
     if not chain.uses_chamber:
         return None
-    z, std = fit.solution.z, np.sqrt(np.diag(fit.deviation))
+    z, std = fit.solution.z, fit.statistical_std
 
     def volume(moved: Array) -> float:
         values, _ = fit.problem.values(moved, 0)

@@ -209,6 +209,7 @@ def fitted_torque(
 def parameter_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
     """Return the parameters of a recording, then what the structure leaves out."""
     problem, total, told = fit.problem, fit.std, fit.unbounded_std
+    statistical, correlation = fit.statistical_std, correlation_of(fit.deviation)
     rows = []
     for k, parameter in enumerate(problem.parameters):
         row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
@@ -218,9 +219,9 @@ def parameter_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
         per = row.per_unit
         rows.append(ParameterEstimate(
             name=parameter.name, value=value / per, unit=row.unit, stderr=std / per,
-            stderr_statistical=float(np.sqrt(fit.deviation[k, k])) / per, ci95=(low / per, high / per),
+            stderr_statistical=float(statistical[k]) / per, ci95=(low / per, high / per),
             at_bound=value <= row.lower or value >= row.upper, identifiable=known not in UNTOLD,
-            confounded_with=confounded_with(problem, fit.deviation, k) if known not in UNTOLD else (),
+            confounded_with=confounded_with(problem, correlation[k], k) if known not in UNTOLD else (),
             prior=None if row.prior is None else (row.prior[0] / per, row.prior[1] / per), meaning=row.meaning,
             source=row.source, role=row.role, symbol=row.symbol, knowledge=known,
         ))  # fmt: skip

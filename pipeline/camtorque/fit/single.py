@@ -98,11 +98,16 @@ class Fit:
     @property
     def std(self) -> Array:
         """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(np.diag(self.deviation) + variance_of(self.shifts, self.problem.size))
+        return np.sqrt(self.statistical_std**2 + variance_of(self.shifts, self.problem.size))
+
+    @property
+    def statistical_std(self) -> Array:
+        """The part of it that the deviation within the bounds is, (k,) [SI]."""
+        return np.sqrt(np.diag(self.deviation))
 
     @property
     def unbounded_std(self) -> Array:
-        """The same if the parameters had no bounds, (k,) [SI]: what the data tell, which bounds do not."""
+        """Total standard uncertainty without the bounds, (k,) [SI]: what the data tell, which bounds do not."""
         return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
 
 

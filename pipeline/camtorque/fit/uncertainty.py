@@ -257,9 +257,8 @@ def correlation_of(matrix: Array) -> Array:
     return np.asarray(matrix / np.outer(std, std))
 
 
-def confounded_with(problem: Problem, deviation: Array, index: int) -> tuple[str, ...]:
-    """Return the parameters that a parameter is mixed up with, among those that the data speak of."""
-    correlation = correlation_of(deviation)[index]
+def confounded_with(problem: Problem, correlation: Array, index: int) -> tuple[str, ...]:
+    """Return the parameters that a parameter is mixed up with, by its correlations (k,)."""
     return tuple(
         problem.parameters[j].name for j in np.argsort(-np.abs(correlation))
         if j != index and abs(correlation[j]) > CONFOUNDED
