@@ -19,7 +19,7 @@ OPTIONS = RunOptions(AlignOptions(n_theta=1800))
 @pytest.mark.slow
 def test_workers_order_and_resuming_change_no_number(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "calibration", tmp_path / "calibration")
-    for name in ("A_1000rpm", "A_1250rpm"):
+    for name in ("A_0300rpm", "A_1000rpm"):
         shutil.copytree(ROOT / "raw_examples" / name, tmp_path / "raw" / name)
     how = CampaignOptions(2)
     first = run_campaign(tmp_path / "raw", tmp_path / "out", OPTIONS, how)
@@ -28,8 +28,8 @@ def test_workers_order_and_resuming_change_no_number(tmp_path: Path) -> None:
     reports = {row["name"]: tmp_path / "out" / row["folder"] / "result.json" for row in first["recordings"]}
     written = {name: path.stat().st_mtime_ns for name, path in reports.items()}
 
-    alone, _ = analyse(tmp_path / "raw" / "A_1250rpm", OPTIONS)
-    worker = json.loads(reports["A_1250rpm"].read_text(encoding="utf-8"))["parameters"]
+    alone, _ = analyse(tmp_path / "raw" / "A_0300rpm", OPTIONS)
+    worker = json.loads(reports["A_0300rpm"].read_text(encoding="utf-8"))["parameters"]
     assert {row.name: row.value for row in alone.fitted.parameters} == {k: v["value"] for k, v in worker.items()}
 
     again = run_campaign(tmp_path / "raw", tmp_path / "out", OPTIONS, how)

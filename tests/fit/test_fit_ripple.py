@@ -18,7 +18,7 @@ from camtorque.laws.ripple import binned_waves, waves
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.rehearsal import rigid_torque
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1000rpm"
+EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_0300rpm"
 N = 1800
 THETA = np.arange(N) * 2.0 * np.pi / N
 LIFT = 8e-3 * np.sin(np.clip(1.5 * (THETA - 0.1), 0.0, np.pi)) ** 2

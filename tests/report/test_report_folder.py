@@ -169,7 +169,7 @@ def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
         "from camtorque import cli\nsys.exit(cli.main(sys.argv[1:]))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, "run", EXAMPLES / "A_1250rpm", "--out", target, "--quiet"],
+        [sys.executable, "-c", code, "run", EXAMPLES / "A_0300rpm", "--out", target, "--quiet"],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2
