@@ -262,7 +262,7 @@ def pressure_gain_shift(best: Candidate, relative_std: float) -> Array:
     if not relative_std:
         return np.zeros(best.problem.size)
     chain = replace(best.data.chain, line_pressure=best.data.chain.line_pressure * (1.0 + relative_std))
-    moved = attempted(at_minimum, replace(best.data, chain=chain), Effort(4)) or best
+    moved = attempted(at_minimum, replace(best.data, chain=chain), Effort(4), best.solution.lifts) or best
     return moved.solution.z - best.solution.z
 
 

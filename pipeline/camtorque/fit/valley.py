@@ -117,7 +117,7 @@ def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[
 
 
 def _stepped(best: Candidate, halves: Halves, step: float) -> Iterator[Point]:
-    """Yield steps away from a minimum, each from the one before."""
+    """Yield steps away from a minimum, each from the one before, with the lift correction of the minimum."""
     row = best.data.rows[ANGLE]
     mean, std = row.prior or (0.0, np.inf)
     angle, item = float(best.solution.z[best.problem.index(ANGLE)]), best.data
@@ -126,7 +126,7 @@ def _stepped(best: Candidate, halves: Halves, step: float) -> Iterator[Point]:
         if not row.lower <= angle <= row.upper:
             return
         there = with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}})
-        end = halves.minimum(at_minimum, there, A_STEP)
+        end = halves.minimum(at_minimum, there, A_STEP, best.solution.lifts)
         if end is None:
             return
         item = end.data
