@@ -22,14 +22,13 @@ from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.largest import extent
 from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger, check_trigger_exchanged
 from camtorque.ingest.raw import RawChannel, RawFile
-from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
+from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
+from camtorque.ingest.starts import starts, time_findings
 from camtorque.ingest.zeros import check_idle, with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100
-CLOCKS_APART = 3600.0
-"""Clocks of two loggers that nobody set may differ by this [s]."""
 SPAN_SAMPLES = 1_000_000
 """Samples looked at for the range of a channel whose sheet states none."""
 DURATION_TOLERANCE = 1.0e-4
@@ -71,7 +70,7 @@ def recording_of(config: RecordingConfig) -> Recording:
             *config.findings,
             *cam_findings,
             *(finding for sensor in sensors.values() for finding in sensor.findings),
-            *_without_repeats(*file_findings, *findings, *_ends(config, channels), *_apart(config, raw)),
+            *_without_repeats(*file_findings, *findings, *time_findings(config, raw, channels)),
             *_other_run(config),
         ),
     )
@@ -180,29 +179,14 @@ def _span(raw: RawChannel, scale: float) -> float:
 def _channels(
     config: RecordingConfig, raw: dict[ChannelSpec, RawChannel], sensors: dict[str, Sensor]
 ) -> tuple[tuple[Channel, ...], list[Finding]]:
-    starts = _starts(config, raw)
+    begun = starts(config, raw)
     channels, findings = [], []
     for spec in config.channels:
         sensor = sensors.get(spec.quantity)
-        channel, more = _channel(config, spec, raw[spec], starts[spec], sensor)
+        channel, more = _channel(config, spec, raw[spec], begun[spec], sensor)
         channels.append(channel)
         findings += more
     return tuple(channels), findings
-
-
-def _starts(config: RecordingConfig, raw: dict[ChannelSpec, RawChannel]) -> dict[ChannelSpec, float]:
-    """Return start times on each time base: stamps count from the earliest one of the loggers that share a clock."""
-    clocks = {logger.id: logger.clock for logger in config.loggers}
-    starts = {}
-    for spec, channel in raw.items():
-        base = spec.logger if clocks[spec.logger] == "independent" else ""
-        mates = [
-            other.stamp for s, other in raw.items() if (s.logger if clocks[s.logger] == "independent" else "") == base
-        ]
-        known = [stamp for stamp in mates if stamp is not None]
-        shift = channel.stamp - min(known) if channel.stamp is not None and len(known) == len(mates) else 0.0
-        starts[spec] = channel.start_time + shift
-    return starts
 
 
 def _channel(
@@ -294,37 +278,3 @@ def _idle_zero(
     first, second = np.array_split(values, 2)
     noise = float(values.std()) / math.sqrt(0.5 * values.size)
     return with_idle_zero(calibration, (float(first.mean()), float(second.mean())), noise)
-
-
-def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
-    """Tell logs whose headers say that they were taken at other times: one may be of another run."""
-    stamps = {spec: channel.stamp for spec, channel in raw.items() if channel.stamp and channel.stamp > FIRST_STAMP}
-    if len(stamps) < 2:
-        return []
-    first, last = min(stamps, key=stamps.__getitem__), max(stamps, key=stamps.__getitem__)
-    apart = stamps[last] - stamps[first]
-    length = max(channel.source.n_samples / channel.sample_rate for channel in raw.values())
-    shared = all(logger.clock != "independent" for logger in config.loggers)
-    if apart <= (length if shared else max(length, CLOCKS_APART)):
-        return []
-    text = (
-        f"the headers of {first.path.name} and {last.path.name} are {apart:.4g} s apart, the logs last {length:.4g} s: "
-        "one may be of another run"
-    )
-    return [Finding("logs_of_other_times", "warning", text, config.path.name)]
-
-
-def _ends(config: RecordingConfig, channels: tuple[Channel, ...]) -> list[Finding]:
-    """Find logs that end apart although their loggers share a clock: one of them was cut."""
-    clocks = {logger.id: logger.clock for logger in config.loggers}
-    shared = [channel for channel in channels if clocks[channel.logger] != "independent"]
-    findings = []
-    groups = [shared, *([c for c in channels if c.logger == k] for k, v in clocks.items() if v == "independent")]
-    for group in groups:
-        ends = [channel.start_time + channel.duration + sum(channel.break_steps) for channel in group]
-        for channel, end in zip(group, ends, strict=True):
-            early = max(ends) - end
-            if early > max(1.5 / channel.sample_rate, 1.5 * max(1.0 / c.sample_rate for c in group)):
-                text = f"the log ends {early:.6g} s before the others on its clock; is it cut?"
-                findings.append(Finding("log_ends_early", "warning", text, f"{channel.path.name} {channel.name}"))
-    return findings

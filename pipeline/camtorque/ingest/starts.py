@@ -1,0 +1,112 @@
+"""When each log begins on its clock, and what is odd about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from camtorque.config import ChannelSpec, RecordingConfig
+from camtorque.ingest.raw import RawChannel
+from camtorque.ingest.sensors import FIRST_STAMP
+from camtorque.records import Channel, Finding
+from camtorque.units import first_of
+
+CLOCKS_APART = 3600.0
+"""Clocks of two loggers that nobody set may differ by this [s]."""
+
+
+def starts(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[ChannelSpec, float]:
+    """Return start times on each time base: dates count from the earliest one of the logs that share a clock."""
+    earliest = {
+        base: min((raw[spec].stamp or 0.0 for spec in group if raw[spec].stamp is not None), default=0.0)
+        for base, group in _by_clock(config, raw).items()
+    }
+    return {
+        spec: channel.start_time + (0.0 if channel.stamp is None else channel.stamp - earliest[_clock(config, spec)])
+        for spec, channel in raw.items()
+    }
+
+
+def _clock(config: RecordingConfig, spec: ChannelSpec) -> str:
+    """Return the logger where its clock is its own, else the name of the common clock."""
+    return spec.logger if any(one.id == spec.logger and one.clock == "independent" for one in config.loggers) else ""
+
+
+def _by_clock(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[str, list[ChannelSpec]]:
+    groups: dict[str, list[ChannelSpec]] = {}
+    for spec in raw:
+        groups.setdefault(_clock(config, spec), []).append(spec)
+    return groups
+
+
+def time_findings(
+    config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel], channels: Sequence[Channel]
+) -> list[Finding]:
+    """Tell logs of other times, starts that nothing states, and ends apart on one clock."""
+    return [*_ends(config, channels), *_apart(config, raw), *_without_date(config, raw), *_together(config, channels)]
+
+
+def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
+    """Tell logs whose headers say that they were taken at other times: one may be of another run."""
+    stamps = {spec: channel.stamp for spec, channel in raw.items() if channel.stamp and channel.stamp > FIRST_STAMP}
+    if len(stamps) < 2:
+        return []
+    first, last = min(stamps, key=stamps.__getitem__), max(stamps, key=stamps.__getitem__)
+    apart = stamps[last] - stamps[first]
+    length = max(channel.source.n_samples / channel.sample_rate for channel in raw.values())
+    shared = all(logger.clock != "independent" for logger in config.loggers)
+    if apart <= (length if shared else max(length, CLOCKS_APART)):
+        return []
+    text = (
+        f"the headers of {first.path.name} and {last.path.name} are {apart:.4g} s apart, the logs last {length:.4g} s: "
+        "one may be of another run"
+    )
+    return [Finding("logs_of_other_times", "warning", text, config.path.name)]
+
+
+def _without_date(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
+    """Tell logs without a date beside dated ones on the same clock: when they began is not known."""
+    findings = []
+    for group in _by_clock(config, raw).values():
+        dateless = dict.fromkeys(
+            spec.path.name for spec in group if raw[spec].stamp is None and spec.start_time is None
+        )
+        dated = dict.fromkeys(spec.path.name for spec in group if raw[spec].stamp is not None)
+        if dated:
+            findings += [
+                Finding(
+                    "start_without_date", "warning",
+                    f"no date of its start, which {first_of(tuple(dated), 3)} on the same clock has: its time counts from "
+                    "the earliest of those; if it began at another time, say start_time_s of its channels", name,
+                )
+                for name in dateless
+            ]  # fmt: skip
+    return findings
+
+
+def _together(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]:
+    """Tell loggers with starts of their own on a common clock of which nothing says that one began later."""
+    synchronised = {logger.id for logger in config.loggers if logger.clock == "synchronised"}
+    begun = {channel.logger: channel.start_time for channel in channels if channel.logger in synchronised}
+    if len(begun) < 2 or any(begun.values()):
+        return []
+    text = (
+        f"{', '.join(sorted(begun))} are synchronised and all begin at 0 s; if one began later, say start_time_s of "
+        "its channels"
+    )
+    return [Finding("starts_together", "info", text, config.path.name)]
+
+
+def _ends(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]:
+    """Find logs that end apart although their loggers share a clock: one of them was cut."""
+    clocks = {logger.id: logger.clock for logger in config.loggers}
+    shared = [channel for channel in channels if clocks[channel.logger] != "independent"]
+    findings = []
+    groups = [shared, *([c for c in channels if c.logger == k] for k, v in clocks.items() if v == "independent")]
+    for group in groups:
+        ends = [channel.start_time + channel.duration + sum(channel.break_steps) for channel in group]
+        for channel, end in zip(group, ends, strict=True):
+            early = max(ends) - end
+            if early > max(1.5 / channel.sample_rate, 1.5 * max(1.0 / c.sample_rate for c in group)):
+                text = f"the log ends {early:.6g} s before the others on its clock; is it cut?"
+                findings.append(Finding("log_ends_early", "warning", text, f"{channel.path.name} {channel.name}"))
+    return findings

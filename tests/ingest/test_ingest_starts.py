@@ -1,0 +1,92 @@
+"""When logs on one clock begin: by their dates, by what is stated, and told where nothing says so."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from camtorque.ingest import read_recording
+from camtorque.records import Recording
+from damaged import logs
+from damaged.build import PLANS
+from damaged.logs import clean_log, write_folder, write_tdms
+from nptdms import ChannelObject, RootObject, TdmsFile, TdmsWriter
+
+LOG = clean_log(revolutions=6.0)
+CODES = ("start_without_date", "starts_together")
+
+
+def three_files(folder: Path, clock: str) -> Path:
+    """Write one TDMS file a quantity, each by a logger of its own; pressure began 0.5 s later."""
+    parts = [replace(LOG, logger=q.upper(), volts={q: v}, start=0.0) for q, v in LOG.volts.items()]
+    found = write_folder(folder, parts, replace(PLANS["tdms"], clock=clock))
+    original, logs.START = logs.START, logs.START + timedelta(seconds=0.5)
+    try:
+        write_tdms(found / "PRESSURE.tdms", parts[1])
+    finally:
+        logs.START = original
+    return found
+
+
+def take_date_away(path: Path) -> None:
+    """Write a TDMS file again as a logger that states no date."""
+    channels = [
+        ChannelObject(c.group_name, c.name, c[:], {k: v for k, v in c.properties.items() if k != "wf_start_time"})
+        for group in TdmsFile.read(path).groups() for c in group.channels()
+    ]  # fmt: skip
+    with TdmsWriter(path) as writer:
+        writer.write_segment([RootObject(), *channels])
+
+
+def told(recording: Recording) -> list[tuple[str, str, str]]:
+    return [(item.code, item.severity, item.where) for item in recording.findings if item.code in CODES]
+
+
+def starts(recording: Recording) -> dict[str, float]:
+    return {channel.quantity: pytest.approx(channel.start_time, abs=1e-6) for channel in recording.channels}
+
+
+def test_a_log_without_a_date_counts_from_the_earliest_of_the_dated_ones(tmp_path: Path):
+    folder = three_files(tmp_path / "r", "synchronised")
+    take_date_away(folder / "TRIGGER.tdms")
+    recording = read_recording(folder)
+    assert starts(recording) == {"torque": 0.0, "pressure": 0.5, "trigger": 0.0}
+    assert told(recording) == [("start_without_date", "warning", "TRIGGER.tdms")]
+    (text,) = [item.text for item in recording.findings if item.code == "start_without_date"]
+    assert re.match(r"no date of its start, which TORQUE.tdms, PRESSURE.tdms on the same clock has", text)
+
+
+def test_a_start_that_is_stated_is_not_asked_for(tmp_path: Path):
+    folder = three_files(tmp_path / "r", "synchronised")
+    take_date_away(folder / "TRIGGER.tdms")
+    sheet = folder / "recording.toml"
+    text = sheet.read_text(encoding="utf-8")
+    assert text.count('quantity = "trigger"') == 1
+    sheet.write_text(text.replace('quantity = "trigger"', 'quantity = "trigger"\nstart_time_s = 0.0'), encoding="utf-8")
+    assert told(read_recording(folder)) == []
+
+
+@pytest.mark.parametrize("clock", ["single", "synchronised"])
+def test_dated_logs_are_silent(tmp_path: Path, clock: str):
+    assert told(read_recording(three_files(tmp_path / "r", clock))) == []
+
+
+def test_synchronised_logs_that_all_begin_at_zero_are_told(tmp_path: Path):
+    folder = three_files(tmp_path / "r", "synchronised")
+    for name in ("TORQUE", "PRESSURE", "TRIGGER"):
+        take_date_away(folder / f"{name}.tdms")
+    recording = read_recording(folder)
+    assert set(starts(recording)) == {"torque", "pressure", "trigger"}
+    assert told(recording) == [("starts_together", "info", "recording.toml")]
+    assert "PRESSURE, TORQUE, TRIGGER are synchronised and all begin at 0 s" in str(recording.findings)
+
+
+def test_logs_of_one_clock_or_of_clocks_of_their_own_begin_where_they_say(tmp_path: Path):
+    for clock in ("single", "independent"):
+        folder = three_files(tmp_path / clock, clock)
+        for name in ("TORQUE", "PRESSURE", "TRIGGER"):
+            take_date_away(folder / f"{name}.tdms")
+        assert told(read_recording(folder)) == []
