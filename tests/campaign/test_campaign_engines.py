@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,12 @@ from camtorque.run import RunOptions
 def on_a_scheduler(call: Callable[[str], Any], items: list[str], workers: int) -> Iterator[tuple[str, Any]]:
     """Have items done by the workers of a scheduler of this machine."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(workers, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as running:
+    import dask
+
+    # the cluster gives a worker up that is just being started anew so long after an earlier death of it
+    patient = dask.config.set({"distributed.deploy.lost-worker-timeout": "1 hour"})
+    cluster_of = partial(distributed.LocalCluster, threads_per_worker=1, dashboard_address=":0", silence_logs=50)
+    with patient, cluster_of(workers) as running:
         yield from cluster.on_scheduler(call, items, running.scheduler_address, print)
         with distributed.Client(running, set_as_default=False) as client:
             client.wait_for_workers(workers, timeout=200)  # one that is just started anew cannot be stopped

@@ -281,6 +281,17 @@ def test_a_strangers_output_is_no_code(tmp_path: Path, content: bytes) -> None:
         store.read_joint_input(tmp_path)
 
 
+def test_a_path_is_kept_whatever_python_calls_its_class(tmp_path: Path) -> None:
+    store.write_joint_input(tmp_path, tmp_path / "log.csv")  # type: ignore[arg-type]
+    assert store.read_joint_input(tmp_path) == tmp_path / "log.csv"
+
+
+def test_records_of_another_version_are_refused(tmp_path: Path) -> None:
+    (tmp_path / store.JOINT).write_bytes(zlib.compress(b"ccamtorque.gone\nRecord\n(tR."))
+    with pytest.raises(Refusal, match=r"cannot be used \(No module named 'camtorque.gone'\); delete .* and run again"):
+        store.read_joint_input(tmp_path)
+
+
 def test_progress_tells_what_is_left(analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told, clock = list[str](), itertools.count(1000.0, 60.0)
     monkeypatch.setattr(flow, "time", SimpleNamespace(perf_counter=lambda: next(clock)))

@@ -30,6 +30,7 @@ MARK = ".camtorque-campaign"
 FOREIGN_CLASSES = {
     ("builtins", "set"), ("builtins", "frozenset"), ("builtins", "slice"), ("builtins", "complex"),
     ("collections", "OrderedDict"), ("pathlib", "PosixPath"), ("pathlib", "WindowsPath"),
+    ("pathlib._local", "PosixPath"), ("pathlib._local", "WindowsPath"),  # Python 3.13
     ("numpy", "dtype"), ("numpy", "ndarray"), ("numpy._core.multiarray", "_reconstruct"),
     ("numpy._core.multiarray", "scalar"), ("numpy.core.multiarray", "_reconstruct"),
     ("numpy.core.multiarray", "scalar"), ("numpy._core.numeric", "_frombuffer"), ("numpy.core.numeric", "_frombuffer"),
@@ -37,6 +38,8 @@ FOREIGN_CLASSES = {
     ("scipy.interpolate._interpolate", "PPoly"), ("builtins", "dict"),
 }  # fmt: skip
 """What the joint fit's input may hold beside records of this package."""
+NO_PICKLE = (pickle.UnpicklingError, EOFError, AttributeError, ImportError, TypeError)
+"""What reading a damaged one raises, or one that another version wrote."""
 
 
 @contextmanager
@@ -143,7 +146,7 @@ def read_joint_input(folder: Path) -> JointInput:
     path = folder / JOINT
     try:
         return _RecordsOnly(io.BytesIO(zlib.decompress(path.read_bytes()))).load()
-    except (OSError, EOFError, ValueError, AttributeError, TypeError, zlib.error, pickle.UnpicklingError) as error:
+    except (*NO_PICKLE, OSError, ValueError, zlib.error) as error:
         raise Refusal(f"{path}: cannot be used ({error}); delete {folder} and run again") from error
 
 
