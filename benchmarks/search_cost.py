@@ -125,8 +125,7 @@ def moves(paths: Sequence[Sequence[Stage]]) -> str:
             helped[after.name] += after.chi_square < HELPED * before.chi_square
             cost[after.name] += after.seconds - before.seconds  # type: ignore[assignment]
     lines = ["| move | made | chi-square fell by a tenth | processor time each, s |", "|---|---|---|---|"]
-    lines += [f"| {name} | {made[name]} | {helped.get(name, '-')} | {cost[name] / made[name]:.2f} |"
-              for name in made]  # fmt: skip
+    lines += [f"| {name} | {made[name]} | {helped.get(name, '-')} | {cost[name] / made[name]:.2f} |" for name in made]
     return "\n".join(lines) + "\n"
 
 

@@ -231,9 +231,7 @@ def test_another_process_at_the_same_recording(analysed: list[str], tmp_path: Pa
 
 def test_one_campaign_at_a_time_writes_the_index(analysed: list[str], tmp_path: Path) -> None:
     raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
-    with (
-        store.campaign_folder(out), pytest.raises(Refusal, match="another campaign is writing there")
-    ):  # fmt: skip
+    with store.campaign_folder(out), pytest.raises(Refusal, match="another campaign is writing there"):
         run_campaign(raw, out, OPTIONS)
     run_campaign(raw, out, OPTIONS)
 

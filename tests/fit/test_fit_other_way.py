@@ -45,9 +45,7 @@ def test_ways_are_values_that_a_parameter_may_have():
 
 def test_one_thing_is_turned_at_a_time_where_a_minimum_leaves_doubt(best):
     items = turned(replace(best, unseen=100.0))
-    changed = [
-        {name for name, row in item.rows.items() if row.start != best.data.rows[name].start} for item in items
-    ]  # fmt: skip
+    changed = [{name for name, row in item.rows.items() if row.start != best.data.rows[name].start} for item in items]
     shafts, swings = len(CAM_SIDES) * [{"shaft_compliance", "shaft_resonance"}], len(OCTAVES) * [{"coupling_resonance"}]
     assert changed == [*({name} for name in WAYS if best.problem.index(name) >= 0), *shafts, *swings]
     assert turned(replace(best, unseen=best.unseen - best.doubt)) == []

@@ -15,9 +15,8 @@ from camtorque.records import Array, ClockFit, Finding, Refusal
 from camtorque.signal.threshold import Count, Threshold
 
 LEAST_OVERLAP = Threshold(
-    0.3, "1", "statistics",
-    "Part of the shorter pulse train that has to overlap for a lag to be tried."
-)  # fmt: skip
+    0.3, "1", "statistics", "Part of the shorter pulse train that has to overlap for a lag to be tried."
+)
 LEAST_PULSES = Count(4, "pulses", "statistics", "A line and its scatter need two pulses more than its two parameters.")
 STEP_TIMES_SCATTER = Threshold(
     10.0, "1", "statistics",
@@ -29,9 +28,8 @@ LARGEST_SKEW = Threshold(
     "Two crystals differ by 10 to 100 ppm; a common difference of the periods beyond this is no drift."
 )  # fmt: skip
 CLEAR_EVIDENCE = Threshold(
-    5.0, "nat", "statistics",
-    "Logarithm of the odds (nats) by which the best lag has to beat the next: 150 to 1."
-)  # fmt: skip
+    5.0, "nat", "statistics", "Logarithm of the odds (nats) by which the best lag has to beat the next: 150 to 1."
+)
 APART_BEFOREHAND = Threshold(
     4.0, "nat", "convention",
     "Loggers of one test are started together: the odds beforehand of a lag that leaves nothing in common."

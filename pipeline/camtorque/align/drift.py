@@ -23,9 +23,8 @@ FEWEST = Count(6, "cycles", "convention", "Cycles below which a drift cannot be 
 SIGNIFICANT = Threshold(3.0, "1", "statistics", "Standard errors that a drift has to exceed before it is reported.")
 
 TORQUE_SHARE = Threshold(
-    0.005, "1", "simulated rigs",
-    "Share of the peak torque by which its level may drift: sound runs reach 0.004."
-)  # fmt: skip
+    0.005, "1", "simulated rigs", "Share of the peak torque by which its level may drift: sound runs reach 0.004."
+)
 PRESSURE_SHARE = Threshold(
     0.02, "1", "convention", "Share of the peak pressure by which the rest pressure of the line may drift."
 )

@@ -34,9 +34,8 @@ APART_DEG = {
 }  # fmt: skip
 """Places -> distance that sound rigs stay below."""
 ALIKE_DEG = Threshold(
-    5.0, "deg", "simulated rigs",
-    "The same rigs move all places together by up to 1.7 degrees, mounting included."
-)  # fmt: skip
+    5.0, "deg", "simulated rigs", "The same rigs move all places together by up to 1.7 degrees, mounting included."
+)
 LOCAL_DEG = Threshold(15.0, "deg", "convention", "Shift within which one place is looked for.")
 STEP_DEG = 0.1
 NEAR_BASE = (0.005, 0.12)
@@ -57,19 +56,16 @@ RESIDUAL = Threshold(
     "Force of the pressure that a line rests at, over the preload: the chamber rises to it and the line tells nothing."
 )  # fmt: skip
 MISFIT = Threshold(
-    0.35, "1", "simulated rigs",
-    "A place whose torque is not the spring's to this share of it says nothing."
-)  # fmt: skip
+    0.35, "1", "simulated rigs", "A place whose torque is not the spring's to this share of it says nothing."
+)
 FLAT = Threshold(0.0025, "1", "simulated rigs", "A delivery that follows its nominal place as well lies there.")
 DELIVERY = "delivery"
 CLEAR_TORQUE = Threshold(
-    0.1, "1", "simulated rigs",
-    "Part of the peak above which torque drives the pump, not friction or noise."
-)  # fmt: skip
+    0.1, "1", "simulated rigs", "Part of the peak above which torque drives the pump, not friction or noise."
+)
 RISING_SHARE = Threshold(
-    0.5, "1", "simulated rigs",
-    "Of the driving torque of sound rigs, 96 % and more falls on the rising lift."
-)  # fmt: skip
+    0.5, "1", "simulated rigs", "Of the driving torque of sound rigs, 96 % and more falls on the rising lift."
+)
 BETTER = Threshold(
     0.3, "1", "simulated rigs",
     "Gain in correlation by which another place or direction has to explain a torque that misses the rising lift."

@@ -21,21 +21,18 @@ from camtorque.units import DEGREE
 
 MAINS_HZ = (50.0, 60.0)
 LOCKED = Threshold(
-    0.5, "1", "convention",
-    "Coherence of the mains' phase over the cycles above which the mean keeps the hum."
-)  # fmt: skip
+    0.5, "1", "convention", "Coherence of the mains' phase over the cycles above which the mean keeps the hum."
+)
 POINTS = 360
 """Bins of a revolution: mains is slow against the grid."""
 PIECE = 1024
 """Cycles worked on at a time."""
 SIGNIFICANT = Threshold(
-    6.0, "1", "statistics",
-    "Standard errors that the amplitude of the mains has to exceed before it is reported."
-)  # fmt: skip
+    6.0, "1", "statistics", "Standard errors that the amplitude of the mains has to exceed before it is reported."
+)
 SMALLEST_SHARE = Threshold(
-    1.0e-4, "1", "convention",
-    "Smallest amplitude that is worth a line, as a share of the peak torque."
-)  # fmt: skip
+    1.0e-4, "1", "convention", "Smallest amplitude that is worth a line, as a share of the peak torque."
+)
 MARGIN = 20.0 * DEGREE
 """Base circle that is left out after the lift has ended: what rings there is not hum."""
 FEWEST_PERIODS = Threshold(

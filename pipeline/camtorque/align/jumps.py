@@ -23,13 +23,11 @@ LEAST_JUMP = Threshold(
     "change by less from turn to turn."
 )  # fmt: skip
 NEIGHBOURS_AGREE = Threshold(
-    0.25, "1", "convention",
-    "The neighbours differ from each other by less than this part of the jump."
-)  # fmt: skip
+    0.25, "1", "convention", "The neighbours differ from each other by less than this part of the jump."
+)
 TIMES_USUAL = Threshold(
-    8.0, "1", "statistics",
-    "And the difference is this many times the usual one from revolution to revolution."
-)  # fmt: skip
+    8.0, "1", "statistics", "And the difference is this many times the usual one from revolution to revolution."
+)
 EDGE_NOISES = Threshold(
     7.0, "1", "statistics",
     "Difference of neighbouring periods, in standard errors of an edge, that the edges alone can make: "

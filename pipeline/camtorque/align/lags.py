@@ -33,9 +33,8 @@ SAMPLES_WIDE = Threshold(
 )  # fmt: skip
 SIGNIFICANT = Threshold(6.0, "1", "statistics", "Standard errors of a step or a drift of the lag, at least.")
 STEP_OVER_LINE = Threshold(
-    0.25, "1", "statistics",
-    "A step leaves less of the lag's variance than this part of what a straight line leaves."
-)  # fmt: skip
+    0.25, "1", "statistics", "A step leaves less of the lag's variance than this part of what a straight line leaves."
+)
 SHIFTED_OVER_PLAIN = Threshold(
     0.3, "1", "physics",
     "What differs by a shift alone differs less than this part once shifted; a changed load or warmer fuel does not."

@@ -24,9 +24,8 @@ from camtorque.records import Array, Refusal
 from camtorque.signal.threshold import Threshold
 
 LATE_INDEX = Threshold(
-    0.5, "steps", "convention",
-    "An index that comes this many steps after a mark still belongs to it."
-)  # fmt: skip
+    0.5, "steps", "convention", "An index that comes this many steps after a mark still belongs to it."
+)
 INDEX_SPREAD = Threshold(
     0.25, "steps", "simulated rigs",
     "Standard deviation of the index pulse among the others [steps] beyond which it does not belong to this wheel."

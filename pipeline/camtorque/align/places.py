@@ -21,13 +21,11 @@ from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import TURN
 
 LEAST_TURNS = Count(
-    4, "turns", "statistics",
-    "Whole turns of the cam between two others from which on the pattern is known."
-)  # fmt: skip
+    4, "turns", "statistics", "Whole turns of the cam between two others from which on the pattern is known."
+)
 LEAST_PULSES = Count(
-    4, "pulses", "statistics",
-    "Pulses per turn from which on tooth and speed can be separated at all."
-)  # fmt: skip
+    4, "pulses", "statistics", "Pulses per turn from which on tooth and speed can be separated at all."
+)
 MOST_ORDERS = 30
 """Orders of the deviation, at most; fewer on a wheel with fewer teeth."""
 LEAST_ORDERS = 8

@@ -45,9 +45,8 @@ REST_FACTOR = Threshold(
     "On the base circle a line pressure keeps this much more of its peak than a torque, at least."
 )  # fmt: skip
 DWELL_LIFT_VELOCITY = Threshold(
-    0.05, "1", "convention",
-    "Part of the largest lift velocity below which the follower stands still."
-)  # fmt: skip
+    0.05, "1", "convention", "Part of the largest lift velocity below which the follower stands still."
+)
 SAME_STROKE = Threshold(0.97, "1", "simulated rigs", "Correlation of the torque with itself a part of a turn on.")
 MOST_STROKES = Count(4, "1", "convention", "Strokes looked for in what the pulses call a revolution.")
 COARSE_GRID = 720

@@ -17,9 +17,8 @@ BOUNCE_PERIODS = Threshold(
     "An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."
 )  # fmt: skip
 SAME_PERIOD = Threshold(
-    0.15, "1", "simulated rigs",
-    "Relative difference within which two gaps together count as one period."
-)  # fmt: skip
+    0.15, "1", "simulated rigs", "Relative difference within which two gaps together count as one period."
+)
 PROVEN_PERIOD = Threshold(
     0.02, "1", "simulated rigs",
     "A gap is an integer number of periods when the neighbours' periods agree with it this closely."

@@ -41,9 +41,8 @@ OUTLIER_SWING = Threshold(
     "A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.4 %."
 )  # fmt: skip
 OUTLIER_FACTOR = Threshold(
-    2.5, "1", "simulated rigs",
-    "An outlier is also this much further from the robust mean cycle than the median cycle."
-)  # fmt: skip
+    2.5, "1", "simulated rigs", "An outlier is also this much further from the robust mean cycle than the median cycle."
+)
 
 STRETCH = Count(4, "cycles", "convention", "Outliers in a row that are no disturbance any more.")
 

@@ -23,9 +23,8 @@ LEAST_PULSES = 2
 PITCH_TEETH = 11
 """A running median over this many gaps is deaf to the mark and to single disturbances."""
 ONE_PITCH = Threshold(
-    0.3, "1", "physics",
-    "Two gaps make one pitch when their sum differs from it by less than this part."
-)  # fmt: skip
+    0.3, "1", "physics", "Two gaps make one pitch when their sum differs from it by less than this part."
+)
 BOUNCE = Threshold(
     0.15, "1", "convention",
     "An extra tooth stands further from its neighbours than this part of a pitch: a bounce is nearer."

@@ -132,9 +132,7 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
     return found
 
 
-def _isolated(
-    channel: Channel, scan: Scan, trains: Mapping[str, Array], config: RecordingConfig
-) -> list[Finding]:  # fmt: skip
+def _isolated(channel: Channel, scan: Scan, trains: Mapping[str, Array], config: RecordingConfig) -> list[Finding]:
     """Return a warning on samples that stand out, but for where the signal bends like that at any turn."""
     times = trains.get(channel.logger, next(iter(trains.values()), np.empty(0)))
     pulses = times[:: max(round(_expected(config)), 1)]

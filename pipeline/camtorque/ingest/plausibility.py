@@ -285,8 +285,7 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
         raise Refusal(f"{where}: {text}; {_implied(pump, slope, high)}")
     if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:
-        findings.append(Finding("torque_against_pressure", "warning",
-                                f"{text}; {_implied(pump, slope, high)}", where))  # fmt: skip
+        findings.append(Finding("torque_against_pressure", "warning", f"{text}; {_implied(pump, slope, high)}", where))
     return findings
 
 

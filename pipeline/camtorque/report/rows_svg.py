@@ -41,9 +41,7 @@ def rows_svg(chart: Rows, label: str) -> str:
     names = [textwrap.wrap(panel.abscissa, int(chart.width / panels / text_width("n"))) for panel in chart.panels]
     top = TOP + LEGEND_LINE * max(map(len, legends))
     bottom = top + ROW * len(chart.labels)
-    parts = [
-        text(left - 8.0, top + ROW * (k + 0.5) + 4.0, name, "end") for k, name in enumerate(chart.labels)
-    ]  # fmt: skip
+    parts = [text(left - 8.0, top + ROW * (k + 0.5) + 4.0, name, "end") for k, name in enumerate(chart.labels)]
     for k, (panel, legend) in enumerate(zip(chart.panels, legends, strict=True)):
         start = left + k * (width + GAP)
         parts += _panel(panel, (start, start + width), (top, bottom))

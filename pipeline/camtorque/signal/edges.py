@@ -32,9 +32,8 @@ REST_HIGH = Threshold(
 BUNDLE = 4096
 """Edges worked off at once."""
 MIN_HEIGHT_TO_NOISE = Threshold(
-    8.0, "1", "statistics",
-    "Pulses lower than this many standard deviations of the plateaus are no pulses."
-)  # fmt: skip
+    8.0, "1", "statistics", "Pulses lower than this many standard deviations of the plateaus are no pulses."
+)
 COIL_SYMMETRY = Threshold(
     0.1, "1", "convention",
     "A signal without pulses whose median lies within this part of its swing from the middle may be a coil's: "

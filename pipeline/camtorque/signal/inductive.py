@@ -22,9 +22,8 @@ from camtorque.signal.logger_time import sample_times
 from camtorque.signal.threshold import Threshold
 
 REAL_WAVE = Threshold(
-    1.0 / 3.0, "1", "simulated rigs",
-    "Part of the usual height beside it that both halves of a tooth's wave reach."
-)  # fmt: skip
+    1.0 / 3.0, "1", "simulated rigs", "Part of the usual height beside it that both halves of a tooth's wave reach."
+)
 NEIGHBOURS = 16
 """Half waves on either side among which the usual height is looked for."""
 USUAL_PERCENTILE = 75.0
@@ -34,9 +33,8 @@ FAINT = Threshold(
     "Half waves lower than this part of the highest ones are noise of a shaft at rest: speeds of 1 to 100 in one log."
 )  # fmt: skip
 NOISE_HEIGHTS = Threshold(
-    5.0, "1", "statistics",
-    "Half waves are higher than this many standard deviations of the noise."
-)  # fmt: skip
+    5.0, "1", "statistics", "Half waves are higher than this many standard deviations of the noise."
+)
 MIDDLE_OF_FLANK = 0.4
 """Part of the lower half wave up to which a flank is straight."""
 MOST_FLANK = 24

@@ -12,9 +12,8 @@ from camtorque.signal.running import median, percentile, running_maximum, runnin
 from camtorque.signal.threshold import Threshold
 
 HYSTERESIS = Threshold(
-    0.25, "1", "convention",
-    "Part of the pulse height above and below half height that a pulse has to pass."
-)  # fmt: skip
+    0.25, "1", "convention", "Part of the pulse height above and below half height that a pulse has to pass."
+)
 FINE_SAMPLES = passes_compiled.WINDOW
 """Windows from which the distance of the pulses is estimated."""
 CACHED_WINDOWS = 256

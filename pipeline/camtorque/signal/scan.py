@@ -32,9 +32,8 @@ SPIKE_STEPS = Threshold(
     "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not at all."
 )  # fmt: skip
 SPIKE_SHAPE = Threshold(
-    0.1, "1", "convention",
-    "The two samples beside it bend by minus half of that, but for this part of it."
-)  # fmt: skip
+    0.1, "1", "convention", "The two samples beside it bend by minus half of that, but for this part of it."
+)
 LEAST_SWING_VOLTS = 1.0e-9
 LISTED = 300
 
