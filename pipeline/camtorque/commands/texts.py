@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from camtorque.report.answer import work_parts
-from camtorque.report.numbers import named, plus_minus, rounded_to_error, typeset, words
+from camtorque.report.answer import estimate_text, work_parts
+from camtorque.report.numbers import named, typeset, words
 from camtorque.report.verdict import bump_place, doubtful_input, known_metrics, missed_limits, unusual_values
 
 PULLED, MOST_PULLED = "prior_pulled", 3
@@ -32,9 +32,9 @@ def run_table(doc: Mapping[str, Any]) -> str:
     lines.append(f"{'measured (held-out)':22}{'':32}{row['return_min_measured_nm']:13.2f} N m")
     trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
     lines += ["", f"effects   {', '.join(map(words, doc['effects'])) or 'none'}"]
-    lines.append(f"trigger   {_value(trigger, 'deg', doc)}, nominal {trigger['nominal']:.2f}")
+    lines.append(f"trigger   {estimate_text(doc, trigger, 'deg')}, nominal {trigger['nominal']:.2f}")
     if chamber and chamber["peak_bar"]:
-        lines.append(f"chamber   peak {_value(chamber['peak_bar'], 'bar', doc)}")
+        lines.append(f"chamber   peak {estimate_text(doc, chamber['peak_bar'], 'bar')}")
     lines.append(f"work      {losses['input']:.2f} J/rev = {_work(doc)}")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
 
@@ -68,13 +68,6 @@ def _work(doc: Mapping[str, Any]) -> str:
         if interval or abs(value) >= 0.005:
             texts.append(f"{words(name)} {value:.2f}{interval}")
     return " + ".join(texts)
-
-
-def _value(estimate: Mapping[str, Any], unit: str, doc: Mapping[str, Any]) -> str:
-    """Return a value with its standard error, if that can be relied on."""
-    error = estimate["stderr"] if doc["explained"] else None
-    text = rounded_to_error(estimate["value"], estimate["stderr"])
-    return f"{text} ± {plus_minus(error)} {unit}" if error else f"{text} {unit}"
 
 
 def campaign_table(doc: Mapping[str, Any]) -> str:

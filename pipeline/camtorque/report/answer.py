@@ -9,15 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from camtorque.records import APART, EITHER_LOSS, KNOWLEDGE, TOGETHER
-from camtorque.report.numbers import (
-    MINUS,
-    plus_minus,
-    rounded_to_error,
-    significant,
-    with_decimals,
-    with_sign,
-    words,
-)
+from camtorque.report.numbers import plus_minus, rounded_to_error, significant, with_decimals, with_sign, words
 from camtorque.report.verdict import Document, bump_places, differs
 
 ABOVE_NOISE = 1.2
@@ -243,10 +235,10 @@ def cards(doc: Document) -> list[dict[str, str]]:
         (f"{with_decimals(recording['peak_torque_nm'], 1)} N m", "peak of the measured torque"),
         (f"{significant(held['rms_percent_of_peak'], 2)} %", "shape residual, RMS of the peak torque"),
         (f"{with_sign(held['forward_gap_percent'])} %", "forward gap after the fit"),
-        (f"{_value(doc, trigger)} deg", "trigger angle"),
+        (estimate_text(doc, trigger, "deg"), "trigger angle"),
     ]
     if chamber and chamber["peak_bar"]:
-        rows.append((f"{_value(doc, chamber['peak_bar'])} bar", "peak of the chamber pressure"))
+        rows.append((estimate_text(doc, chamber["peak_bar"], "bar"), "peak of the chamber pressure"))
     rows += [
         (f"{significant(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
         (
@@ -258,8 +250,7 @@ def cards(doc: Document) -> list[dict[str, str]]:
     return [{"value": value, "text": text} for value, text in rows]
 
 
-def _value(doc: Document, estimate: Document) -> str:
-    """Return a value with its standard error, if that can be relied on."""
-    text = rounded_to_error(estimate["value"], estimate["stderr"])
-    has_interval = doc["explained"] and (estimate["stderr"] or 0.0) > 0.0
-    return f"{text} ± {plus_minus(estimate['stderr'])}" if has_interval else text.replace("-", MINUS)
+def estimate_text(doc: Document, estimate: Document, unit: str) -> str:
+    """Return a value with its standard error, if that can be relied on, and its unit."""
+    interval = f" ± {plus_minus(estimate['stderr'])}" if sure(doc, estimate["stderr"]) else ""
+    return f"{rounded_to_error(estimate['value'], estimate['stderr'])}{interval} {unit}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from camtorque.laws import ROWS
 from camtorque.records import APART, KNOWLEDGE, TOGETHER, UNTOLD
-from camtorque.report.answer import NOT_LOSSES, sure
+from camtorque.report.answer import NOT_LOSSES, estimate_text, sure
 from camtorque.report.numbers import (
     UNKNOWN,
     plus_minus,
@@ -44,8 +44,7 @@ def inside_text(doc: Document) -> str:
     for key, what in (("peak_bar", "peaks at"), ("return_start_bar", "at 95 % of the lift on the return is still")):
         value = chamber[key] if chamber else None
         if value and value["value"] is not None:
-            interval = f" ± {plus_minus(value['stderr'])}" if doc["explained"] and value["stderr"] else ""
-            text += f"The chamber pressure {what} {rounded_to_error(value['value'], value['stderr'])}{interval} bar. "
+            text += f"The chamber pressure {what} {estimate_text(doc, value, 'bar')}. "
     lost = "The follower leaves the cam." if forces["contact_lost"] else "The follower stays on the cam."
     return text + lost + measured_text(doc["measured"])
 
@@ -76,13 +75,10 @@ def measured_text(measured: Document) -> str:
 def alignment_text(doc: Document) -> str:
     """Return trigger angle and delay in words."""
     trigger, delay = doc["alignment"]["trigger_angle_deg"], doc["alignment"]["torque_delay_s"]
-    sure = doc["explained"]
-    text = f"Trigger angle {rounded_to_error(trigger['value'], trigger['stderr'])}"
-    text += f" ± {plus_minus(trigger['stderr'])} deg" if sure and trigger["stderr"] else " deg"
-    text += f" (nominal {significant(trigger['nominal'], 4)} deg). "
+    text = f"Trigger angle {estimate_text(doc, trigger, 'deg')} (nominal {significant(trigger['nominal'], 4)} deg). "
     if delay["value"] is not None:
-        text += f"Torque delay {with_decimals(1e3 * delay['value'], 4)}"
-        text += f" ± {with_decimals(1e3 * delay['stderr'], 4)} ms. " if sure and delay["stderr"] else " ms. "
+        interval = f" ± {with_decimals(1e3 * delay['stderr'], 4)}" if sure(doc, delay["stderr"]) else ""
+        text += f"Torque delay {with_decimals(1e3 * delay['value'], 4)}{interval} ms. "
     return text + (
         "The residual errors of the cam angle, as standard deviations; after the fit they are those of single "
         "parameters, stand in for one another and do not add up:"
