@@ -21,15 +21,15 @@ from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
 from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.stated import DIMENSIONS, differences, stated
+from camtorque.jsonable import now
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
-from camtorque.report.compare_page import ComparedCurves, ComparePage, write_compare
-from camtorque.report.document import inputs_document
+from camtorque.report.compare_page import ComparedCurves, write_compare
+from camtorque.report.files import inputs_document
 from camtorque.report.folder import output_folder
 from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_of
-from camtorque.run import now
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -332,7 +332,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
         found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]
         progress("writing the comparison")
         document = compare_document(found, (before.name, after.name), paths.alone)
-        return write_compare(ComparePage(document, tuple(compared_curves(item) for item in found)), folder)
+        return write_compare(document, [compared_curves(item) for item in found], folder)
 
 
 def _one_pair(before: Path, after: Path, progress: Progress) -> Compared:

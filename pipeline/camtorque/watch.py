@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.align import AlignOptions, align
+from camtorque.align import align
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest import read_recording
@@ -292,7 +292,7 @@ def _so_far(folder: Path) -> tuple[Recording, CamCycles]:
         }
         channels = tuple(replace(spec, path=copies[spec.path], duration=None) for spec in config.channels)
         recording = recording_of(replace(config, channels=channels))
-        return recording, align(recording, AlignOptions())
+        return recording, align(recording)
 
 
 def _whole_lines(path: Path, copy: Path) -> Path:
@@ -336,7 +336,7 @@ def _by_age(folder: Path) -> list[tuple[Path, int]]:
 def _finished(name: str, block: Path, memory: Memory, options: WatchOptions) -> Block | Waiting:
     try:
         recording = read_recording(block)
-        cycles = align(recording, AlignOptions())
+        cycles = align(recording)
     except Refusal as refusal:
         return Waiting(name, f"refused: {refusal}")
     lost = cycles.cycles_found - cycles.index.size

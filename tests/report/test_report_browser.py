@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from camtorque.report.alignment import write_alignment
-from camtorque.report.compare_page import ComparePage, write_compare
+from camtorque.report.compare_page import write_compare
 from camtorque.report.plan_page import plan_page
 from camtorque.report.predict_page import prediction_page
 from camtorque.report.write import write_run
@@ -66,7 +66,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         (folder / name).mkdir()
     write_run(run_result(), folder / "run")
     write_run(run_result(explained=False), folder / "unexplained")
-    write_compare(ComparePage(document(), (pair(),)), folder / "compare")
+    write_compare(document(), [pair()], folder / "compare")
     case = run_result()
     write_alignment(case.recording, case.cycles, case.created, folder / "align")
     (folder / "predict.html").write_text(prediction_page(paper_prediction(), "pump"), encoding="utf-8")

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from camtorque.report.compare_page import (
     ComparedCurves,
-    ComparePage,
     compare_answer,
     compare_cautions,
     compare_drawings,
@@ -54,7 +53,7 @@ def test_cautions_stand_on_the_page(tmp_path: Path) -> None:
     finding = {"code": "torque_drifts", "severity": "warning", "text": "it drifts", "where": "torque", "recording": "B"}
     torque = {"rms_difference_nm": 1.5, "max_difference_nm": 6.2, "odd_even_rms_nm": 0.03, "ratio": 1.1}
     doc = {**document(), "torque": torque, "inflation": {"mean": [4.0], "difference": [5.6]}, "findings": [finding]}
-    write_compare(ComparePage(doc, (pair(),)), tmp_path)
+    write_compare(doc, [pair()], tmp_path)
     text = unescape((tmp_path / "compare.html").read_text(encoding="utf-8")).replace("\u00a0", " ")
     for part in ("The torque after is 1.1 times that before", "they leave 5.6 times what", "It drifts"):
         assert part in text
@@ -63,7 +62,7 @@ def test_cautions_stand_on_the_page(tmp_path: Path) -> None:
 
 
 def test_page_says_what_changed_and_what_would_have_been_seen(tmp_path: Path) -> None:
-    written = write_compare(ComparePage(document(), (pair(),)), tmp_path)
+    written = write_compare(document(), [pair()], tmp_path)
     assert json.loads((tmp_path / "compare.json").read_text(encoding="utf-8")) == written
     text = (tmp_path / "compare.html").read_text(encoding="utf-8")
     assert "<script>alert" not in text
@@ -87,7 +86,7 @@ def test_every_verdict_has_its_sentence(verdict: str) -> None:
 
 
 def test_difference_is_after_minus_before() -> None:
-    overlay = compare_drawings(ComparePage(document(), (pair(False),)), document())[0]
+    overlay = compare_drawings(document(), [pair(False)])[0]
     torque, difference, pressure, _ = overlay.chart.panels  # type: ignore[union-attr]
     np.testing.assert_allclose(difference.lines[0].values, torque.lines[1].values - torque.lines[0].values)
     assert difference.lines[0].values.max() == pytest.approx(1.0)
@@ -95,5 +94,5 @@ def test_difference_is_after_minus_before() -> None:
 
 
 def test_a_comparison_without_curves_has_its_tables(tmp_path: Path) -> None:
-    write_compare(ComparePage(document(), ()), tmp_path)
+    write_compare(document(), [], tmp_path)
     assert "Parameters" in (tmp_path / "compare.html").read_text(encoding="utf-8")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,31 +70,22 @@ class ComparedCurves(ReadOnly):
     chamber_after: Array | None = None
 
 
-@dataclass(frozen=True)
-class ComparePage:
-    """All that the page of a comparison shows.
+def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], folder: Path) -> dict[str, Any]:
+    """Write compare.json, compare.html and figures/ into an existing folder; return the content of the first.
 
-    Attributes
+    Parameters
     ----------
-    document : content of compare.json (docs/result_schema.md); a row of ``parameters`` or ``losses`` may hold
-        ``smallest_change``, the smallest change that would have been seen, in the unit of the row
+    found : content of compare.json (docs/result_schema.md)
     curves : pairs of mean cycles; several where campaigns are compared
     """
-
-    document: Mapping[str, Any]
-    curves: tuple[ComparedCurves, ...]
-
-
-def write_compare(page: ComparePage, folder: Path) -> dict[str, Any]:
-    """Write compare.json, compare.html and figures/ into an existing folder; return the content of the first."""
-    document = jsonable(page.document)
-    drawings = compare_drawings(page, document)
+    document = jsonable(found)
+    drawings = compare_drawings(document, curves)
     write_figures(drawings, folder / "figures", lambda name: True)
     title = f"{document['before']['name']} against {document['after']['name']}"
-    named = phases(page.curves[0].theta, page.curves[0].lift) if page.curves else ()
+    named = phases(curves[0].theta, curves[0].lift) if curves else ()
     html = render(
         "compare.html", live_charts(drawings), named, title=title, doc=document, drawings=drawings,
-        tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]], page=page,
+        tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]],
         answer=compare_answer(document), events=compare_events(document), left_out=left_out(document),
         cautions=compare_cautions(document), findings=document.get("findings", ()),
     )  # fmt: skip
@@ -202,11 +193,11 @@ def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-def compare_drawings(page: ComparePage, document: Mapping[str, Any]) -> list[Drawing]:
+def compare_drawings(document: Mapping[str, Any], curves: Sequence[ComparedCurves]) -> list[Drawing]:
     """Return the figures: one pair of cycles after the other, then the changes in standard errors."""
     found = []
-    for number, pair in enumerate(page.curves):
-        title = "Torque, difference and pressure" + (f": {pair.name}" if len(page.curves) > 1 else "")
+    for number, pair in enumerate(curves):
+        title = "Torque, difference and pressure" + (f": {pair.name}" if len(curves) > 1 else "")
         found.append(drawing_of(f"overlay_{number + 1}", _overlay(pair, document), title,
                            "Difference = after − before, with twice its standard uncertainty; errors that both "
                            "share are left out."))  # fmt: skip

@@ -25,10 +25,10 @@ from camtorque.report.gaps import gap_shares
 from camtorque.report.measured import measured_document
 from camtorque.report.numbers import typeset
 from camtorque.report.verdict import verdict
+from camtorque.results import SCHEMA
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 
-SCHEMA = "camtorque.result/1"
 SENTENCES = ("text", "meaning", "source", "next_measurement")
 """Keys whose values are read by people."""
 
