@@ -21,7 +21,7 @@ from camtorque.laws.chain import BINS
 from camtorque.progress import silent
 from camtorque.records import Refusal
 from damaged.build import PLANS
-from damaged.logs import clean_log, write_folder
+from damaged.logs import clean_log, edit, write_folder
 from threadpoolctl import threadpool_info, threadpool_limits
 
 SEALED = {"SHA256SUMS", "ro-crate-metadata.json"}
@@ -42,13 +42,6 @@ def copy(tmp_path: Path) -> Path:
     shutil.copytree(EXAMPLES.parent / "calibration", tmp_path / "calibration")
     shutil.copytree(EXAMPLES / "A_1250rpm", tmp_path / "raw" / "A")
     return tmp_path / "raw" / "A"
-
-
-def edit(folder: Path, old: str, new: str) -> None:
-    file = folder / "recording.toml"
-    text = file.read_text(encoding="utf-8")
-    assert old in text
-    file.write_text(text.replace(old, new), encoding="utf-8")
 
 
 def refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
@@ -89,7 +82,7 @@ def test_empty_or_header_only_log(copy: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_unknown_unit(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edit(copy, 'unit = "V"', 'unit = "furlong"')
+    edit(copy / "recording.toml", 'unit = "V"', 'unit = "furlong"')
     assert "furlong" in refused(copy, capsys)
 
 
@@ -133,6 +126,8 @@ def test_check_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert doc["schema"] == "camtorque.check/1"
     assert [row["quantity"] for row in doc["channels"]] == ["torque", "pressure", "trigger"]
     assert {"code", "severity", "text", "where"} == set(doc["findings"][0])
+    assert doc["usable"] == ["align", "run"]
+    assert {"missed_trigger", "misfire"} <= {row["reason"] for row in doc["cut_flow"]}
 
 
 def test_notes_are_counted_and_warnings_shown() -> None:
@@ -228,13 +223,6 @@ def test_check_tells_what_a_recording_holds(capsys: pytest.CaptureFixture[str]) 
         assert word in printed
 
 
-def test_check_shows_the_cut_flow_and_what_the_recording_is_enough_for(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["check", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
-    doc = json.loads(capsys.readouterr().out)
-    assert doc["usable"] == ["align", "run"]
-    assert {"missed_trigger", "misfire"} <= {row["reason"] for row in doc["cut_flow"]}
-
-
 def test_check_says_what_a_recording_of_three_cycles_lacks_for_run(tmp_path: Path) -> None:
     recording = read_recording(write_folder(tmp_path / "r", [clean_log(revolutions=4.2)], PLANS["hdf5"]))
     cycles = align(recording)
@@ -244,8 +232,8 @@ def test_check_says_what_a_recording_of_three_cycles_lacks_for_run(tmp_path: Pat
 
 
 def test_check_lists_every_error(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edit(copy, "plunger_diameter_m = 0.008", "plunger_diameter_m = 8")
-    edit(copy, 'edge = "rising"', 'edge = "up"')
+    edit(copy / "recording.toml", "plunger_diameter_m = 0.008", "plunger_diameter_m = 8")
+    edit(copy / "recording.toml", 'edge = "rising"', 'edge = "up"')
     assert cli.main(["check", str(copy)]) == 2
     printed = capsys.readouterr().out
     assert printed.startswith("2 things have to be put right:")
@@ -256,7 +244,7 @@ def test_check_lists_every_error(copy: Path, capsys: pytest.CaptureFixture[str])
 def test_check_lists_what_is_wrong_with_files_and_sheets_together(
     copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    edit(copy, 'channel = "Geber"', 'channel = "Gebre"')
+    edit(copy / "recording.toml", 'channel = "Geber"', 'channel = "Gebre"')
     (copy.parent.parent / "calibration" / "torque_T22-40117.csv").unlink()
     assert cli.main(["check", str(copy), "--json"]) == 2
     refused_by = json.loads(capsys.readouterr().out)["refused"]
@@ -264,8 +252,8 @@ def test_check_lists_what_is_wrong_with_files_and_sheets_together(
 
 
 def test_check_names_every_column_that_is_not_there(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edit(copy, 'channel = "Geber"', 'channel = "Gebre"')
-    edit(copy, 'channel = "Drehmoment"', 'channel = "Moment"')
+    edit(copy / "recording.toml", 'channel = "Geber"', 'channel = "Gebre"')
+    edit(copy / "recording.toml", 'channel = "Drehmoment"', 'channel = "Moment"')
     assert cli.main(["check", str(copy), "--json"]) == 2
     refused_by = json.loads(capsys.readouterr().out)["refused"]
     assert ["no column 'Moment'" in refused_by[0], "no column 'Gebre'" in refused_by[1]] == [True, True]
@@ -289,7 +277,7 @@ def test_two_pulses_are_enough_to_align(
 
 
 def test_check_never_passes_what_align_refuses(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edit(copy, "pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 2")
+    edit(copy / "recording.toml", "pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 2")
     assert cli.main(["check", str(copy)]) == 2
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert last.startswith("refused")
@@ -356,10 +344,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("camtorque.cli", {"numpy"}),
         ("camtorque.commands.check", {"pandas", "matplotlib", "h5py", "nptdms", "asammdf"}),
-        (
-            "camtorque.commands.run",
-            {"pandas", "lmfit", "scipy.special", "asammdf", "emcee", "camtorque.studies"},
-        ),
+        ("camtorque.commands.run", {"pandas", "lmfit", "scipy.special", "asammdf", "emcee", "camtorque.studies"}),
         ("camtorque.commands.predict", {"pandas", "camtorque.studies"}),
     ],
 )

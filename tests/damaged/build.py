@@ -15,7 +15,7 @@ import numpy as np
 if __package__ in (None, ""):
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from damaged.logs import SUFFIXES, Dialect, Log, Plan, clean_log, csv_text, write_folder, write_mat5, write_mat73
+from damaged.logs import SUFFIXES, Log, Plan, clean_log, write_folder, write_mat5, write_mat73, write_tdms
 
 Builder = Callable[[Path], Path]
 MAT = Plan("mat", channel_lines='time_channel = "t"\n')
@@ -46,55 +46,40 @@ def log_file(folder: Path) -> Path:
     return next(path for path in folder.iterdir() if path.suffix != ".toml")
 
 
-def cut(file_format: str, part: float, plan: Plan | None = None) -> Builder:
-    """Cut the file after a part of its bytes."""
+def rewritten(file_format: str, change: Callable[[bytes], bytes], plan: Plan | None = None) -> Builder:
+    """Change the bytes of a log that is written whole."""
 
     def build(folder: Path) -> Path:
-        write_folder(folder, [clean_log()], plan or PLANS[file_format])
-        file = log_file(folder)
-        data = file.read_bytes()
-        file.write_bytes(data[: int(part * len(data))])
+        file = log_file(write_folder(folder, [clean_log()], plan or PLANS[file_format]))
+        file.write_bytes(change(file.read_bytes()))
         return folder
 
     return build
+
+
+def cut(file_format: str, part: float, plan: Plan | None = None) -> Builder:
+    """Cut the file after a part of its bytes."""
+    return rewritten(file_format, lambda data: data[: int(part * len(data))], plan)
 
 
 def cut_at(file_format: str, size: int) -> Builder:
     """Cut the file after so many bytes (0: empty)."""
-
-    def build(folder: Path) -> Path:
-        write_folder(folder, [clean_log()], PLANS[file_format])
-        file = log_file(folder)
-        file.write_bytes(file.read_bytes()[:size])
-        return folder
-
-    return build
+    return rewritten(file_format, lambda data: data[:size])
 
 
-def flipped(file_format: str, part: float, plan: Plan | None = None, mask: int = 0x40) -> Builder:
-    """Flip bits of one byte at a part of the file."""
+def flipped(file_format: str, part: float) -> Builder:
+    """Flip a bit of one byte at a part of the file."""
 
-    def build(folder: Path) -> Path:
-        write_folder(folder, [clean_log()], plan or PLANS[file_format])
-        file = log_file(folder)
-        data = bytearray(file.read_bytes())
-        data[int(part * len(data))] ^= mask
-        file.write_bytes(bytes(data))
-        return folder
+    def flip(data: bytes) -> bytes:
+        at = int(part * len(data))
+        return data[:at] + bytes([data[at] ^ 0x40]) + data[at + 1 :]
 
-    return build
+    return rewritten(file_format, flip)
 
 
 def text_edit(change: Callable[[list[str]], list[str]]) -> Builder:
     """Change the lines of a CSV log (the first data row is line 5)."""
-
-    def build(folder: Path) -> Path:
-        write_folder(folder, [clean_log()], PLANS["csv"])
-        file = log_file(folder)
-        file.write_text("\n".join(change(file.read_text().split("\n"))))
-        return folder
-
-    return build
+    return rewritten("csv", lambda data: "\n".join(change(data.decode().split("\n"))).encode())
 
 
 def changed(change: Callable[[Log], Log], file_format: str = "hdf5", **options: float) -> Builder:
@@ -102,12 +87,12 @@ def changed(change: Callable[[Log], Log], file_format: str = "hdf5", **options: 
     return lambda folder: write_folder(folder, [change(clean_log(**options))], PLANS[file_format])
 
 
-def two_loggers(skew_ppm: float = 40.0, trigger_on_both: bool = True) -> Builder:
+def two_loggers(trigger_on_both: bool = True) -> Builder:
     """Two loggers with separate clocks."""
 
     def build(folder: Path) -> Path:
         first = clean_log()
-        second = clean_log(rate=20_000.0 * (1.0 + 1e-6 * skew_ppm), start=0.237, seed=2)
+        second = clean_log(rate=20_000.0 * (1.0 + 40e-6), start=0.237, seed=2)
         one = replace(first, logger="A", volts={q: first.volts[q] for q in ("torque", "trigger")})
         names = ("pressure", "trigger") if trigger_on_both else ("pressure",)
         count = second.volts["pressure"].size
@@ -147,16 +132,9 @@ def _gap(log: Log) -> Log:
     return replace(log, times=log.times[keep], volts={q: v[keep] for q, v in log.volts.items()})
 
 
-def _clock_jump(log: Log) -> Log:
-    times = log.times.copy()
-    times[12000:] += 0.0421
-    return replace(log, times=times)
-
-
-def _time_back(log: Log) -> Log:
-    times = log.times.copy()
-    times[12000:] -= 0.5
-    return replace(log, times=times)
+def _jump(by: float) -> Callable[[Log], Log]:
+    """The times of the later samples are off [s]."""
+    return lambda log: replace(log, times=log.times + np.where(np.arange(log.times.size) < 12000, 0.0, by))
 
 
 def _jitter(log: Log) -> Log:
@@ -228,8 +206,6 @@ def _misfire(log: Log) -> Log:
 
 def wrong_content(folder: Path) -> Path:
     """HDF5 says the toml, TDMS is the file."""
-    from damaged.logs import write_tdms
-
     write_folder(folder, [clean_log()], PLANS["hdf5"])
     write_tdms(log_file(folder), clean_log())
     return folder
@@ -239,33 +215,6 @@ def missing_log(folder: Path) -> Path:
     write_folder(folder, [clean_log()], PLANS["hdf5"])
     log_file(folder).unlink()
     return folder
-
-
-def unfinished_mf4(folder: Path) -> Path:
-    write_folder(folder, [clean_log()], PLANS["mf4"])
-    file = log_file(folder)
-    file.write_bytes(b"UnFinMF " + file.read_bytes()[8:])
-    return folder
-
-
-def unclosed_tdms(folder: Path) -> Path:
-    """A logger that died: the length of the last segment was never written."""
-    write_folder(folder, [clean_log()], PLANS["tdms"])
-    file = log_file(folder)
-    data = file.read_bytes()
-    file.write_bytes(data[:12] + b"\xff" * 8 + data[20:-4000])
-    return folder
-
-
-def text_of(change: Callable[[str], str], kind: Dialect) -> Builder:
-    """A CSV log written in a dialect of its own, changed as text."""
-
-    def build(folder: Path) -> Path:
-        write_folder(folder, [clean_log()], PLANS["csv"])
-        log_file(folder).write_bytes(change(csv_text(clean_log(), kind)).encode(kind.encoding))
-        return folder
-
-    return build
 
 
 def mat73(change: Callable[[Path], None] = lambda file: None) -> Builder:
@@ -312,8 +261,9 @@ BUILDERS: dict[str, Builder] = {
     "letters_in_csv": text_edit(lambda lines: [*lines[:9000], lines[9000][:-6] + ",x.3", *lines[9001:]]),
     "row_missing_csv": text_edit(lambda lines: [*lines[:9000], *lines[9001:]]),
     "companion_cut_csv": companion_cut,
-    "unfinished_mf4": unfinished_mf4,
-    "unclosed_tdms": unclosed_tdms,
+    "unfinished_mf4": rewritten("mf4", lambda data: b"UnFinMF " + data[8:]),
+    # a logger that died: the length of the last segment was never written
+    "unclosed_tdms": rewritten("tdms", lambda data: data[:12] + b"\xff" * 8 + data[20:-4000]),
     "wrong_content": wrong_content,
     "missing_log": missing_log,
     "dialect_semicolon": dialect("semicolon", "semicolon, decimal comma"),
@@ -352,9 +302,9 @@ BUILDERS: dict[str, Builder] = {
     "nan_run_hdf5": changed(_put("torque", slice(9000, 9400), np.nan)),
     "gap_csv": changed(_gap, "csv"),
     "gap_mf4": changed(_gap, "mf4"),
-    "clock_jump_mat": changed(_clock_jump, "mat"),
-    "clock_jump_catman": changed(_clock_jump, "catman"),
-    "time_runs_back_csv": changed(_time_back, "csv"),
+    "clock_jump_mat": changed(_jump(0.0421), "mat"),
+    "clock_jump_catman": changed(_jump(0.0421), "catman"),
+    "time_runs_back_csv": changed(_jump(-0.5), "csv"),
     "time_not_uniform_csv": changed(_jitter, "csv"),
     "clipped_pressure": changed(lambda log: log.with_volts("pressure", np.minimum(log.volts["pressure"], 1.8))),
     "clipped_torque": changed(lambda log: log.with_volts("torque", np.minimum(log.volts["torque"], 0.9))),

@@ -21,6 +21,13 @@ NAMES = {"torque": "Torque", "pressure": "Line_Pressure", "trigger": "Prox_Trigg
 SENSORS = {"torque": "T22-40117", "pressure": "K4067-40117", "trigger": "PROX-01"}
 
 
+def edit(file: Path, old: str, new: str) -> None:
+    """Replace a text that the file must hold."""
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
 @dataclass(frozen=True)
 class Log:
     """Volts of one logger at ``start + i / rate``; ``times`` may be damaged apart from it."""
@@ -150,9 +157,7 @@ def write_csv(path: Path, log: Log, dialect: str = "comma") -> None:
     path.write_bytes(csv_text(log, kind).encode(kind.encoding))
 
 
-def write_tdms(
-    path: Path, log: Log, *, scaled: bool = False, segments: int = 1, interleaved: bool = False, unit: str = "V"
-) -> None:
+def write_tdms(path: Path, log: Log, *, scaled: bool = False, segments: int = 1, unit: str = "V") -> None:
     from nptdms import ChannelObject, RootObject, TdmsWriter
 
     with TdmsWriter(path) as writer:

@@ -83,6 +83,12 @@ def test_a_certificate_of_a_bridge_is_read_for_a_channel_in_its_unit(tmp_path: P
         read_sensor(reference, "V")
 
 
+def filled(text: str, zero: str) -> str:
+    text = re.sub(r"\[pump\].*?(?=\n\[)", "", text, count=1, flags=re.DOTALL).replace('_deg = "?"', "_deg = 1.0")
+    text = text.replace('pump_id = "?"', "").replace('nominal_range = "?"', "nominal_range = [-200, 200]")
+    return text.replace('sensitivity_mV_per_V = "?"', f"sensitivity_mV_per_V = 2.0\nzero_before = {zero}")
+
+
 def test_from_a_log_in_millivolts_per_volt_to_newton_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     rate, turn = 10e3, 2.0 * np.pi * 10.0 * np.arange(6000) / 10e3
     torque, volts = 60.0 * np.maximum(np.sin(turn), 0.0) ** 2, 5.0 * (turn % (2.0 * np.pi) < 0.3)
@@ -96,16 +102,14 @@ def test_from_a_log_in_millivolts_per_volt_to_newton_metres(tmp_path: Path, caps
     toml = tmp_path / "recording.toml"
     text = toml.read_text()
     assert re.search(r'unit = "N m".*\nnominal_range = "\?".*\nsensitivity_mV_per_V = "\?"', text)
-    text = re.sub(r"\[pump\].*?(?=\n\[)", "", text, count=1, flags=re.DOTALL).replace('_deg = "?"', "_deg = 1.0")
-    text = text.replace('pump_id = "?"', "").replace('nominal_range = "?"', "nominal_range = [-200, 200]")
-    toml.write_text(text.replace('sensitivity_mV_per_V = "?"', "sensitivity_mV_per_V = 2.0\nzero_before = 0.03"))
+    toml.write_text(filled(text, "0.03"))
     np.testing.assert_allclose(read_recording(tmp_path).of("torque")[0].read(), torque, atol=1e-3)
     toml.write_text(toml.read_text().replace("zero_before = 0.03", "zero_before_V = 0.03"))
     with pytest.raises(Refusal, match=r"the channel is in mV/V, the zero of \[sensors.torque\] in V; give it as"):
         read_recording(tmp_path)
 
 
-def bench(folder: Path, supply: np.ndarray, lines: str = "") -> np.ndarray:
+def bench(folder: Path, supply: np.ndarray) -> np.ndarray:
     """Write a bridge in mV with its supply, which sags; return the torque [N m]."""
     rate, turn = 10e3, 2.0 * np.pi * 10.0 * np.arange(6000) / 10e3
     torque, pulses = 60.0 * np.maximum(np.sin(turn), 0.0) ** 2, turn % (2.0 * np.pi) < 0.3
@@ -121,9 +125,7 @@ def test_millivolts_over_a_recorded_supply_are_taken_sample_by_sample(tmp_path: 
     toml = tmp_path / "recording.toml"
     text = toml.read_text()
     assert re.search(r'unit = "mV".*\n.*\n.*\nsupply_channel = "U_exc"', text)
-    text = re.sub(r"\[pump\].*?(?=\n\[)", "", text, count=1, flags=re.DOTALL).replace('_deg = "?"', "_deg = 1.0")
-    text = text.replace('pump_id = "?"', "").replace('nominal_range = "?"', "nominal_range = [-200, 200]")
-    toml.write_text(text.replace('sensitivity_mV_per_V = "?"', "sensitivity_mV_per_V = 2.0\nzero_before = 0.0"))
+    toml.write_text(filled(text, "0.0"))
     np.testing.assert_allclose(read_recording(tmp_path).of("torque")[0].read(), torque, atol=1e-3)
     edited = toml.read_text()
     toml.write_text(edited.replace("zero_before = ", "zero_before_V = "))

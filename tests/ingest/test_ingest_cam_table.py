@@ -24,6 +24,7 @@ def rows(angles: np.ndarray, lift_mm: np.ndarray, head: str = "cam_angle_deg,lif
 
 ANGLES = np.arange(0.0, 360.0, 2.0)
 LIFT = 4.0 - 4.0 * np.cos(np.deg2rad(ANGLES))
+LIFT_A = np.loadtxt(CALIBRATION / "cam_A.csv", delimiter=",", skiprows=2)[:, 1]
 
 
 def test_the_example():
@@ -96,10 +97,8 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, lift: str, message: s
 
 @pytest.mark.parametrize(("turned", "start"), [(150, "15[0-9]"), (240, "24[0-9]"), (320, "32[0-9]")])
 def test_a_table_that_does_not_count_from_the_start_of_lift_is_refused(tmp_path: Path, turned: int, start: str):
-    text = (CALIBRATION / "cam_A.csv").read_text().splitlines()
-    lift = np.array([float(row.split(",")[1]) for row in text[2:362]])
     file = tmp_path / "cam.csv"
-    file.write_text(rows(np.arange(360.0), np.roll(lift, turned)))
+    file.write_text(rows(np.arange(360.0), np.roll(LIFT_A, turned)))
     with pytest.raises(Refusal, match=rf"zero at the start of lift .* starts at about {start} deg: take that off"):
         read_cam_table(pump(file))
 
@@ -176,10 +175,8 @@ def test_a_lift_that_stays_a_little_above_zero_is_told(tmp_path: Path):
 
 
 def test_a_table_that_runs_the_other_way_is_told(tmp_path: Path):
-    text = (CALIBRATION / "cam_A.csv").read_text().splitlines()
-    lift = np.array([float(row.split(",")[1]) for row in text[2:362]])
     file = tmp_path / "cam.csv"
-    for turned, told in ((np.roll(lift[::-1], 1), True), (np.roll(lift, 320), False)):
+    for turned, told in ((np.roll(LIFT_A[::-1], 1), True), (np.roll(LIFT_A, 320), False)):
         file.write_text(rows(np.arange(360.0), turned))
         with pytest.raises(Refusal, match="take that off the angles") as refused:
             read_cam_table(pump(file))

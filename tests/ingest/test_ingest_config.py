@@ -1,7 +1,6 @@
 """recording.toml: every required key is required, every bad value refused, every unknown key told."""
 
 import gzip
-import pickle
 import re
 import tomllib
 from importlib import import_module
@@ -89,7 +88,6 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("fip-bench-recording/1", "fip-bench-recording/2", "schema is 'fip-bench-recording/2'"),
         ('rotation = "positive"', 'rotation = "positiv"', "did you mean 'positive'"),
         ('edge = "rising"', 'edge = "up"', "expected one of rising, falling"),
         ('clock = "single"', 'clock = "singel"', "did you mean 'single'"),
@@ -132,7 +130,7 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
             '"camtorque-pump/1"',
             "expected 'fip-bench-recording/1'; this is a file of another",
         ),
-        ('"fip-bench-recording/1"', '"fip-bench-recording/2"', 'write schema = "fip-bench-recording/1" at the top$'),
+        ("recording/1", "recording/2", """schema is 'fip-bench-recording/2'.*write schema = "fip-.*" at the top$"""),
         ("roller_radius_m = 0.008", "roller_radius_m = 8 mm", "'roller_radius_m = 8 mm'; write the number alone"),
         ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = 1.600,0", "no sign between thousands: write 1234.5"),
     ],
@@ -269,8 +267,3 @@ def test_a_packed_log_is_no_text(tmp_path: Path):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_has_a_module_that_reads(name: str) -> None:
     assert callable(import_module(f"camtorque.ingest.{FORMATS[name].module}").read)
-
-
-def test_a_configuration_travels_between_processes(tmp_path: Path):
-    config = load_recording_config(write(tmp_path, TEXT))
-    assert pickle.loads(pickle.dumps(config)) == config

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from camtorque.ingest.check import summarise
 from camtorque.ingest.plausibility import PUMP_RATIOS, check_loads
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import CamTable, Refusal
-from damaged.logs import CALIBRATION
+from damaged.logs import CALIBRATION, edit
 
 EXAMPLE = CALIBRATION.parent / "raw_examples" / "A_1000rpm"
 TORQUE = "torque_T22-40117.toml"
@@ -26,18 +27,21 @@ def bench(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def edit(file: Path, old: str, new: str) -> None:
-    text = file.read_text(encoding="utf-8")
-    assert old in text
-    file.write_text(text.replace(old, new), encoding="utf-8")
-
-
 def read(bench: Path):
     return read_recording(bench / "raw_examples" / "A")
 
 
 def codes(bench: Path) -> set[str]:
     return {finding.code for finding in read(bench).findings}
+
+
+def change_lift(bench: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Change the lift column of the cam table."""
+    file = bench / "calibration" / "cam_A.csv"
+    lines = file.read_text().splitlines()
+    angle, lift = np.array([[float(field) for field in line.split(",")] for line in lines[2:]]).T
+    rows = [f"{a:g},{y:.6f}" for a, y in zip(angle, change(lift), strict=True)]
+    file.write_text("\n".join([*lines[:2], *rows]) + "\n")
 
 
 @pytest.mark.parametrize(
@@ -72,10 +76,7 @@ def test_impossible_pumps_are_refused(bench: Path, old: str, new: str, message: 
     ],
 )
 def test_a_lift_table_in_another_unit_is_refused(bench: Path, factor: float, message: str):
-    file = bench / "calibration" / "cam_A.csv"
-    lines = file.read_text().splitlines()
-    rows = [line.split(",") for line in lines[2:]]
-    file.write_text("\n".join(lines[:2] + [f"{angle},{factor * float(lift):.6f}" for angle, lift in rows]) + "\n")
+    change_lift(bench, lambda lift: factor * lift)
     with pytest.raises(Refusal, match=message):
         read(bench)
 
@@ -93,11 +94,7 @@ def test_a_crowned_foot_that_slides_is_no_roller_of_strange_size(bench: Path):
 
 
 def test_a_turned_lift_table_is_refused(bench: Path):
-    file = bench / "calibration" / "cam_A.csv"
-    lines = file.read_text().splitlines()
-    rows = np.array([[float(field) for field in line.split(",")] for line in lines[2:]])[:360]
-    rows[:, 1] = np.roll(rows[:, 1], 90)
-    file.write_text("\n".join(lines[:2] + [f"{angle:g},{lift:.6f}" for angle, lift in rows]) + "\n")
+    change_lift(bench, lambda lift: np.roll(lift, 90))
     with pytest.raises(Refusal, match=r"the lift rises from 9\d to 14\d degrees; the lift table is turned"):
         read(bench)
 
@@ -105,11 +102,7 @@ def test_a_turned_lift_table_is_refused(bench: Path):
 @pytest.mark.parametrize("turned", [-25, 12])
 def test_a_lift_table_turned_a_little_is_told(bench: Path, turned: int):
     assert "closing_lift_unusual" not in codes(bench)
-    file = bench / "calibration" / "cam_A.csv"
-    lines = file.read_text().splitlines()
-    rows = np.array([[float(field) for field in line.split(",")] for line in lines[2:]])[:360]
-    rows[:, 1] = np.roll(rows[:, 1], turned)
-    file.write_text("\n".join(lines[:2] + [f"{angle:g},{lift:.6f}" for angle, lift in rows]) + "\n")
+    change_lift(bench, lambda lift: np.roll(lift, turned))
     assert "closing_lift_unusual" in codes(bench)
 
 

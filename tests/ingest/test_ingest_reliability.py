@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from camtorque.ingest import read_recording, summarise
 from camtorque.records import Refusal
-from damaged.logs import CALIBRATION
+from damaged.logs import CALIBRATION, edit
 
 EXAMPLES = CALIBRATION.parent / "raw_examples"
 TORQUE, PRESSURE = "torque_T22-40117", "pressure_K4067-40117"
@@ -17,12 +17,6 @@ def bench(tmp_path: Path) -> Path:
     shutil.copytree(EXAMPLES / "A_1250rpm", tmp_path / "raw" / "A")
     shutil.copytree(CALIBRATION, tmp_path / "calibration")
     return tmp_path
-
-
-def edit(file: Path, old: str, new: str) -> None:
-    text = file.read_text(encoding="utf-8")
-    assert old in text
-    file.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
 def number_lines(file: Path) -> list[str]:

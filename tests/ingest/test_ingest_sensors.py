@@ -15,7 +15,7 @@ from camtorque.ingest.sensors import certificate_age, read_sensor
 from camtorque.ingest.zeros import zero_of_readings
 from camtorque.records import Refusal
 from camtorque.units import ATMOSPHERE
-from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
+from damaged.logs import CALIBRATION, Plan, clean_log, edit, write_folder
 
 TORQUE, PRESSURE = "torque_T22-40117.toml", "pressure_K4067-40117.toml"
 
@@ -30,12 +30,6 @@ def papers(tmp_path: Path) -> Path:
 def reference(folder: Path, quantity: str = "torque", before=None, after=None) -> SensorRef:
     name, serial = {"torque": (TORQUE, "T22-40117"), "pressure": (PRESSURE, "K4067-40117")}[quantity]
     return SensorRef(quantity, serial, folder / name, before, after)
-
-
-def edit(file: Path, old: str, new: str) -> None:
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new))
 
 
 def test_gain_is_the_line_through_all_points():
