@@ -139,10 +139,6 @@ class Judged:
         """Stated over actual error."""
         return float(np.sqrt(np.mean(self.stated**2) / np.mean(self.error**2)))
 
-    @property
-    def ripple_ratio(self) -> float:
-        return float(np.sqrt(np.mean(self.ripple_stated**2) / np.mean(self.ripple_error**2)))
-
 
 def judged(wheel: Wheel, recording: Recording) -> Judged:
     """Compare the angle of every pulse that was used with the truth."""

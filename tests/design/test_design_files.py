@@ -21,6 +21,7 @@ from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.torque import closed_form_tables
+from camtorque.progress import silent
 from camtorque.records import Refusal
 from camtorque.units import RPM
 from design_cases import PAPER, design_file, shaft, task_of
@@ -29,10 +30,6 @@ FREE = "follower_offset_mm = [-6, 9]\nrise_deg = [50, 70]\nroller_radius_mm = [7
 AIMS = 'peak_torque_nm = "least"\nhertz_gpa = "least"'
 LIMITS = "convex_radius_mm = { least = 4 }\njump_speed_rpm = { least = 2400 }\ndelivery_angle_deg = { most = 16 }"
 FEW = "[answer]\npoints = 6\nstarts = 1\n"
-
-
-def silent(text):
-    pass
 
 
 def test_the_paper_pump_is_evaluated_as_the_mechanism_does(tmp_path):

@@ -45,8 +45,8 @@ def known_fit(folder: Path) -> Path:
     return folder
 
 
-def law_of(path: Path = PUMP):
-    config, _ = read_pump(path)
+def law_of():
+    config, _ = read_pump(PUMP)
     return lift_law(config.cam_table)
 
 

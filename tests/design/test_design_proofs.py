@@ -8,15 +8,12 @@ from camtorque.design.front import find_front
 from camtorque.design.responses import RESPONSES
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.kinematics import kinematics
+from camtorque.progress import silent
 from design_cases import shaft, task_of
 from scipy.optimize import minimize_scalar
 
 LIFT_MM, RISE_DEG = 8.0, 60.0
 RISE = np.deg2rad(RISE_DEG)
-
-
-def silent(text):
-    pass
 
 
 def best(task, name):

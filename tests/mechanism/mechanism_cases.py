@@ -39,10 +39,9 @@ def paper_pump(**changes):
     return PumpData(**{**values, **changes})
 
 
-def analytic_law(kind="polynomial_4567", rise_deg=60.0, dwell_deg=20.0, fall_deg=55.0, lift=8e-3):
-    rest = 2.0 * np.pi - (rise_deg + dwell_deg + fall_deg) * DEGREE
-    rise, fall = flank(kind, rise_deg * DEGREE, lift), flank(kind, fall_deg * DEGREE, -lift)
-    return section_law([rise, dwell(dwell_deg * DEGREE), fall, dwell(rest)])
+def analytic_law(kind="polynomial_4567"):
+    rise, fall = flank(kind, 60.0 * DEGREE, 8e-3), flank(kind, 55.0 * DEGREE, -8e-3)
+    return section_law([rise, dwell(20.0 * DEGREE), fall, dwell(225.0 * DEGREE)])
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ EXACT = 1e-11
 LAW = analytic_law()
 
 
-def units_and_motion(offset, varying, pumps, size=40):
+def units_and_motion(offset, varying, pumps):
     mounting = Mounting(rotation=-1 if offset < 0.0 else 1, gravity=(2.0, -9.81), spring_mass=0.03)
     units = [PumpUnit(paper_pump(follower_offset=offset), LAW, 2.1 * k, mounting) for k in range(pumps)]
-    run = motion(varying, size)
+    run = motion(varying, 40)
     return units, Motion(run.theta, run.pressure * np.array([1.0, 0.4, 0.7])[:pumps, None], run.speed, run.acceleration)
 
 

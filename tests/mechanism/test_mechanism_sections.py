@@ -25,7 +25,7 @@ def test_every_flank_has_its_textbook_peaks():
 
 @pytest.mark.parametrize("kind", FLANKS)
 def test_peaks_are_those_of_the_textbook(kind):
-    law = analytic_law(kind, rise_deg=60.0)
+    law = analytic_law(kind)
     width, lift = 60.0 * DEGREE, 8e-3
     rise = np.linspace(1e-9, width - 1e-9, 20001)
     velocity, acceleration = PEAKS[kind]

@@ -17,8 +17,8 @@ from scipy.interpolate import BPoly, BSpline, CubicSpline, make_interp_spline
 SIZES = (13, DENSE, DENSE + 1, 360, 1001)
 
 
-def uneven_angles(size, seed=1):
-    steps = np.random.default_rng(seed).uniform(0.5, 1.5, size)
+def uneven_angles(size):
+    steps = np.random.default_rng(1).uniform(0.5, 1.5, size)
     return 0.3 + np.append(0.0, np.cumsum(steps)) * TURN / np.sum(steps)
 
 

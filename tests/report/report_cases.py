@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from camtorque.fit.end_shape import Curve
 from camtorque.fit.metrics import metrics
 from camtorque.records import (
     Alternative,
@@ -29,6 +30,7 @@ from camtorque.report.bundle import RunResult
 
 NASTY = '<script>alert("x")</script> & <b>'
 N_THETA, N_CYCLES = 720, 9
+THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
 
 
 def parameter(name: str, value: float, **changes: object) -> ParameterEstimate:
@@ -43,6 +45,12 @@ def parameter(name: str, value: float, **changes: object) -> ParameterEstimate:
 def forces(load: np.ndarray) -> Forces:
     none = np.zeros_like(load)
     return Forces(load, 0.01 * load, 0.2 * load, load, -0.2 * load, none, 1e9 * load / 3000.0, none, none)
+
+
+def falling(end: float, speed: float) -> Curve:
+    """Return a line pressure that falls at an end of delivery."""
+    fall = 1.0 / (1.0 + np.exp((THETA - end) / (2e-4 * speed)))
+    return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
 
 
 def run_result(recording_name: str = "case", with_chamber: bool = True, explained: bool = True) -> RunResult:

@@ -12,7 +12,6 @@ from camtorque import predict_from as flow
 from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import Load, draws
-from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
 from camtorque.fit.ends import UNKNOWN_STD, load_for
 from camtorque.fit.forecast import Forecast
@@ -22,8 +21,8 @@ from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.forecast_page import _drawing, sweep_row
 from camtorque.report.forecast_texts import end_text, ending_text, flight_text
 from camtorque.units import DEGREE
+from report_cases import THETA, falling
 
-THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
 BOTH_STRUCTURES = {"a": "land", "b": "land", "c": "spill"}
 
 
@@ -117,11 +116,6 @@ def test_what_the_other_ending_would_make_is_told_where_the_band_does_not_hold_i
     assert "it is a land as in the fitted recordings. If spill ends it" in text
     assert "up to 6 N m lower at 0 deg of cam angle: --ending spill predicts it" in text
     assert ending_text(item) == ()
-
-
-def falling(end: float, speed: float) -> Curve:
-    fall = 1.0 / (1.0 + np.exp((THETA - end) / (2e-4 * speed)))
-    return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
 
 
 def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less_sure() -> None:

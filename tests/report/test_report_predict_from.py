@@ -32,7 +32,7 @@ from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of
 from camtorque.report.forecast_texts import assumptions, beyond_text, elsewhere_text, step_text
-from report_cases import run_result
+from report_cases import THETA, falling, run_result
 
 
 def known(shares: list[float], left_out: bool = True) -> KnownFit:
@@ -70,14 +70,7 @@ def test_own_parameters_are_those_of_the_recording() -> None:
     assert known([0.1, 0.1, 0.1]).own("r0") == {"leakage": 0}
 
 
-THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
 RISING = THETA[(THETA > 0.3) & (THETA < 1.4)]
-
-
-def falling(end: float, speed: float) -> Curve:
-    """Return a line pressure that falls at an end of delivery."""
-    fall = 1.0 / (1.0 + np.exp((THETA - end) / (2e-4 * speed)))
-    return Curve(THETA, 1e7 + 4e7 * fall * np.minimum(THETA, 1.0), speed)
 
 
 def test_an_end_of_delivery_is_found_by_the_shape_of_the_line_pressure() -> None:
