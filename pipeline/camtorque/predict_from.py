@@ -15,15 +15,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.design.fitted import FRICTION_NAMES
-from camtorque.finished_fit import (
-    Rig,
-    chain_of,
-    curve_of,
-    load_curve,
-    read_fit,
-    refuse_load_of_another_pump,
-    rig_of,
-)
+from camtorque.finished_fit import Rig, chain_of, curve_of, load_curve, read_fit, refuse_load_of_another_pump, rig_of
 from camtorque.fit.clearance import leakage_factor, refuse_leaky
 from camtorque.fit.draws import Load
 from camtorque.fit.end_shape import Curve

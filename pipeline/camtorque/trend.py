@@ -41,10 +41,7 @@ def _row(document: Mapping[str, Any]) -> dict[str, Any]:
         "trigger_angle_deg": document["alignment"]["trigger_angle_deg"]["value"],
     }
     peak = (document["chamber"] or {}).get("peak_bar") or {}
-    row |= {
-        "chamber_peak_bar": peak.get("value"),
-        "chamber_peak_bar_stderr": peak.get("stderr") if explained else None,
-    }
+    row |= {"chamber_peak_bar": peak.get("value"), "chamber_peak_bar_stderr": peak.get("stderr") if explained else None}
     losses = {name: value for name, value in document["losses"].items() if name != "unit"}
     row |= {f"loss_{name}" + ("" if name.endswith("percent") else "_j"): value for name, value in losses.items()}
     for name, estimate in document["parameters"].items():

@@ -46,8 +46,7 @@ def mirrored(table: CamTable) -> CamTable:
 
 
 @pytest.mark.parametrize(
-    ("family", "rpm"),
-    [(family, 1100.0) for family in sorted(FAMILIES)] + [(family, 400.0) for family in SLOW],
+    ("family", "rpm"), [(family, 1100.0) for family in sorted(FAMILIES)] + [(family, 400.0) for family in SLOW]
 )
 def test_sound_rigs_raise_nothing(family: str, rpm: float) -> None:
     recording, typical, speed = rig(family, rpm)

@@ -72,8 +72,7 @@ def test_a_sound_recording_is_left_as_it_is(sound: CamCycles) -> None:
 
 
 @pytest.mark.parametrize(
-    ("quantities", "unsure"),
-    [(("torque",), [0.0, 0.84]), (("pressure",), [0.84, 0.84]), (("trigger",), [0.84, 0.0])],
+    ("quantities", "unsure"), [(("torque",), [0.0, 0.84]), (("pressure",), [0.84, 0.84]), (("trigger",), [0.84, 0.0])]
 )
 def test_clocks_that_run_apart_are_told_taken_off_and_budgeted(
     sound: CamCycles, quantities: tuple[str, ...], unsure: list[float]

@@ -6,17 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from align_truth import (
-    LogClock,
-    Rig,
-    Samples,
-    Shaft,
-    angle_error_deg,
-    make,
-    pressure_of,
-    torque_of,
-    trigger_channel,
-)
+from align_truth import LogClock, Rig, Samples, Shaft, angle_error_deg, make, pressure_of, torque_of, trigger_channel
 from camtorque.align import AlignOptions, align, angle
 from camtorque.align.budget import RESAMPLING_DEG
 from camtorque.align.resample import hermite_slopes

@@ -11,15 +11,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.align.timebase import time_base
 from camtorque.records import Refusal
 from camtorque.signal.inductive import find_crossings
-from wheel_truth import (
-    Wheel,
-    index_volts,
-    judged,
-    pulse_channel,
-    true_deviation,
-    wheel_recording,
-    wheel_volts,
-)
+from wheel_truth import Wheel, index_volts, judged, pulse_channel, true_deviation, wheel_recording, wheel_volts
 
 SEEDS = (1, 2, 3, 4)
 WHEELS = {
@@ -248,10 +240,7 @@ def test_crank_wheel_without_index_is_told_from_the_lift() -> None:
 def test_index_of_another_shaft_is_refused() -> None:
     wheel = Wheel(missing=0, index=True)
     slow = replace(wheel, shaft=Shaft(rpm=170.0))
-    channels = (
-        pulse_channel(wheel, "trigger", wheel_volts(wheel)),
-        pulse_channel(wheel, "index", index_volts(slow)),
-    )
+    channels = (pulse_channel(wheel, "trigger", wheel_volts(wheel)), pulse_channel(wheel, "index", index_volts(slow)))
     with pytest.raises(Refusal, match=r"index pulses, one every .* pulses, expected one every 60 \(per turn"):
         align(wheel_recording(wheel, *channels))
 

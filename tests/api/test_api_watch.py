@@ -153,9 +153,7 @@ def test_the_noise_is_that_of_half_the_cycles(aligned: tuple[camtorque.Recording
     assert not block.enough
 
 
-def test_the_base_circle_is_where_the_follower_rests(
-    aligned: tuple[camtorque.Recording, camtorque.CamCycles],
-) -> None:
+def test_the_base_circle_is_where_the_follower_rests(aligned: tuple[camtorque.Recording, camtorque.CamCycles]) -> None:
     recording, cycles = aligned
     lift = recording.cam_table.at(cycles.theta)
     marked = np.where(lift < 0.005 * lift.max(), 1.0, np.where(lift > 0.02 * lift.max(), 100.0, 1.0))

@@ -125,12 +125,7 @@ def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
     out_broken = np.r_[False, broken][which] & ~repaired
     single = np.diff(gaps[n_periods == 1])
     scatter = 1.4826 * np.median(np.abs(single)) / np.sqrt(2.0) / np.median(gaps) if single.size else 1.0
-    counts = {
-        "bounced": n_bounced,
-        "doubled": n_doubled,
-        "missed": int(np.sum(repaired)),
-        "gaps": int(np.sum(broken)),
-    }
+    counts = {"bounced": n_bounced, "doubled": n_doubled, "missed": int(np.sum(repaired)), "gaps": int(np.sum(broken))}
     return PulseTrain(out_time, step, repaired, out_broken, float(scatter), counts)
 
 
@@ -163,10 +158,7 @@ def train_findings(train: PulseTrain, where: str) -> tuple[Finding, ...]:
         "doubled": ("trigger_doubled", "trigger pulses too many between regular neighbours were left out"),
         "missed": ("trigger_missed", "trigger pulses were missing and their neighbours prove where they belong"),
         "gaps": ("trigger_gap", "stretches of the trigger hold no regular pulses; the revolutions there are not used"),
-        "slips": (
-            "trigger_slipped",
-            "revolutions have another number of teeth; counted anew from the next mark",
-        ),
+        "slips": ("trigger_slipped", "revolutions have another number of teeth; counted anew from the next mark"),
     }
     return tuple(
         Finding(code, "warning", f"{train.counts[key]} {text}", where)

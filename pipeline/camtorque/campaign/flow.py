@@ -15,14 +15,7 @@ from camtorque.campaign.cluster import on_cluster_file, on_scheduler
 from camtorque.campaign.find import search
 from camtorque.campaign.joint import joint_fit
 from camtorque.campaign.key import recording_key
-from camtorque.campaign.store import (
-    THUMBNAIL,
-    campaign_folder,
-    prepare_folder,
-    read_entry,
-    read_joint_input,
-    removed,
-)
+from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input, removed
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.joint import CampaignFit

@@ -94,10 +94,7 @@ def cut_flow_lines(cycles: CamCycles, lacks: list[str]) -> list[str]:
     lines = [f"{cycles.index.size} of {cycles.cycles_found} cycles used"]
     for row in (row for row in cycles.cut_flow if row.cycles_single):
         lines.append(f"  {row.reason:24}{row.cycles_single:>6} fail {row.cycles_left:>6} left   {row.text}")
-    return [
-        *lines,
-        f"enough for: align; run refuses it: {'; '.join(lacks)}" if lacks else "enough for: align, run",
-    ]
+    return [*lines, f"enough for: align; run refuses it: {'; '.join(lacks)}" if lacks else "enough for: align, run"]
 
 
 def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:

@@ -195,12 +195,7 @@ def _derivative(values: Array, frequency: Array, order: int) -> Array:
 
 
 def _lobe_torque(
-    units: Sequence[PumpUnit],
-    curves: list[CubicSpline],
-    theta: Array,
-    twist: Array,
-    speed: Array,
-    acceleration: Array,
+    units: Sequence[PumpUnit], curves: list[CubicSpline], theta: Array, twist: Array, speed: Array, acceleration: Array
 ) -> Array:
     """Return the torque of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
     rows = []

@@ -63,10 +63,7 @@ def gap_size(doc: Document) -> str:
     )
 
 
-STRETCHES = {
-    "forward": "Forward stroke",
-    "return_minimum": "At the minimum of the return, measured less rigid",
-}
+STRETCHES = {"forward": "Forward stroke", "return_minimum": "At the minimum of the return, measured less rigid"}
 """Key of the gap by cause -> what it is of."""
 NAMED_CAUSES = 3
 SAID = (

@@ -11,14 +11,7 @@ from camtorque.config.keys import ZERO_CELSIUS
 from camtorque.jsonable import jsonable
 from camtorque.laws.fuels import fuel_temperature
 from camtorque.limits import judge, limits_document
-from camtorque.records import (
-    Alternative,
-    Estimate,
-    FittedTorque,
-    LossEvidence,
-    ParameterEstimate,
-    ResidualBump,
-)
+from camtorque.records import Alternative, Estimate, FittedTorque, LossEvidence, ParameterEstimate, ResidualBump
 from camtorque.report.bundle import RunResult
 from camtorque.report.files import findings_document, inputs_document
 from camtorque.report.gaps import gap_shares

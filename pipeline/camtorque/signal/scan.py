@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel
 from camtorque.signal import passes_compiled
-from camtorque.signal.damage import (
-    NO_VOLTAGE,
-    clipped_samples,
-    clips_below,
-    converter_step,
-    missing_samples,
-)
+from camtorque.signal.damage import NO_VOLTAGE, clipped_samples, clips_below, converter_step, missing_samples
 from camtorque.signal.running import median
 from camtorque.signal.threshold import Threshold
 
