@@ -117,11 +117,11 @@ def _wheel(base: TimeBase) -> tuple[AngleError, ...]:
     n, places = base.pulses_per_cycle, base.places
     if n == 1:
         return ()
-    offset = base.index_std
-    rows = [AngleError("place of the index", np.degrees(offset), "spread of the index among the teeth, or one count")]
+    text = "spread of the index among the teeth, or one count"
+    index = (AngleError("place of the index", np.degrees(base.index_std), text),) if base.index_std > 0.0 else ()
     if places is None:
         unknown = "too few whole turns or pulses to tell the places of the teeth from the speed"
-        return (*rows[: int(offset > 0.0)], AngleError("places of the teeth", UNKNOWN, unknown))
+        return (*index, AngleError("places of the teeth", UNKNOWN, unknown))
     std = float(np.degrees(np.sqrt(np.mean(places.place_std**2))))
     text = (
         f"teeth are {np.degrees(places.tooth_std):.2g} degrees off their places (from {places.turns} turns); what "
@@ -131,11 +131,7 @@ def _wheel(base: TimeBase) -> tuple[AngleError, ...]:
         "a wheel off its centre by 0.1 % of its radius reads as a speed ripple of order 1 that moves the angle by "
         "0.06 degrees; one wheel at one speed cannot tell"
     )
-    return (
-        *rows[: int(offset > 0.0)],
-        AngleError("places of the teeth", std, text),
-        AngleError("wheel off its centre", UNKNOWN, centre),
-    )
+    return (*index, AngleError("places of the teeth", std, text), AngleError("wheel off its centre", UNKNOWN, centre))
 
 
 def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:

@@ -28,7 +28,6 @@ class TimeBase:
 
     Attributes
     ----------
-    reference : the logger whose clock is the time
     clocks : logger -> its clock
     train : pulses on the reference clock
     triggers : logger -> pulses on its own clock
@@ -37,7 +36,6 @@ class TimeBase:
     places : what the turns of the cam have in common, None where too few pulses show it
     """
 
-    reference: str
     clocks: Mapping[str, Clock]
     train: PulseTrain
     triggers: Mapping[str, TriggerTrain]
@@ -80,7 +78,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     if places is not None:
         # the pulses of a wheel show themselves how well they repeat
         noise = min(noise, places.scatter * float(np.median(np.diff(train.time) / np.diff(train.step))) * n / TURN)
-    return TimeBase(reference, clocks, train, triggers, n, noise, places, (*findings, *jump_findings))
+    return TimeBase(clocks, train, triggers, n, noise, places, (*findings, *jump_findings))
 
 
 def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:

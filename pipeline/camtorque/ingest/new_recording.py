@@ -78,8 +78,9 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     for quantity, item in _sensed(used, named).items():
         _sensor(writer, quantity, item, known["sensors"].get(quantity))
     loggers = {path: f"LOG{number}" for number, path in enumerate(dict.fromkeys(item.path for item in used), start=1)}
+    clock = "single" if len(loggers) == 1 else UNKNOWN
     for name in loggers.values():
-        writer.table("[[loggers]]", RECORDING_TABLES["loggers"], {"id": name, "clock": _clock(loggers)})
+        writer.table("[[loggers]]", RECORDING_TABLES["loggers"], {"id": name, "clock": clock})
     for item in used:
         writer.table("[[channels]]", RECORDING_TABLES["channels"], _channel(item, folder, loggers[item.path]))
         if not item.unit and item.channel.unit.strip("-"):
@@ -248,10 +249,6 @@ def _sensor(writer: Writer, quantity: str, item: Proposal, known: dict[str, Any]
             writer.line("# these two only for a channel in volts: leave them out where the logger has scaled")
     elif quantity in SHEET_NEEDED:
         writer.table(header, schema, {"reference": "absolute"} if item.is_absolute else {}, ASKED_SCALED)
-
-
-def _clock(loggers: Mapping[Path, str]) -> str:
-    return "single" if len(loggers) == 1 else UNKNOWN
 
 
 def _channel(item: Proposal, folder: Path, logger: str) -> dict[str, Any]:

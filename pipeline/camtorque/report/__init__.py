@@ -7,5 +7,5 @@ document      result.json, as a dictionary; cycles_file writes cycles.h5 and ali
 answer, texts the words of a page; numbers: one typography
 page          templates to pages with their content security policy; live.js: curves that one can zoom
 folder        output written to a temporary sibling, then renamed
-write         `write_run`; alignment, predict_page, campaign_write, compare_page: the other four
+write         `write_run`; alignment, campaign_write, compare_page, forecast_page, plan_page, predict_page: the others
 """

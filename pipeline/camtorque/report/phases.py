@@ -67,12 +67,9 @@ def _within_turn(name: str, low: float, high: float) -> list[Span]:
 def bump_spans(bumps: tuple[ResidualBump, ...]) -> tuple[Span, ...]:
     """Return where the residual stands out, as loud spans in degrees."""
     return tuple(
-        span
-        for k, bump in enumerate(bumps)
-        for span in (
-            Span(part.low, part.high, f"bump {k + 1}", loud=True)
-            for part in _within_turn("", bump.start / DEGREE, _after(bump) / DEGREE)
-        )
+        Span(part.low, part.high, f"bump {k}", loud=True)
+        for k, bump in enumerate(bumps, 1)
+        for part in _within_turn("", bump.start / DEGREE, _after(bump) / DEGREE)
     )
 
 

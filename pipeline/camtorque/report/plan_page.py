@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -87,7 +87,8 @@ def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the assumptions of the plan."""
     durations = ", ".join(f"{value:.0f}" for value in document["durations_s"])
     speeds = sorted({run["speed_rpm"] for run in document["on_offer"]})
-    beyond = [f"{v:.0f}" for v in speeds if not _inside(v, document["fitted_speeds_rpm"])]
+    fitted = document["fitted_speeds_rpm"]
+    beyond = [f"{v:.0f}" for v in speeds if not 0.98 * fitted[0] <= v <= 1.02 * fitted[-1]]
     texts = [
         f"On offer: {', '.join(f'{value:.0f}' for value in speeds)} rpm, the loads of recordings that were fitted "
         f"(their line pressure over cam angle), {durations} s. Other speeds: --speed.",
@@ -103,10 +104,6 @@ def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
             f"pump bear {speed} is for you to know, and the model is less sure there."
         )
     return tuple(texts)
-
-
-def _inside(speed: float, fitted: Sequence[float]) -> bool:
-    return 0.98 * fitted[0] <= speed <= 1.02 * fitted[-1]
 
 
 def plan_drawings(document: Mapping[str, Any]) -> list[Drawing]:

@@ -98,10 +98,6 @@ def save_study_figure(part: Mapping[str, Any], folder: Path) -> list[Path]:
     return paths
 
 
-def _usable(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    return [point for point in points if point["error"] is not None and math.isfinite(point["error"])]
-
-
 def _front(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     front: list[Mapping[str, Any]] = []
     for point in sorted((p for p in points if p["candidate"]), key=lambda p: (p["cost"], p["error"])):
@@ -113,7 +109,7 @@ def _front(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 def _chart(part: Mapping[str, Any]) -> Figure:
     figure = Figure(figsize=(9.6, 5.4), layout="constrained")
     axes = figure.subplots()
-    points = _usable(part["points"])
+    points = [point for point in part["points"] if point["error"] is not None and math.isfinite(point["error"])]
     families = list(dict.fromkeys(point["family"] for point in points))
     methods, variants = (list(dict.fromkeys(part)) for part in zip(*map(_split, families), strict=True))
     grouped = part["given_cost"]

@@ -19,7 +19,10 @@ TERMS = "https://w3id.org/ro/terms/workflow-run/context"
 LICENCE = "https://spdx.org/licenses/MIT"
 SOFTWARE = "https://pypi.org/project/camtorque/"
 MEDIA = {".h5": "application/x-hdf5", ".json": "application/json", ".svg": "image/svg+xml", ".bin": "application/zlib"}
-Entity = dict[str, Any]
+Entity = Mapping[str, Any]
+DESCRIPTOR = {"@id": CRATE, "@type": "CreativeWork", "conformsTo": {"@id": SPECIFICATION}, "about": {"@id": "./"}}
+PROCESS_RUN = {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
+MIT = {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT", "description": "licence of the software"}
 
 
 def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
@@ -31,12 +34,8 @@ def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
     )  # fmt: skip
     outputs = [_output(path, folder) for path in files]
     software, action = _software(doc), _action(doc, title, inputs, outputs)
-    graph = [_descriptor(), _root(doc, title, [*inputs, *outputs], action), _profile(), _licence(), software, action]
+    graph = [DESCRIPTOR, _root(doc, title, [*inputs, *outputs], action), PROCESS_RUN, MIT, software, action]
     write_json(folder / CRATE, {"@context": [f"{SPECIFICATION}/context", TERMS], "@graph": [*graph, *inputs, *outputs]})
-
-
-def _descriptor() -> Entity:
-    return {"@id": CRATE, "@type": "CreativeWork", "conformsTo": {"@id": SPECIFICATION}, "about": {"@id": "./"}}
 
 
 def _root(doc: Mapping[str, Any], title: str, parts: Sequence[Entity], action: Entity) -> Entity:
@@ -46,14 +45,6 @@ def _root(doc: Mapping[str, Any], title: str, parts: Sequence[Entity], action: E
         "datePublished": doc["created"], "license": {"@id": LICENCE}, "conformsTo": {"@id": PROFILE},
         "hasPart": references(parts), "mentions": {"@id": action["@id"]},
     }  # fmt: skip
-
-
-def _profile() -> Entity:
-    return {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
-
-
-def _licence() -> Entity:
-    return {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT", "description": "licence of the software"}
 
 
 def _software(doc: Mapping[str, Any]) -> Entity:

@@ -26,41 +26,40 @@ from camtorque.studies.grid import law_errors
 from camtorque.studies.table import Outcome, StabilityMap, cell
 
 LIMITS = (5.0e-3, 5.0e-2)
-EXACT = study_law
 THETA = angle_grid(3600)
 
 
-def _noisy(step: float, std: float) -> CamTable:
-    table = rounded_table(EXACT(), step, 0.0)
+def _noisy(std: float) -> CamTable:
+    table = rounded_table(study_law(), 1.0, 0.0)
     noise = std * np.random.default_rng(7).standard_normal(table.theta.size)
     return CamTable(table.theta, np.round((table.lift + noise) * 1e6) / 1e6, 1e-6)
 
 
-def _with_spike(size: float) -> CamTable:
-    table = rounded_table(EXACT(), 1.0, 1e-6)
+def _with_spike() -> CamTable:
+    table = rounded_table(study_law(), 1.0, 1e-6)
     lift = table.lift.copy()
-    lift[37] += size
+    lift[37] += 5e-5
     return CamTable(table.theta, lift, 1e-6)
 
 
 TABLES: dict[str, Callable[[], CamTable]] = {
-    "1 deg, 1 um": lambda: rounded_table(EXACT(), 1.0, 1e-6),
-    "0.25 deg, 1 um": lambda: rounded_table(EXACT(), 0.25, 1e-6),
-    "0.25 deg, 10 um": lambda: rounded_table(EXACT(), 0.25, 1e-5),
-    "5 deg, 1 um": lambda: rounded_table(EXACT(), 5.0, 1e-6),
-    "20 deg, 1 um": lambda: rounded_table(EXACT(), 20.0, 1e-6),
-    "noise of 3 um, stated as 1 um": lambda: _noisy(1.0, 3e-6),
-    "noise of 20 um, stated as 1 um": lambda: _noisy(1.0, 2e-5),
-    "one point off by 50 um": lambda: _with_spike(5e-5),
-    "11 points": lambda: CamTable(angle_grid(11), EXACT().evaluate(angle_grid(11)), 1e-6),
-    "resolution missing": lambda: rounded_table(EXACT(), 1.0, 0.0),
+    "1 deg, 1 um": lambda: rounded_table(study_law(), 1.0, 1e-6),
+    "0.25 deg, 1 um": lambda: rounded_table(study_law(), 0.25, 1e-6),
+    "0.25 deg, 10 um": lambda: rounded_table(study_law(), 0.25, 1e-5),
+    "5 deg, 1 um": lambda: rounded_table(study_law(), 5.0, 1e-6),
+    "20 deg, 1 um": lambda: rounded_table(study_law(), 20.0, 1e-6),
+    "noise of 3 um, stated as 1 um": partial(_noisy, 3e-6),
+    "noise of 20 um, stated as 1 um": partial(_noisy, 2e-5),
+    "one point off by 50 um": _with_spike,
+    "11 points": lambda: CamTable(angle_grid(11), study_law().evaluate(angle_grid(11)), 1e-6),
+    "resolution missing": lambda: rounded_table(study_law(), 1.0, 0.0),
 }
 """Condition of a lift table -> the table."""
 
 
 def _table_error(table: Callable[[], CamTable], method: str, quantity: int) -> Outcome:
     given = table()
-    error, outliers = law_errors(lift_law(given, method), EXACT(), THETA)[quantity], outlying_points(given).size
+    error, outliers = law_errors(lift_law(given, method), study_law(), THETA)[quantity], outlying_points(given).size
     return error, f"{outliers} point sticks out" if outliers else ""
 
 
