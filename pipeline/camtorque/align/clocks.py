@@ -87,7 +87,7 @@ def against(clock: Clock, reference: Clock) -> Clock:
     return replace(clock, fit=fit, breaks=breaks)
 
 
-def same_clock(logger: str, method: str = "same clock") -> Clock:
+def same_clock(logger: str, method: str) -> Clock:
     """Return the clock of a logger that shares the reference's time base."""
     return Clock(ClockFit(logger, 0.0, 0.0, 0.0, method))
 

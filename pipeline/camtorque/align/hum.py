@@ -170,8 +170,7 @@ def idle_points(theta: Array, lift: Array) -> Any:
     if turned.size == 0:
         return np.array([], dtype=np.int64)
     first = turned[-1] + 1 if turned[-1] + 1 < theta.size else 0
-    ahead = np.flatnonzero(still & (theta >= theta[first] + MARGIN)) if first else np.flatnonzero(still)
-    return ahead
+    return np.flatnonzero(still & (theta >= theta[first] + MARGIN)) if first else np.flatnonzero(still)
 
 
 def _sine(time: Array, values: Array, frequency: float) -> tuple[float, float]:

@@ -163,7 +163,7 @@ def _wrapped(theta: Array) -> Array:
 
 
 def _typical(
-    rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, repeating: tuple[Finding, ...] = ()
+    rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, repeating: tuple[Finding, ...]
 ) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound), ::stride]

@@ -246,7 +246,7 @@ def encoding_of(head: bytes) -> str:
         return "cp1252" if not set(head) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
 
 
-def _is_value(field: str, decimal: str, thousands: str = "") -> bool:
+def _is_value(field: str, decimal: str, thousands: str) -> bool:
     plain = field.replace(thousands, "") if thousands and THOUSANDS[thousands].match(field) else field
     text = plain.replace(",", ".") if decimal == "," else plain
     return (

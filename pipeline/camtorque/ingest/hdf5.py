@@ -187,7 +187,7 @@ def _data_sets(file: h5py.File) -> list[str]:
     return names
 
 
-def _source(path: Path, data: h5py.Dataset, field: str = "") -> CallSource:
+def _source(path: Path, data: h5py.Dataset, field: str) -> CallSource:
     columns = () if data.dtype.names else columns_of(data)
     if (data.dtype[field] if field and not columns else data.dtype).kind not in KINDS:
         raise Refusal(f"{path}: data set {data.name} holds {data.dtype}, expected numbers")

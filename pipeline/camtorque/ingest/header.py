@@ -202,7 +202,7 @@ def _is_unit_row(row: list[str], first: list[str]) -> bool:
     return len(filled) > 1 and is_known_unit(filled[0]) and sum(map(is_known_unit, filled)) * 2 > len(filled)
 
 
-def header_rate(header: list[str], separator: str = ";") -> float | None:
+def header_rate(header: list[str], separator: str) -> float | None:
     """Return the sampling rate that a header states [Hz]: as a rate, or as a step; None where none, or two readings."""
     for line in header:
         text = line.replace('"', " ")

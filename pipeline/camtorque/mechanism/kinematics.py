@@ -155,7 +155,7 @@ def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> 
     )
 
 
-def flat_pressure_angle(pump: PumpData, law: CamLaw, rotation: int = 1) -> tuple[float, float]:
+def flat_pressure_angle(pump: PumpData, law: CamLaw, rotation: int) -> tuple[float, float]:
     """Return bounds on the greatest and least pressure angle from the extreme velocity and the base height alone [rad].
 
     The flat check of a drawing: tan(phi) = (y'_max - e) / s_0 with the rise as if it lay on the base circle. It can

@@ -218,19 +218,17 @@ class ClosedForm(ReadOnly):
         """Return one output; arguments broadcast against (n_theta,), so (n_cycles, n_theta) and (n_cycles, 1) do."""
         return combine(self.outputs[name], pressure, speed, acceleration)
 
-    def all_outputs(self, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> dict[str, Array]:
+    def all_outputs(self, pressure: Array, speed: Array | float, acceleration: Array | float) -> dict[str, Array]:
         """Return every output by name."""
         return {name: self.evaluate(name, pressure, speed, acceleration) for name in self.outputs}
 
-    def torque_by_cause(
-        self, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0
-    ) -> dict[str, Array]:
+    def torque_by_cause(self, pressure: Array, speed: Array | float, acceleration: Array | float) -> dict[str, Array]:
         """Return the share of each cause in the torque [N m]; they sum to the torque."""
         return {name: combine(table, pressure, speed, acceleration) for name, table in self.causes.items()}
 
-    def hertz(self, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> Array:
-        """Return the greatest Hertz pressure [Pa], 0 without contact, nan where undercut."""
-        return hertz_pressure(self.hertz_factor, self.evaluate("contact_normal", pressure, speed, acceleration))
+    def hertz(self, pressure: Array, speed: Array | float) -> Array:
+        """Return the greatest Hertz pressure at constant speed [Pa], 0 without contact, nan where undercut."""
+        return hertz_pressure(self.hertz_factor, self.evaluate("contact_normal", pressure, speed))
 
     def jump(self, pressure: Array | float = 0.0) -> ContactLoss:
         """Return the lowest constant speed at which the follower leaves the cam under this pressure."""

@@ -76,11 +76,11 @@ def significant(value: float | None, digits: int = 3) -> str:
     return exponents(short(value, digits)).replace("-", MINUS)
 
 
-def signed_significant(value: float | None, digits: int = 2) -> str:
-    """Return a number with its sign and ``digits`` significant digits."""
+def signed_significant(value: float | None) -> str:
+    """Return a number with its sign and two significant digits."""
     if value is None or not _known(value):
         return UNKNOWN
-    return ("+" if value >= 0.0 else "") + significant(value, digits)
+    return ("+" if value >= 0.0 else "") + significant(value, 2)
 
 
 def with_sign(value: float | None, decimals: int = 2) -> str:

@@ -175,7 +175,7 @@ def path_data(x: Array, y: Array, start: str = "M") -> str:
     return f"{start}{points[0, 0]} {points[0, 1]}" + "".join(f"l{dx} {dy}" for dx, dy in steps.tolist())
 
 
-def polyline(x: Array, y: Array, tone: str, width: float, dash: str = "") -> str:
+def polyline(x: Array, y: Array, tone: str, width: float, dash: str) -> str:
     """Return a curve in pixels, with gaps where it is not finite."""
     data = "".join(path_data(*simplified(x[part], y[part])) for part in runs(y) if part.stop - part.start > 1)
     pattern = f' stroke-dasharray="{" ".join(str(10 * int(k)) for k in dash.split())}"' if dash else ""
