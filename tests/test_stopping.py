@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from camtorque.process import stopping
 from camtorque.process.stopping import Stopped, before_leaving, stoppable
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
@@ -112,8 +113,6 @@ def test_handlers_are_given_back() -> None:
 
 
 def test_a_last_step_is_forgotten_after_its_block() -> None:
-    from camtorque.process import stopping
-
     with before_leaving(print):
         assert stopping._last_steps == [print]
     assert stopping._last_steps == []

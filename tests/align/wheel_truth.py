@@ -131,8 +131,6 @@ class Judged:
 
     error: np.ndarray
     stated: np.ndarray
-    ripple_error: np.ndarray
-    ripple_stated: np.ndarray
 
     @property
     def ratio(self) -> float:
@@ -151,11 +149,7 @@ def judged(wheel: Wheel, recording: Recording) -> Judged:
     own = base.edge_noise * wheel.shaft.speed
     stated = np.hypot(places.place_std[base.train.step % base.pulses_per_cycle], own)
     stated = np.hypot(stated, base.index_std)
-    theta = np.linspace(0.0, TWO_PI, 360, endpoint=False)
-    found, std = places.deviation(theta - angle.zero_step_angle)
-    wrong = found - true_deviation(wheel.shaft, theta)
-    wrong = wrong - wrong.mean()
-    return Judged(np.degrees(error), np.degrees(stated), np.degrees(wrong), np.degrees(std))
+    return Judged(np.degrees(error), np.degrees(stated))
 
 
 def true_deviation(shaft: Shaft, theta: np.ndarray) -> np.ndarray:

@@ -2,8 +2,10 @@
 
 import builtins
 import sys
-from datetime import timedelta
+from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
+from struct import pack
 
 import h5py
 import numpy as np
@@ -15,17 +17,7 @@ from camtorque.ingest.formats import FORMATS
 from camtorque.ingest.raw import FileSource
 from camtorque.records import Recording, Refusal
 from damaged.build import MAT, PLANS, log_file
-from damaged.logs import (
-    DIALECTS,
-    NAMES,
-    Plan,
-    clean_log,
-    write_catman,
-    write_folder,
-    write_mat5,
-    write_mat73,
-    write_tdms,
-)
+from damaged.logs import DIALECTS, NAMES, START, Plan, clean_log, write_folder, write_mat5, write_mat73, write_tdms
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nptdms import TdmsFile
@@ -95,9 +87,7 @@ def test_catman_without_time_channel_asks_nobody(tmp_path: Path, monkeypatch: py
 def test_two_time_channels_of_one_length_are_refused_not_guessed(tmp_path: Path):
     folder = write_folder(tmp_path / "r", [LOG], PLANS["catman"])
     file = log_file(folder)
-    write_catman(file, LOG)
-    data = file.read_bytes().replace(b"Line_Pressure", b"Line_Pr__time")
-    file.write_bytes(data)
+    file.write_bytes(file.read_bytes().replace(b"Line_Pressure", b"Line_Pr__time"))
     with pytest.raises(Refusal, match="2 channels may be its time"):
         read_recording(folder)
 
@@ -166,8 +156,7 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_interleaved_tdms(tmp_path: Path):
-    """One segment written by hand after NI's description, two channels sample by sample in turn."""
-    from struct import pack
+    """One segment written by hand after NI's description, three channels sample by sample in turn."""
 
     def text(value: str) -> bytes:
         return pack("<I", len(value)) + value.encode()
@@ -197,20 +186,12 @@ def test_hdf5_time_channel_and_slices(tmp_path: Path):
     assert_is_the_log(read_recording(folder))
 
 
-def test_several_tdms_files_share_their_dates(tmp_path: Path):
+def test_several_tdms_files_share_their_dates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Synchronised loggers: a file that began half a second later has its channels half a second later."""
-    from dataclasses import replace
-
-    from damaged import logs
-
     parts = [replace(LOG, logger=q.upper(), volts={q: v}, start=0.0) for q, v in LOG.volts.items()]
     folder = write_folder(tmp_path / "r", parts, replace(PLANS["tdms"], clock="synchronised"))
-    later = logs.START.replace(microsecond=500_000)
-    original, logs.START = logs.START, later
-    try:
-        write_tdms(folder / "PRESSURE.tdms", parts[1])
-    finally:
-        logs.START = original
+    monkeypatch.setattr("damaged.logs.START", START.replace(microsecond=500_000))
+    write_tdms(folder / "PRESSURE.tdms", parts[1])
     starts = {channel.quantity: channel.start_time for channel in read_recording(folder).channels}
     assert starts == {"torque": 0.0, "pressure": pytest.approx(0.5, abs=1e-6), "trigger": 0.0}
 
@@ -285,11 +266,8 @@ def test_lvm_without_a_time_column_takes_start_and_step_of_its_header(tmp_path: 
 
 @pytest.mark.parametrize("start", [0.0, 2.5])
 def test_a_start_that_recording_toml_states_holds_even_where_it_is_zero(tmp_path: Path, start: float):
-    folder = write_folder(tmp_path / "r", [LOG], Plan("lvm", writer_options={"x_columns": "No"}))
-    sheet = folder / "recording.toml"
-    text = sheet.read_text(encoding="utf-8").replace("[[channels]]\n", f"[[channels]]\nstart_time_s = {start}\n")
-    sheet.write_text(text, encoding="utf-8")
-    assert {channel.start_time for channel in read_recording(folder).channels} == {start}
+    plan = Plan("lvm", writer_options={"x_columns": "No"}, channel_lines=f"start_time_s = {start}\n")
+    assert {channel.start_time for channel in recording(tmp_path / "r", plan).channels} == {start}
 
 
 def test_a_column_t_is_a_channel_where_a_time_stands_beside_it(tmp_path: Path):
@@ -305,8 +283,6 @@ def test_a_column_t_is_a_channel_where_a_time_stands_beside_it(tmp_path: Path):
 
 def test_dates_and_times_of_a_workbook(tmp_path: Path):
     openpyxl = pytest.importorskip("openpyxl")
-    from datetime import datetime, timedelta
-
     folder = write_folder(tmp_path / "r", [LOG], PLANS["xlsx"])
     book = openpyxl.Workbook()
     book.active.append(["Zeitstempel", "Torque [V]", "Line_Pressure [V]", "Prox_Trigger [V]"])

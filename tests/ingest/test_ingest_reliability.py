@@ -1,5 +1,6 @@
 """Slips of a review that no other test holds: nonsense in sheets and certificates, names beyond the disk's limit."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -21,16 +22,7 @@ def bench(tmp_path: Path) -> Path:
 
 def number_lines(file: Path) -> list[str]:
     """Return the lines of a sheet whose value is a number."""
-
-    def is_number(text: str) -> bool:
-        try:
-            float(text.partition("#")[0])
-        except ValueError:
-            return False
-        return True
-
-    lines = file.read_text(encoding="utf-8").splitlines()
-    return [line for line in lines if is_number(line.partition(" = ")[2])]
+    return re.findall(r"^\w+ = [-+.e\d]+ *(?:#.*)?$", file.read_text(encoding="utf-8"), re.MULTILINE)
 
 
 SHEETS = [(name, line) for name in (TORQUE, PRESSURE) for line in number_lines(CALIBRATION / f"{name}.toml")]

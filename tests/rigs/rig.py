@@ -34,7 +34,7 @@ class RigRun:
     history : name in `rigs.loop.COLUMNS` -> (n,), SI, gauge pressures; cam angle unwrapped, revolution 0 is the
         first whole one; torque is the true torque in the shaft at the transducer, positive when driving
     totals : name in `rigs.loop.TOTALS` -> (n_cycles + 1,) running sums at the starts of the revolutions
-    end_angle, nozzle_factor : (n_cycles,) what the scatter drew for revolutions 0 .. n_cycles - 1
+    end_angle : (n_cycles,) what the scatter drew for revolutions 0 .. n_cycles - 1
     step : base time step [s]
     line_clips : how often the line pressure met the cavitation floor (0 for a sound rig)
     """
@@ -49,7 +49,6 @@ class RigRun:
     history: dict[str, np.ndarray]
     totals: dict[str, np.ndarray]
     end_angle: np.ndarray
-    nozzle_factor: np.ndarray
     line_clips: int
 
     @property
@@ -186,6 +185,5 @@ def simulate(
         history={name: np.ascontiguousarray(out[:, j]) for j, name in enumerate(COLUMNS)},
         totals={name: kept[:, j].copy() for j, name in enumerate(TOTALS)},
         end_angle=cycles[first : first + n_cycles, 0],
-        nozzle_factor=cycles[first : first + n_cycles, 2],
         line_clips=int(hyd[N_HYDRAULIC]),
     )
