@@ -10,12 +10,13 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.config.tables import Problems
-from camtorque.ingest.csv_layout import UNDATED, CsvLayout
+from camtorque.ingest.cells import UNDATED
+from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
 from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
-from camtorque.units import did_you_mean, unit_factor
+from camtorque.units import counted, did_you_mean, unit_factor
 
 SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
@@ -75,13 +76,19 @@ def _without_footer(
     """Leave out the end of a table where no row has a time: statistics below it, or a shorter pair of columns."""
     if times is None or not times.n_samples:
         return source, times, ()
-    last = times.read(max(times.n_samples - FOOTER_ROWS, 0), times.n_samples)
-    n = times.n_samples - int(np.argmax(np.isfinite(last)[::-1])) if np.isfinite(last).any() else times.n_samples
+    n = times.n_samples - footer_rows(times)
     if n == times.n_samples:
         return source, times, ()
-    text = f"the last {times.n_samples - n} rows hold no time; they are left out"
+    text = counted(times.n_samples - n, "row at the end holds no time; it is left out",
+                   "rows at the end hold no time; they are left out")  # fmt: skip
     kept = ArraySource(source.read(0, n)), ArraySource(times.read(0, n))
     return *kept, (Finding("rows_without_time", "warning", text, path.name),)
+
+
+def footer_rows(times: SampleSource) -> int:
+    """Return how many rows at the end of a table hold no time."""
+    last = np.isfinite(times.read(max(times.n_samples - FOOTER_ROWS, 0), times.n_samples))
+    return int(np.argmax(last[::-1])) if last.any() else 0
 
 
 def _rows_of(source: SampleSource, every: int) -> slice:

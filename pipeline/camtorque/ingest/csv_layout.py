@@ -8,49 +8,23 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from camtorque.ingest.cells import LEVELS, PARTING, STAMPS, THOUSANDS, day_of, is_value, is_word
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_of
 from camtorque.records import Finding, Refusal
+from camtorque.units import is_known_unit
 
-LONGEST_MONTH, MONTHS, CENTURY = 31, 12, 2000
 SNIFF_BYTES = 1 << 18
 SNIFF_LINES = 300
 """Lines that tell the layout where they hold any row of numbers."""
 SEPARATORS = (";", "\t", ",", " ")
+BLANK_SEPARATED = re.compile(r"[^\s\[(]\S*(?:\s+[\[(][^\])]*[\])])?|\S+")
+"""A name with its unit in brackets, or one word."""
 NAMES = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blank"}
 HEAD_BYTES = 4096
 UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 COMMENT = "#%!'\""
-STAMPS: dict[str, re.Pattern[str]] = {
-    "iso": re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d:?\d\d)?$"),
-    "year first": re.compile(r"^\d{4}[/.]\d{1,2}[/.]\d{1,2}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
-    "month name": re.compile(r"^\d{1,2}[- ][A-Za-z]{3}[- ]\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
-    "day first": re.compile(r"^\d{1,2}[.]\d{1,2}[.]\d{4}[ T]+\d\d:\d\d:\d\d([.,]\d+)?$"),
-    "slashes": re.compile(r"^\d{1,2}/\d{1,2}/\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE),
-    "clock": re.compile(r"^\d{1,3}:\d\d:\d\d([.,:]\d+)?( ?[AP]M)?$", re.IGNORECASE),
-    "minutes": re.compile(r"^\d{1,2}:\d\d[.,]\d+$"),
-    "seconds": re.compile(r"^\d+([.,]\d+)?([eE][+-]?\d+)? ?(s|sec)$"),
-    "date": re.compile(r"^\d{4}([-/.])\d{1,2}\1\d{1,2}$|^\d{1,2}([./-])\d{1,2}\2(\d\d){1,2}$"),
-}
-"""Kinds of date and time; a date alone is a column that is skipped."""
-LEVELS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "high": 1.0, "low": 0.0, "wahr": 1.0, "falsch": 0.0,
-          "ein": 1.0, "aus": 0.0}  # fmt: skip
-"""Words for the two levels of a digital line."""
-UNDATED = ("", "clock", "minutes", "seconds")
-"""Kinds of stamps without a day; "" is a number."""
-PERIODS = {"clock": 86_400.0, "minutes": 3600.0}
-"""Period after which a stamp without a date starts again [s]."""
-THOUSANDS = {
-    ".": re.compile(r"^[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"),
-    ",": re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?$"),
-}
-"""Sign between thousands -> a number that shows it."""
-NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -126,7 +100,7 @@ class CsvLayout:
         """
         for beside in (column - 1, column + 1):
             if 0 <= beside < self.n_columns and self.stamp_kind(beside) == "date":
-                return _day(self.first_row[beside])
+                return day_of(self.first_row[beside])
         return None
 
     def stamp_kind(self, column: int | None) -> str:
@@ -135,37 +109,9 @@ class CsvLayout:
         return next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
 
 
-def unwrapped(stamps: NDArray[np.float64], kind: str, before: float = np.nan) -> NDArray[np.float64]:
-    """Return stamps that run on where they start again without a date: a test may run over midnight.
-
-    ``before`` is the last one of the block before, nan for none; stamps that are nan stay so.
-    """
-    sound = np.isfinite(stamps)
-    if kind not in PERIODS or not sound.any():
-        return stamps
-    first = stamps[sound][:1] if np.isnan(before) else [before]
-    result = stamps.copy()
-    result[sound] = np.unwrap(np.concatenate([first, stamps[sound]]), period=PERIODS[kind])[1:]
-    return result
-
-
-def _day(text: str) -> float | None:
-    """Return a date in seconds since 1970, None where it is no day of the calendar."""
-    parts = [int(part) for part in re.split(r"[-./]", text)]
-    if parts[0] > LONGEST_MONTH:
-        year, month, day = parts
-    elif "/" in text and parts[0] <= MONTHS:
-        month, day, year = parts
-    else:
-        day, month, year = parts
-    try:
-        return datetime(year + (CENTURY if year < 100 else 0), month, day, tzinfo=UTC).timestamp()
-    except ValueError:
-        return None
-
-
 def split_row(line: str, separator: str) -> list[str]:
     """Return the fields of a row; blanks separate in any number, quotes hold a separator together."""
+    line = line.replace("\N{MINUS SIGN}", "-")
     if separator == " ":
         return line.split()
     if line.count('"') >= 2:
@@ -190,10 +136,8 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     separator, decimal, thousands, first = _table(path, lines)
     offset = sum(len(line) + 1 for line in raw_lines[:first])
     header = lines[:first]
-    rows = [
-        split_row(line.lstrip("\ufeff").lstrip(COMMENT) if line[:1] in COMMENT else line, separator) for line in header
-    ]
-    row = split_row(lines[first], separator)
+    row = _first_fields([split_row(line, separator) for line in lines[first : first + SNIFF_LINES]])
+    rows = [_header_fields(line, separator, len(row)) for line in header]
     names, units, surplus = names_of(path, rows, row, wanted)
     return CsvLayout(
         encoding=encoding,
@@ -209,6 +153,29 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
         thousands=thousands,
         repeated=frozenset(line for line in header if line.strip()),
     )
+
+
+def _first_fields(rows: list[list[str]]) -> list[str]:
+    """Return the first row, with the first value below in place of a word for none."""
+    first = list(rows[0])
+    for column in (column for column, field in enumerate(first) if is_word(field)):
+        below = (row[column] for row in rows if len(row) == len(first) and not is_word(row[column]))
+        first[column] = next(filter(None, below), first[column])
+    return first
+
+
+def _header_fields(line: str, separator: str, n_columns: int) -> list[str]:
+    """Return the fields of a line above the data, where single quotes count as double ones.
+
+    Between blanks a unit in brackets belongs to the name before it, and where two blanks part the columns one does not.
+    """
+    if re.match(r"^'.*'$", line.strip()):
+        line = line.replace("'", '"')
+    line = line.lstrip("\ufeff").lstrip(COMMENT.replace('"', "")) if line[:1] in COMMENT else line
+    if separator != " " or '"' in line:
+        return split_row(line, separator)
+    wide = re.split(r"\s{2,}|\t", line.strip())
+    return wide if len(wide) == n_columns else BLANK_SEPARATED.findall(line)
 
 
 def text_pieces(path: Path, size: int) -> Iterator[bytes]:
@@ -246,23 +213,13 @@ def encoding_of(head: bytes) -> str:
         return "cp1252" if not set(head) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
 
 
-def _is_value(field: str, decimal: str, thousands: str) -> bool:
-    plain = field.replace(thousands, "") if thousands and THOUSANDS[thousands].match(field) else field
-    text = plain.replace(",", ".") if decimal == "," else plain
-    return (
-        not field
-        or bool(NUMBER.match(text))
-        or field.lower() in LEVELS
-        or any(pattern.match(field) for pattern in STAMPS.values())
-    )
-
-
 def _is_row(line: str, separator: str, decimal: str, thousands: str) -> int:
     """Return the number of fields of a data row, 0 for any other line."""
     fields = split_row(line, separator)
-    if not any(fields) or not all(_is_value(field, decimal, thousands) for field in fields):
+    words = [field for field in fields if is_word(field)]
+    if len(words) == sum(map(bool, fields)):
         return 0
-    return len(fields)
+    return len(fields) if all(field in words or is_value(field, decimal, thousands) for field in fields) else 0
 
 
 def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
@@ -272,11 +229,24 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
         what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
         if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
             what = "no line end but CR alone, as a CSV for Macintosh has"
+        what += _odd_field(lines[:SNIFF_LINES])
         raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
     separator, decimal, thousands, first = found
     if not thousands and decimal == "." and _grouped([split_row(line, separator) for line in lines[first:]]):
         return separator, ",", ".", first
     return found
+
+
+def _odd_field(lines: list[str]) -> str:
+    """Name the field that keeps a line from being numbers, where most of its fields are; "" where there is none."""
+    for number, line in enumerate(lines, start=1):
+        for separator in SEPARATORS:
+            fields = list(filter(None, split_row(line, separator)))
+            odd = [field for field in fields if not is_value(field, ".") and not is_value(field, ",")]
+            is_text = all(field.isprintable() and not is_known_unit(field) for field in odd)
+            if is_text and 0 < 2 * len(odd) <= len(fields):
+                return f" (line {number} has {odd[0][:40]!r}, which is no number or time that is known)"
+    return ""
 
 
 def _grouped(rows: list[list[str]]) -> bool:
@@ -291,9 +261,11 @@ def _grouped(rows: list[list[str]]) -> bool:
 def _best_table(lines: list[str]) -> tuple[str, str, str, int] | None:
     best: tuple[int, int, str, str, str, int] | None = None
     quoted = any('"' in line for line in lines)
+    parting = [sign for sign in PARTING if any(re.search(rf"\d{sign}\d{{3}}", line) for line in lines)]
     for separator in SEPARATORS:
         # a comma that separates is no decimal sign, unless quotes hold the fields together
         signs = [(".", ""), (",", ""), (",", "."), (".", ",")] if separator != "," or quoted else [(".", "")]
+        signs += [(decimal, sign) for decimal in {sign for sign, _ in signs} for sign in parting if separator != " "]
         for decimal, thousands in signs:
             counts = [_is_row(line, separator, decimal, thousands) for line in lines]
             widths = [count for count in counts if count]
@@ -342,5 +314,6 @@ def _surplus_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
 def _thousands_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
     if not layout.thousands:
         return ()
-    text = f"{layout.thousands!r} stands between thousands (1{layout.thousands}234 is 1234) and is left out"
+    sign = "a blank" if layout.thousands.isspace() else repr(layout.thousands)
+    text = f"{sign} stands between thousands (1{layout.thousands}234 is 1234) and is left out"
     return (Finding("csv_thousands", "warning", text, where),)

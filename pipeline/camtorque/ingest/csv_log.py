@@ -7,9 +7,9 @@ line by line: a damaged row becomes missing samples and is counted, it never shi
 from __future__ import annotations
 
 import io
-import re
 import tempfile
 import weakref
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,18 +19,9 @@ import numpy as np
 import pandas as pd
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
-from camtorque.ingest.csv_layout import (
-    LEVELS,
-    NUMBER,
-    THOUSANDS,
-    CsvLayout,
-    layout_findings,
-    sniff,
-    split_row,
-    text_pieces,
-    unwrapped,
-)
+from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, THOUSANDS, unwrapped
+from camtorque.ingest.columns import columns_of, footer_rows, listed, raw_file, time_columns_of
+from camtorque.ingest.csv_layout import CsvLayout, layout_findings, sniff, split_row, text_pieces
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
 from camtorque.records import Array, Finding, Refusal, SampleSource
@@ -42,34 +33,20 @@ LONGEST_LINE = 2**20
 ALIKE_ROWS = 100
 """Rows before the last one that show whether its last field can lack digits: of a column that leaves out zeros at the
 end every tenth field is shorter."""
-MISSING = ("", "nan", "na", "n/a", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
-OVERRANGE = re.compile(
-    r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|over\w*|clip\w*|#+|\*+|-{3,})$", re.IGNORECASE
-)
-"""What loggers print for a value beyond their range."""
-NO_VALUE = 9.0e36
-"""Instruments print 9.9E+37 for a value beyond their range, 9.91E+37 for none (SCPI 1999, 7.2.1.4)."""
 
 
 @dataclass
 class Damage:
-    """What was wrong with rows and cells, counted while reading."""
+    """What was wrong with rows and cells: their lines, or how many there are."""
 
-    rows: int = 0
-    cells: int = 0
+    rows: array[int] = field(default_factory=lambda: array("q"))
+    cells: array[int] = field(default_factory=lambda: array("q"))
     overrange: int = 0
     headers: int = 0
-    places: list[int] = field(default_factory=list)
 
-    def row(self, line: int) -> None:
-        """Count a damaged row."""
-        self.rows += 1
-        self.places += [line] if len(self.places) < 5 else []
-
-    def cell(self, line: int) -> None:
-        """Count a damaged cell."""
-        self.cells += 1
-        self.places += [line] if len(self.places) < 5 else []
+    def end_at(self, line: int) -> None:
+        """Forget what lies below a line: no part of the table."""
+        self.rows, self.cells = (array("q", [at for at in lines if at <= line]) for lines in (self.rows, self.cells))
 
 
 @dataclass(frozen=True)
@@ -147,10 +124,10 @@ def _columns(
     findings = _tail_findings(tail, path, line)
     if not count:
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
-    if files:
-        return {column: CachedSource(file, count, path) for column, file in files.items()}, findings
-    arrays = {column: np.concatenate(part) for column, part in parts.items()}
-    return {column: ArraySource(values) for column, values in arrays.items()}, findings
+    sources: dict[int, SampleSource] = {column: CachedSource(file, count, path) for column, file in files.items()}
+    sources |= {column: ArraySource(np.concatenate(part)) for column, part in parts.items() if not files}
+    damage.end_at(line - 1 - min((footer_rows(sources[column]) for column in times), default=0))
+    return sources, findings
 
 
 def _refuse_long_line(path: Path, rest: bytes) -> None:
@@ -249,14 +226,15 @@ def _parse_lines(
             line += 1
             while blank:  # lines before it that hold nothing part the blocks
                 rows.pop(), texts.pop()
-                damage.rows, blank = damage.rows - 1, blank - 1
+                damage.rows.pop()
+                blank -= 1
             continue
         blank = blank + 1 if not text.strip() else 0
         fields = split_row(text, layout.separator)
         while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
             fields.pop()  # a separator at the end of the row
         if len(fields) != layout.n_columns:
-            damage.row(line)
+            damage.rows.append(line)
             lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
             rows += [[np.nan] * len(wanted)] * lost
             texts += [[""] * len(stamps)] * lost
@@ -275,7 +253,7 @@ def _stamp_column(texts: Sequence[str], kind: str, damage: Damage, line: int) ->
     seconds = seconds_of_texts(texts, kind)
     for number in np.flatnonzero(np.isnan(seconds)).tolist():
         if texts[number].lower() not in MISSING:
-            damage.cell(line + number)
+            damage.cells.append(line + number)
     return seconds
 
 
@@ -292,19 +270,22 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
     if plain.lower() in MISSING or NUMBER.match(plain) or OVERRANGE.match(text):
         damage.overrange += plain.lower() not in MISSING and plain.lower() != "nan"
     else:
-        damage.cell(line)
+        damage.cells.append(line)
     return np.nan
 
 
+def _at(lines: array[int]) -> str:
+    return f"(line {', '.join(map(str, lines[:5]))}{', ...' if len(lines) > 5 else ''})"
+
+
 def _damage_findings(damage: Damage, where: str) -> list[Finding]:
-    at = f"(line {', '.join(str(line) for line in damage.places)})"
     rows = (
-        (damage.rows, "csv_rows_damaged", "error",
-         f"row has the wrong number of fields and is read as missing samples {at}",
-         f"rows have the wrong number of fields and are read as missing samples {at}"),
-        (damage.cells, "csv_cells_damaged", "error",
-         f"cell is not a number and is read as a missing sample {at}",
-         f"cells are not numbers and are read as missing samples {at}"),
+        (len(damage.rows), "csv_rows_damaged", "error",
+         f"row has the wrong number of fields and is read as missing samples {_at(damage.rows)}",
+         f"rows have the wrong number of fields and are read as missing samples {_at(damage.rows)}"),
+        (len(damage.cells), "csv_cells_damaged", "error",
+         f"cell is not a number and is read as a missing sample {_at(damage.cells)}",
+         f"cells are not numbers and are read as missing samples {_at(damage.cells)}"),
         (damage.overrange, "csv_overrange", "warning",
          "cell says that the value is beyond the logger's range; it is a missing sample",
          "cells say that the value is beyond the logger's range; they are missing samples"),

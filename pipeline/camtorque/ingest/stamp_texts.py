@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from camtorque.ingest.csv_layout import PERIODS
+from camtorque.ingest.cells import PERIODS
 from camtorque.records import Array
 
 DATES = {
-    "day first": r"^(?P<day>\d{1,2})[./](?P<month>\d{1,2})[./](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
-    "slashes": r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$",
+    "day first": r"^(?P<day>\d{1,2})[./-](?P<month>\d{1,2})[./-](?P<year>(\d\d){1,2})[ T]+(?P<clock>\S+)$",
+    "slashes": r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>(\d\d){1,2})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$",
     "year first": r"^(?P<year>\d{4})[./](?P<month>\d{1,2})[./](?P<day>\d{1,2})[ T]+(?P<clock>\S+)$",
     "month name": r"^(?P<day>\d{1,2})[- ](?P<month>[A-Za-z]{3})[- ](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
 }
@@ -44,6 +44,7 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
         parts = texts.str.extract(DATES[kind])
         if kind == "slashes" and (pd.to_numeric(parts["month"]) > MOST_MONTHS).any():
             parts = parts.rename(columns={"month": "day", "day": "month"})
+        parts["year"] = parts["year"].str.replace(r"^(\d\d)$", r"20\1", regex=True)
         parts["month"] = parts["month"].str.lower().replace(MONTHS)
         padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
         clock = _whole_day(parts["clock"], errors).str.replace(r"^(\d):", r"0\1:", regex=True)

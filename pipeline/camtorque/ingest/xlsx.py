@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.cells import LEVELS, STAMPS, unwrapped
 from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
-from camtorque.ingest.csv_layout import LEVELS, STAMPS, CsvLayout, unwrapped
+from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import is_number, names_of
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb

@@ -1,0 +1,120 @@
+"""Dirt in texts of real loggers: words in the first rows, blanks between thousands, quotes, footers, other dates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camtorque.config import ChannelSpec
+from camtorque.ingest.csv_log import channels, read
+from camtorque.ingest.raw import RawFile
+from camtorque.records import Refusal
+
+ROWS = 400
+RATE = 2e4
+TORQUE = np.round(60.0 * np.sin(0.05 * np.arange(ROWS)), 2)
+PRESSURE = np.round(1800.0 + 700.0 * np.cos(0.05 * np.arange(ROWS)), 1)
+HEAD = "Time [s];Torque [Nm];Pressure [bar]"
+
+
+def rows(separator: str = ";") -> list[str]:
+    values = zip(np.arange(ROWS) / RATE, TORQUE, PRESSURE, strict=True)
+    return [separator.join((f"{t:.5f}", f"{a:.2f}", f"{b:.1f}")) for t, a, b in values]
+
+
+def log(folder: Path, *lines: str) -> RawFile:
+    file = folder / "log.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    wanted = (("torque", "Torque", "N m"), ("pressure", "Pressure", "bar"))
+    return read(file, tuple(ChannelSpec(q, file, "", name, unit, "L", RATE, "") for q, name, unit in wanted), "")
+
+
+def assert_read(raw: RawFile, *codes: str) -> None:
+    for channel, truth in zip(raw.channels, (TORQUE, PRESSURE), strict=True):
+        np.testing.assert_allclose(channel.source.read(0, 10**6), truth)
+    assert [finding.code for finding in raw.findings] == list(codes)
+
+
+def test_a_first_row_with_a_word_for_none_is_no_header(tmp_path: Path):
+    body = rows()
+    body[:2] = ["0.00000;∞;2500.0", "0.00005;3.00;----"]
+    raw = log(tmp_path, HEAD, *body)
+    read_back = np.array([channel.source.read(0, 3) for channel in raw.channels])
+    np.testing.assert_allclose(read_back, [[np.nan, 3.0, 5.99], [2500.0, np.nan, PRESSURE[2]]])
+    assert [finding.code for finding in raw.findings] == ["csv_overrange"]
+    assert raw.channels[0].start_time == 0.0
+
+
+@pytest.mark.parametrize("sign", ["'", "\u2019", " ", "\u00a0", "\u202f"])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_apostrophes_and_blanks_between_thousands(tmp_path: Path, sign: str, decimal: str):
+    body = [line.replace(".", decimal) for line in rows()]
+    body = [line[:-5] + sign + line[-5:] for line in body]
+    assert_read(log(tmp_path, HEAD, *body), "csv_thousands")
+
+
+def test_a_minus_of_typography_is_one(tmp_path: Path):
+    assert_read(log(tmp_path, HEAD, *(line.replace("-", "\N{MINUS SIGN}") for line in rows())))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [["'Time'\t'Torque'\t'Pressure'", "'s'\t'Nm'\t'bar'"], ["'Time [s]'\t'Torque [Nm]'\t'Pressure [bar]'"]],
+)
+def test_names_may_stand_in_single_quotes(tmp_path: Path, head: list[str]):
+    assert_read(log(tmp_path, *head, *rows("\t")))
+    assert [(c.name, c.unit) for c in channels(tmp_path / "log.csv")] == [("Torque", "Nm"), ("Pressure", "bar")]
+
+
+@pytest.mark.parametrize(
+    "head", ["Time [s]  Torque [Nm]  Pressure [bar]", "Time (s) Torque (Nm) Pressure (bar)"], ids=["wide", "narrow"]
+)
+def test_units_between_blanks_belong_to_the_name_before(tmp_path: Path, head: str):
+    assert_read(log(tmp_path, head, *rows("   ")))
+    assert [(c.name, c.unit) for c in channels(tmp_path / "log.csv")] == [("Torque", "Nm"), ("Pressure", "bar")]
+
+
+@pytest.mark.parametrize("footer", ["End of data", "\x1a", "Max;60;2500", "(400 rows)"])
+def test_a_line_below_the_table_is_told_once_and_is_no_damage(tmp_path: Path, footer: str):
+    raw = log(tmp_path, HEAD, *rows(), footer)
+    assert_read(raw, "rows_without_time")
+    assert raw.findings[0].text == "1 row at the end holds no time; it is left out"
+
+
+def test_damage_above_a_footer_is_told_with_its_own_lines(tmp_path: Path):
+    body = rows()
+    body[10], body[20] = "0.0005;3.00", body[20].replace(";", ";x", 1)
+    raw = log(tmp_path, HEAD, *body, "End of data")
+    said = {finding.code: finding.text for finding in raw.findings}
+    assert said["csv_rows_damaged"].endswith("(line 12)")
+    assert said["csv_cells_damaged"].endswith("(line 22)")
+
+
+@pytest.mark.parametrize("word", ["OVRRNG", "OL", "O.L", "#OVER", "over range", "---.--", "+OVR"])
+def test_words_of_meters_for_a_value_beyond_the_range(tmp_path: Path, word: str):
+    body = rows()
+    body[10] = body[10].replace(f";{TORQUE[10]:.2f};", f";{word};")
+    assert [finding.code for finding in log(tmp_path, HEAD, *body).findings] == ["csv_overrange"]
+
+
+@pytest.mark.parametrize(
+    ("day", "mark"),
+    [("03/07/24", "."), ("07.03.24", "."), ("07-03-2024", ","), ("2024-03-07", ":"), ("07.03.2024", ":")],
+)
+def test_stamps_of_other_habits(tmp_path: Path, day: str, mark: str):
+    body = [f"{day} 10:00:00{mark}{50 * n:06d}{line[7:]}" for n, line in enumerate(rows())]
+    raw = log(tmp_path, HEAD.replace("Time [s]", "Zeitstempel"), *body)
+    assert_read(raw)
+    assert raw.channels[0].stamp == pytest.approx(np.datetime64("2024-03-07T10:00").astype("int64") * 60.0, abs=1e-5)
+
+
+def test_a_stamp_that_is_not_known_is_named(tmp_path: Path):
+    body = [f"Mar 07 2024 10:00:00.{50 * n:06d}{line[7:]}" for n, line in enumerate(rows())]
+    with pytest.raises(Refusal, match=r"line 2 has 'Mar 07 2024 10:00:00.000000', which is no number or time"):
+        log(tmp_path, HEAD, *body)
+
+
+def test_a_word_for_counting_is_no_unit(tmp_path: Path):
+    body = [f"{n};{line[8:]}" for n, line in enumerate(rows())]
+    assert_read(log(tmp_path, "X;Torque;Pressure", "Sequence;Nm;bar", *body), "samples_counted")
