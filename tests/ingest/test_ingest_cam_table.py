@@ -183,3 +183,25 @@ def test_a_table_that_runs_the_other_way_is_told(tmp_path: Path):
         assert (
             "against the direction of running: then each angle is 360 deg less itself" in str(refused.value)
         ) == told
+
+
+@pytest.mark.parametrize(("separator", "sign"), [(";", "."), (",", ",")])
+def test_points_or_commas_between_thousands_of_micrometres(tmp_path: Path, separator: str, sign: str):
+    file = tmp_path / "cam.csv"
+    body = [f'{a:g}{separator}"{f"{1e3 * y:,.0f}".replace(",", sign)}"' for a, y in zip(ANGLES, LIFT, strict=True)]
+    file.write_text("\n".join([f"cam_angle_deg{separator}lift_um", *body]) + "\n")
+    table, _ = read_cam_table(pump(file, "lift_um"))
+    np.testing.assert_allclose(table.lift, 1e-3 * LIFT, atol=1e-6)
+
+
+def test_a_lift_of_the_other_sign_is_refused_as_that(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(ANGLES, -LIFT))
+    with pytest.raises(Refusal, match=r"goes from -8 to -?0 mm, expected it above the base circle; turn its sign"):
+        read_cam_table(pump(file))
+
+
+def test_the_stated_resolution_may_have_a_decimal_comma(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_text("# resolution 0,5 um\n" + rows(ANGLES, LIFT))
+    assert read_cam_table(pump(file))[0].resolution == pytest.approx(0.5e-6)

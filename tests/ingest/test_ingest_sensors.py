@@ -224,8 +224,10 @@ def test_a_slip_beside_the_only_far_load_is_found_and_repeated_zeros_are_no_slip
 
 
 @pytest.mark.parametrize(
-    "comment", ["k=2 uncertainty 0.05 % of nominal", "U = 0.05 % (k = 2)", "expanded 0.05 % (k=2), 45 % r.h."]
-)
+    "comment",
+    ["k=2 uncertainty 0.05 % of nominal", "U = 0.05 % (k = 2)", "expanded 0.05 % (k=2), 45 % r.h.", "k=2,0.05 %",
+     "Messunsicherheit 0,05 % (k=2)", "k = 2,0: 0,05 %"],
+)  # fmt: skip
 def test_the_uncertainty_is_the_figure_beside_its_coverage_factor(papers: Path, comment: str):
     rows = "".join(f"{load},{0.025 * load}\n" for load in (-200, 0, 200))
     certificate = papers / "torque_T22-40117.csv"

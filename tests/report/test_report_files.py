@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -182,6 +183,13 @@ def test_page_is_self_contained_escaped_and_complete(written: Path) -> None:
             assert not (attributes.get(key) or "").startswith(("http", "//")), attributes
     for name in drawn:
         assert FIGURES[name].title in text
+
+
+def test_a_key_to_be_written_keeps_its_underscores_on_the_page(tmp_path: Path) -> None:
+    result = run_result()
+    tooth = "a second tooth (pulses_per_rev = 6) would reduce the uncertainty of trigger offset"
+    write_run(replace(result, fitted=replace(result.fitted, next_measurement=(tooth,))), tmp_path)
+    assert "pulses_per_rev" in (tmp_path / "report.html").read_text(encoding="utf-8").rpartition('id="next"')[2]
 
 
 def test_every_figure_is_a_file_too(written: Path) -> None:

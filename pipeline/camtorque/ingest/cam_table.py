@@ -13,7 +13,9 @@ from camtorque.ingest.table_file import SmallTable, read_comment, read_small_tab
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
-RESOLUTION = re.compile(r"resolution\s*[:=]?\s*(\d{1,9}(?:\.\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE)
+RESOLUTION = re.compile(
+    r"resolution\s*[:=]?\s*(\d{1,9}(?:[.,]\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE
+)
 LEAST_ROWS = 8
 SMALL_DIP = 5.0e-3
 """Share of the lift below the base circle that is runout or noise of a measured table."""
@@ -55,6 +57,9 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
                           f"{1e6 * (lift[-1] - lift[0]):.3g} um; the table does not close")  # fmt: skip
         theta, lift = theta[:-1], lift[:-1]
     _check_angles(table, theta)
+    if -np.min(lift) > np.max(lift):
+        raise Refusal(f"{table.path}: the lift goes from {1e3 * np.min(lift):.4g} to {1e3 * np.max(lift):.4g} mm, "
+                      "expected it above the base circle; turn its sign")  # fmt: skip
     if np.min(lift) < -2.0 * resolution:
         text = f"lift goes down to {1e6 * np.min(lift):.3g} um, below the base circle by more than the resolution"
         severity = "info" if np.min(lift) > -SMALL_DIP * np.ptp(lift) else "warning"
@@ -150,7 +155,7 @@ def _unit(table: SmallTable, name: str) -> str:
 def _resolution(table: SmallTable, column: str, scale: float, lift: Array) -> float:
     match = RESOLUTION.search(table.comment)
     if match:
-        return float(match[1]) * unit_factor(match[2], "length", f"{table.path} comment")
+        return float(match[1].replace(",", ".")) * unit_factor(match[2], "length", f"{table.path} comment")
     decimal = max(10.0 ** -table.decimals[column] * scale, FINEST)
     return decimal * _shared_step(lift / decimal)
 

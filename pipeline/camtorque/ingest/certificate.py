@@ -12,10 +12,10 @@ from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Array, Finding, Refusal
 from camtorque.units import tidy_unit, unit_factor
 
-FIGURE = r"\d{1,9}(?:\.\d{1,9})?"
+FIGURE = r"\d{1,9}(?:[.,]\d{1,9})?"
 UNCERTAINTY = (
     re.compile(rf"(?P<percent>{FIGURE})\s*%[\s,;(]{{0,3}}k\s*=\s*(?P<k>{FIGURE})", re.IGNORECASE),
-    re.compile(rf"k\s*=\s*(?P<k>{FIGURE})\D{{0,30}}?(?P<percent>{FIGURE})\s*%", re.IGNORECASE),
+    re.compile(rf"k\s*=\s*(?P<k>{FIGURE}(?![.,]?\d)|\d)\D{{0,30}}?(?P<percent>{FIGURE})\s*%", re.IGNORECASE),
 )
 """How a certificate states its uncertainty: 0.05 % (k=2), or (k=2) 0.05 %."""
 MOST_UNCERTAIN = 5.0
@@ -81,7 +81,7 @@ def _stated(path: Path, comment: str) -> float:
     stated = next((found for pattern in UNCERTAINTY if (found := pattern.search(comment))), None)
     if stated is None:
         return float("nan")
-    factor, percent = float(stated["k"]), float(stated["percent"])
+    factor, percent = (float(stated[name].replace(",", ".")) for name in ("k", "percent"))
     if not factor > 0.0:
         raise Refusal(f"{path}: states an uncertainty at k={stated['k']}; k has to be above 0, usually 2")
     if percent > MOST_UNCERTAIN:

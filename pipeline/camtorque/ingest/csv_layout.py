@@ -232,7 +232,7 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
         what += _odd_field(lines[:SNIFF_LINES])
         raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
     separator, decimal, thousands, first = found
-    if not thousands and decimal == "." and _grouped([split_row(line, separator) for line in lines[first:]]):
+    if not thousands and decimal == "." and grouped([split_row(line, separator) for line in lines[first:]]):
         return separator, ",", ".", first
     return found
 
@@ -249,13 +249,13 @@ def _odd_field(lines: list[str]) -> str:
     return ""
 
 
-def _grouped(rows: list[list[str]]) -> bool:
+def grouped(rows: list[list[str]], sign: str = ".") -> bool:
     """Tell points that part thousands: all stand before three digits, and a column holds numbers without one, too."""
-    dotted = [field for row in rows for field in row if "." in field]
-    if not dotted or not all(THOUSANDS["."].match(field) for field in dotted):
+    parted = [field for row in rows for field in row if sign in field]
+    if not parted or not all(THOUSANDS[sign].match(field) for field in parted):
         return False
     columns = zip(*(row for row in rows if len(row) == len(rows[0])), strict=True)
-    return any(0 < sum("." in field for field in column) < sum(map(bool, column)) for column in columns)
+    return any(0 < sum(sign in field for field in column) < sum(map(bool, column)) for column in columns)
 
 
 def _best_table(lines: list[str]) -> tuple[str, str, str, int] | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config.tables import what_is_beside
-from camtorque.ingest.csv_layout import HEAD_BYTES, split_row, utf16
+from camtorque.ingest.csv_layout import HEAD_BYTES, grouped, split_row, utf16
 from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows
 from camtorque.records import Array, Refusal
@@ -103,8 +103,10 @@ def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
         return comment, []
     separator = _separator(rows[len(rows) // 2][1])
     split = [(number, split_row(line, separator)) for number, line in rows]
+    parting = next((sign for sign in ".," if grouped([fields for _, fields in split[1:]], sign)), None)
     # a comma that is left within a field is a decimal sign
-    split[1:] = [(number, [field.replace(",", ".") for field in fields]) for number, fields in split[1:]]
+    signs = str.maketrans({",": "."} | ({parting: ""} if parting else {}))
+    split[1:] = [(number, [field.translate(signs) for field in fields]) for number, fields in split[1:]]
     return comment, [(number, fields) for number, fields in split if any(fields)]
 
 
