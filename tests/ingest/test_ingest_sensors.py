@@ -240,6 +240,34 @@ def test_the_uncertainty_is_the_figure_beside_its_coverage_factor(papers: Path, 
         read_certificate(certificate, "torque", "T22-40117", "N m", "voltage")
 
 
+@pytest.mark.parametrize(
+    ("keys", "delay", "said"),
+    [
+        ({}, 0.5e-3, "0.5 ms +/- 100 % is assumed"),
+        ({"cutoff_hz": 1000.0, "filter": "4th order, Bessel"}, 0.5e-3, "0.5 ms +/- 100 % is assumed"),
+        ({"cutoff_hz": 100.0}, 2.295e-3, "2.3 ms of its low-pass +/- 100 % is assumed"),
+        ({"cutoff_hz": 100.0, "filter": "4th order, Bessel"}, 3.506e-3, "3.51 ms of its low-pass +/- 100 % is"),
+    ],
+)
+def test_an_unstated_delay_is_no_shorter_than_that_of_the_low_pass(keys: dict, delay: float, said: str):
+    sheet = {"unit": "N m", "sensitivity_V_per_unit": 0.025, **keys}
+    sensor = read_sensor(SensorRef("torque", "", None, None, None, sheet=sheet), "V", 5.0)
+    assert sensor.calibration.delay == pytest.approx(delay, rel=1e-3)
+    assert any(said in finding.text for finding in sensor.findings if finding.code == "delay_assumed")
+
+
+def test_a_note_of_the_delay_without_a_percentage_is_told_as_that(papers: Path):
+    edit(papers / TORQUE, "typical, +/-3 %", "typical, +/-3 us")
+    (found,) = (row for row in read_sensor(reference(papers)).findings if row.code == "delay_tolerance_assumed")
+    assert "+/-3 us' names no percentage of the delay of 0.00045 s; +/-10 % is assumed" in found.text
+
+
+def test_a_range_that_nobody_states_holds_what_the_channel_shows_beyond_its_zero():
+    given = SensorRef("torque", "", None, None, None, zero_before=-3.0, zero_after=-3.0)
+    calibration = read_sensor(given, "N m", 5.0).calibration
+    assert (calibration.range_min, calibration.range_max) == (-8.0, 8.0)
+
+
 def test_header_only_certificate_is_refused(papers: Path):
     (papers / "torque_T22-40117.csv").write_text("# certificate\napplied_torque_Nm,output_V\n")
     with pytest.raises(Refusal, match="with 0 rows"):

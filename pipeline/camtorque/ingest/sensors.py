@@ -32,6 +32,8 @@ DELAY_TOLERANCE = 0.10
 """Relative half width assumed for a delay whose sheet states no tolerance; printed as a finding."""
 USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
 """A delay that no sheet states: this +/- 100 %, which holds the amplifiers on the market [s]; reported as a warning."""
+USUAL_ORDER = 2
+"""Order of a low-pass whose sheet names none."""
 CERTIFICATE_DAYS = 366
 """A certificate older than this is reported; sensors are calibrated once a year."""
 FIRST_STAMP = 946_684_800.0
@@ -68,6 +70,9 @@ def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -
         calibration, findings = _sensed(sheet, line, _in_output(reference, unit), span)
     else:
         calibration, findings = _scaled(sheet, reference, unit, span)
+    if sheet["nominal_range"] is None:  # then it holds all that the channel shows, wherever its zero lies
+        reach = abs(calibration.gain) * (span + abs(calibration.zero_volts))
+        calibration = replace(calibration, range_min=-reach, range_max=reach)
     return Sensor(calibration, sheet.files, (*sheet.findings, *findings), sheet["calibration_date"])
 
 
@@ -148,17 +153,22 @@ def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
     return Finding(f"{what}_assumed", "warning", text, sheet.place)
 
 
+def _low_pass_delay(sheet: Sheet, order: int) -> float:
+    """Return the delay of the sheet's low-pass, were it of this order [s]; 0 where it states none.
+
+    It is nearly that of a Bessel filter (Thomson, Proc. IEE 96 (1949)); a Butterworth one is slower.
+    """
+    return math.sqrt((2 * order - 1) * math.log(2.0)) / (2.0 * math.pi * (sheet["cutoff_hz"] or math.inf))
+
+
 def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
     """Refuse a total delay that is shorter than that of the low-pass which it includes."""
-    cutoff, order = sheet["cutoff_hz"], max(sheet.filter_order, 1)
-    if cutoff is None:
-        return
-    # that of a Bessel filter, nearly (Thomson, Proc. IEE 96 (1949)); a Butterworth one is slower
-    least = math.sqrt((2 * order - 1) * math.log(2.0)) / (2.0 * math.pi * cutoff)
+    order = max(sheet.filter_order, 1)
+    least = _low_pass_delay(sheet, order)
     if delay < 0.5 * least:
         raise Refusal(
             f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
-            f"(order {order}, {cutoff:g} Hz), which it has to include"
+            f"(order {order}, {sheet['cutoff_hz']:g} Hz), which it has to include"
         )
 
 
@@ -210,13 +220,18 @@ def usual_delay(quantity: str) -> tuple[float, float]:
 def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
     delay = sheet["group_delay"]
     if delay is None:
-        usual, std = usual_delay(quantity)
-        text = f"{1e3 * usual:g} ms +/- 100 %"
-        return usual, std, [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
+        low_pass = _low_pass_delay(sheet, sheet.filter_order or USUAL_ORDER)
+        usual = usual_delay(quantity)[0]
+        usual = usual and max(usual, low_pass)
+        of = " of its low-pass" if usual == low_pass else ""
+        text = f"{1e3 * usual:.3g} ms{of} +/- 100 %"
+        return usual, usual / math.sqrt(3.0), [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
     _refuse_short_delay(sheet, delay)
     percent = sheet.percent("group_delay_note")
     if percent is not None:
         return delay, delay * percent / 100.0 / math.sqrt(3.0), []
-    text = f"the sheet states no tolerance of the delay of {delay:g} s; +/-{100 * DELAY_TOLERANCE:g} % is assumed"
+    note = sheet["group_delay_note"]
+    what = f"group_delay_note {note!r} names no percentage" if note else "the sheet states no tolerance"
+    text = f"{what} of the delay of {delay:g} s; +/-{100 * DELAY_TOLERANCE:g} % is assumed"
     finding = Finding("delay_tolerance_assumed", "info", text, sheet.place)
     return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), [finding]
