@@ -16,7 +16,7 @@ import numpy as np
 from camtorque.config.keys import Band, Key, TableSchema
 from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Refusal
-from camtorque.units import did_you_mean
+from camtorque.units import did_you_mean, plain_unit
 
 LIMITS_SCHEMA = "camtorque-limits/1"
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
@@ -25,7 +25,7 @@ FITTED = ("parameters.", "chamber.", "losses", "gap_by_cause.", "forces.", "alig
 NUMBER = Band(-1e15, 1e15, "any number that a report holds")
 UNIT_OF_ENDING = {
     "_nm": "N m", "_bar": "bar", "_deg": "deg", "_s": "s", "_percent": "%", "_rpm": "rpm", "_n": "N", "_gpa": "GPa",
-    "_c": "degC", "_mb": "MB", "_j": "J", "_hz": "Hz", "_ppm": "ppm",
+    "_percent_of_peak": "%", "_c": "degC", "_mb": "MB", "_j": "J", "_hz": "Hz", "_ppm": "ppm",
 }  # fmt: skip
 """How the name of a number ends -> its unit (docs/result_schema.md)."""
 LIMIT = TableSchema("[[limit]]", "one band", (
@@ -127,7 +127,7 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return Verdict(limit, None, None, CANNOT_TELL, "the result holds no number of that name")
     unit = _unit_of_name([last]) or group.get("unit") or _unit_of_name(list(reversed(above)))
-    if limit.unit and _plain_unit(limit.unit) != _plain_unit(unit):
+    if limit.unit and plain_unit(limit.unit) != plain_unit(unit):
         told = f"in {unit}" if unit else "without a unit"
         return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
     error = group.get("stderr") if last == "value" else None
@@ -139,11 +139,6 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
 def _unit_of_name(names: Sequence[str]) -> str:
     """Return the unit that the first name with a known ending tells, "" where none does."""
     return next((unit for name in names for end, unit in UNIT_OF_ENDING.items() if name.endswith(end)), "")
-
-
-def _plain_unit(unit: str) -> str:
-    """Return a unit without typography: a user may write mm^3 or mm³, and J for J per revolution."""
-    return unit.removesuffix(" per revolution").replace("²", "^2").replace("³", "^3").replace("µ", "u").replace(" ", "")
 
 
 def _compared(limit: Limit, value: float, stderr: float | None) -> Verdict:

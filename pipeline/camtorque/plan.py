@@ -31,7 +31,7 @@ from camtorque.laws import ROWS
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Refusal
 from camtorque.results import CAMPAIGN, NAME, read_campaign, read_result
-from camtorque.units import BAR, DECIMAL, RPM, did_you_mean
+from camtorque.units import BAR, DECIMAL, RPM, did_you_mean, plain_unit
 from camtorque.version import __version__
 
 CHAMBER_PEAK = "chamber_peak"
@@ -71,7 +71,7 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
         raise Refusal(f"plan: {match[1]!r} is no number of this fit{did_you_mean(match[1], tuple(names))}; there are "
                       f"{', '.join(names)}")  # fmt: skip
     unit, _ = shown_in(match[1])
-    if match[3] not in (None, "%", unit):
+    if match[3] not in (None, "%") and plain_unit(match[3]) != plain_unit(unit):
         raise Refusal(f"plan: found --target {text!r}, expected % or {unit}, the unit of the report")
     return match[1], float(match[2]), match[3] == "%"
 

@@ -90,6 +90,14 @@ def tidy_unit(unit: str) -> str:
     return SPELLINGS.get(text, text)
 
 
+def plain_unit(unit: str) -> str:
+    """Return a unit of a report without typography: a user may write mm^3, mm3 or mm³, and J for J per revolution."""
+    text = unit.removesuffix(" per revolution")
+    for sign, plain in (("²", "2"), ("³", "3"), ("µ", "u"), ("μ", "u"), ("°", "deg"), *((sign, "") for sign in "^·* ")):
+        text = text.replace(sign, plain)
+    return text
+
+
 def is_known_unit(unit: str) -> bool:
     """Tell whether a unit is in the border table."""
     return tidy_unit(unit) in BORDER_UNITS

@@ -44,6 +44,7 @@ def judged(**changes: object) -> tuple[str, str]:
         ({"max": 0.45, "guard": 2.0}, "pass", ""),
         ({"max": 0.15, "guard": 2.0}, "fail", "above the band"),
         ({"max": 1.0, "unit": "mm³/s/bar"}, "pass", ""),
+        ({"max": 1.0, "unit": "mm3/s/bar"}, "pass", ""),
         ({"max": 1.0, "unit": "l/h"}, "cannot tell", "the band is in l/h, the result in mm^3/s/bar"),
         ({"quantity": "chamber.peak_bar.value", "max": 1.0}, "cannot tell", "no number of that name"),
         ({"quantity": "forces.contact_lost", "max": 1.0}, "cannot tell", "no number of that name"),
@@ -137,11 +138,13 @@ def test_reports_are_judged_in_the_order_of_their_recordings(
 @pytest.mark.parametrize(("quantity", "unit", "told"), [
     ("metrics.fitted.rms_nm", "N m", "pass"), ("metrics.fitted.rms_nm", "%", "cannot tell"),
     ("chamber.peak_bar.value", "bar", "pass"), ("chamber.peak_bar.value", "MPa", "cannot tell"),
-    ("recording.cycles_used", "1", "cannot tell"),
+    ("recording.cycles_used", "1", "cannot tell"), ("metrics.fitted.rms_percent_of_peak", "%", "pass"),
+    ("recording.angle.value", "°", "pass"),
 ])  # fmt: skip
 def test_a_band_in_another_unit_decides_nothing(quantity: str, unit: str, told: str) -> None:
-    document = {"metrics": {"fitted": {"rms_nm": 0.5}}, "chamber": {"peak_bar": {"value": 1.0, "stderr": 0.1}},
-                "recording": {"cycles_used": 7}}  # fmt: skip
+    document = {"metrics": {"fitted": {"rms_nm": 0.5, "rms_percent_of_peak": 0.1}},
+                "chamber": {"peak_bar": {"value": 1.0, "stderr": 0.1}},
+                "recording": {"cycles_used": 7, "angle": {"value": 0.5, "unit": "deg"}}}  # fmt: skip
     (verdict,) = judge(document, [Limit(quantity, None, 10.0, unit)])
     assert verdict.verdict == told
 

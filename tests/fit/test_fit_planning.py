@@ -141,6 +141,7 @@ def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
 @pytest.mark.parametrize(("text", "found"), [
     ("leakage 5 %", ("leakage", 5.0, True)), ("chamber_peak 3.5", ("chamber_peak", 3.5, False)),
     ("chamber_peak 3.5 bar", ("chamber_peak", 3.5, False)), ("leakage 2e-1 mm^3/s/bar", ("leakage", 0.2, False)),
+    ("leakage 0.2 mm³/s/bar", ("leakage", 0.2, False)), ("leakage 0.2 mm3/s/bar", ("leakage", 0.2, False)),
 ])  # fmt: skip
 def test_targets_are_read(text: str, found: tuple[str, float, bool]) -> None:
     assert wanted_number(text, ("leakage", "chamber_peak")) == found
