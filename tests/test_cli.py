@@ -210,6 +210,23 @@ def test_every_error_is_one_line(
     assert len(printed.strip().splitlines()) == (1 if text else 0)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            "check a b c",
+            "camtorque check: found b, c, expected one RECORDING; camtorque campaign takes a folder of them;",
+        ),
+        ("run a --outt b", "camtorque run: found --outt, expected options of this command; see camtorque run --help"),
+        ("completion bash zsh", "camtorque completion: found zsh, expected no more arguments; see"),
+    ],
+)
+def test_arguments_beyond_what_a_command_takes(capsys: pytest.CaptureFixture[str], arguments: str, said: str) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments.split())
+    assert capsys.readouterr().err.startswith(said)
+
+
 def test_wrong_arguments_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main(["align", "somewhere"])

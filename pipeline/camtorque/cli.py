@@ -53,6 +53,17 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _too_many(parsed: argparse.Namespace, more: list[str]) -> str:
+    """Return what to say of arguments that a command does not take."""
+    options = [text for text in more if text.startswith("-")]
+    expected = "no more arguments"
+    if options:
+        expected = "options of this command"
+    elif "recording" in parsed:
+        expected = "one RECORDING; camtorque campaign takes a folder of them"
+    return f"found {', '.join((options or more)[:3])}, expected {expected}; see camtorque {parsed.command} --help"
+
+
 def tell(text: str) -> None:
     """Print a line of progress."""
     with suppress(OSError):  # nobody listens any more; the result is still wanted
@@ -87,7 +98,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sys.platform == "win32":
         print(ON_WINDOWS, file=sys.stderr)
         return REFUSED
-    parsed = build_parser().parse_args(arguments)
+    parser = build_parser()
+    parsed, more = parser.parse_known_args(arguments)
+    if more:
+        parser.exit(REFUSED, f"camtorque {parsed.command}: {_too_many(parsed, more)}\n")
     if parsed.debug:
         return _status(parsed)
     warnings.simplefilter("ignore")

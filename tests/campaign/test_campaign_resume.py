@@ -208,8 +208,10 @@ def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
     assert not (out / "campaign.json").exists()
     assert statuses(run_campaign(raw, out, OPTIONS)) == {"a": "ok", "b": "refused", "deep/c": "ok"}
     assert analysed == ["c", "b", "a"]
-    with pytest.raises(Refusal, match=r"--only nowhere: found no such recording, expected one of a, b, deep/c"):
+    with pytest.raises(Refusal, match=r"--only nowhere: found no such recording, expected one of a, b, deep/c; see"):
         run_only("nowhere", raw, out, OPTIONS)
+    with pytest.raises(Refusal, match=r"--only deep/cc: found no such recording, did you mean 'deep/c'\?"):
+        run_only("deep/cc", raw, out, OPTIONS)
 
 
 def test_one_alone_that_is_called_as_the_folder_is(analysed: list[str], tmp_path: Path) -> None:

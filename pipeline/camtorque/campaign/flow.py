@@ -30,6 +30,7 @@ from camtorque.report.checksums import SUMS, visible_files, write_checksums
 from camtorque.report.folder import move_files
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
+from camtorque.units import did_you_mean, first_of
 
 MOST_THUMBNAILS = 200
 """Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""
@@ -106,7 +107,8 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     if path is None:
         names = list(search(folder)[0])
         raise Refusal(
-            f"--only {name}: found no such recording, expected one of {', '.join(names[:5])}, ...; see --list"
+            f"--only {name}: found no such recording{did_you_mean(name, names)}, expected one of {first_of(names, 5)}; "
+            "see --list"
         )
     return run_task(Task(name, path, prepare_folder(out), options, retry_failed))
 
