@@ -314,6 +314,16 @@ def test_durations_and_levels_of_a_workbook(tmp_path: Path):
         np.testing.assert_array_equal(listed[name].source.read(0, 200), levels)
 
 
+def test_a_column_of_a_workbook_whose_numbers_are_texts_is_refused(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["Zeit [s]", "Moment [V]", "Druck [V]"], *([n / 500.0, f"{n % 7},5", n % 9] for n in range(200))):
+        book.active.append(row)
+    book.save(tmp_path / "log.xlsx")
+    with pytest.raises(Refusal, match="found the numbers of column 'Moment' stored as text, such as '0,5', expected"):
+        xlsx.channels(tmp_path / "log.xlsx")
+
+
 def test_a_workbook_with_two_sheets_asks_which(tmp_path: Path):
     openpyxl = pytest.importorskip("openpyxl")
     folder = write_folder(tmp_path / "r", [LOG], PLANS["xlsx"])

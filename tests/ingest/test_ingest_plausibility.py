@@ -315,6 +315,9 @@ def test_a_channel_that_never_changes_is_not_held_against_the_others(bench: Path
     changed = replace(recording, channels=tuple(flat if c is channel else c for c in recording.channels))
     assert check_loads(changed) == []
     assert "channel_constant" in {finding.code for finding in summarise(changed).findings}
+    none = replace(flat, source=ArraySource(np.full(channel.n_samples, np.nan)))
+    changed = replace(recording, channels=tuple(none if c is channel else c for c in recording.channels))
+    assert any(finding.text.startswith("the channel holds no number") for finding in summarise(changed).findings)
 
 
 def test_a_sensor_beyond_its_nominal_range_is_told(bench: Path):

@@ -127,6 +127,8 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
         found.append(Finding("samples_not_numbers", "warning", text, where))
     if scan.is_constant:
         text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"
+        if math.isnan(scan.low):
+            text = "the channel holds no number at all; is it the right column, and exported as numbers?"
         return [*found, Finding("channel_constant", "error", text, where)]
     found += _range_findings(channel, scan, where)
     return found

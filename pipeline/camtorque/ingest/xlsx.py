@@ -29,6 +29,7 @@ from camtorque.records import Finding, Refusal, SampleSource
 HEADER_ROWS = 200
 MOST_COLUMNS = 256
 """A sheet may claim 16 384 columns whatever it holds."""
+CONVERT = "convert them to numbers in Excel"
 Row = tuple[Any, ...]
 
 
@@ -43,7 +44,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         layout = _layout(path, rows, tuple(spec.channel for spec in mine))
         wanted = columns_of(path, layout, mine)
         times = {column for column in time_columns_of(path, layout, mine) if column is not None}
-        sources = _sources(rows, layout, sorted({*wanted, *times}))
+        sources = _sources(path, rows, layout, sorted({*wanted, *times}))
         result = raw_file(path, layout, sources, mine)
         channels += list(zip(mine, result.channels, strict=True))
         findings += result.findings
@@ -59,7 +60,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
         if len(rows) > 2:
             layout = _layout(path, rows, ())
             time = layout.time_column("")
-            sources = _sources(rows, layout, [n for n, item in enumerate(layout.names) if item or n == time])
+            sources = _sources(path, rows, layout, [n for n, item in enumerate(layout.names) if item or n == time])
             found += [replace(channel, group=name) for channel in listed(path, layout, sources)]
     return tuple(found)
 
@@ -112,7 +113,7 @@ def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
     first = next((n for n, row in enumerate(rows) if _is_data(row)), None)
     if first is None:
         texts = any(sum(is_number(cell) for cell in row if isinstance(cell, str)) > 1 for row in rows)
-        hint = "; its numbers are stored as text: convert them to numbers in Excel" if texts else ""
+        hint = f"; its numbers are stored as text: {CONVERT}" if texts else ""
         raise Refusal(f"{path}: the sheet holds no row of numbers, expected names above rows of numbers{hint}")
     header = [[_text(cell) for cell in row] for row in rows[:first]]
     names, units, _ = names_of(path, header, [_text(cell) for cell in rows[first]], wanted)
@@ -142,10 +143,15 @@ def _text(cell: Any) -> str:
     return "" if cell is None else str(cell).strip()
 
 
-def _sources(rows: list[Row], layout: CsvLayout, wanted: list[int]) -> dict[int, SampleSource]:
+def _sources(path: Path, rows: list[Row], layout: CsvLayout, wanted: list[int]) -> dict[int, SampleSource]:
     body = rows[layout.data_offset :]
     while body and not _filled(body[-1]):
         body.pop()
+    for number in wanted:
+        texts = [row[number] for row in body if isinstance(row[number], str) and is_number(row[number])]
+        if 2 * len(texts) > len(body):
+            raise Refusal(f"{path}: found the numbers of column {layout.names[number]!r} stored as text, such as "
+                          f"{texts[0]!r}, expected numbers: {CONVERT}")  # fmt: skip
     return {number: ArraySource(_column([row[number] for row in body], layout.stamp_kind(number))) for number in wanted}
 
 
