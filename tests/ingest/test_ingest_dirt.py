@@ -118,3 +118,18 @@ def test_a_stamp_that_is_not_known_is_named(tmp_path: Path):
 def test_a_word_for_counting_is_no_unit(tmp_path: Path):
     body = [f"{n};{line[8:]}" for n, line in enumerate(rows())]
     assert_read(log(tmp_path, "X;Torque;Pressure", "Sequence;Nm;bar", *body), "samples_counted")
+
+
+@pytest.mark.parametrize("row", [";4711;4712", ";0.01;0.3"])
+def test_numbers_of_sensors_below_the_units_are_no_samples(tmp_path: Path, row: str):
+    raw = log(tmp_path, "Time;Torque;Pressure", "s;Nm;bar", row, *rows())
+    assert_read(raw, "rows_without_time")
+    assert raw.findings[0].text == "1 row at the beginning holds no time; it is left out"
+    assert raw.channels[0].start_time == 0.0
+
+
+@pytest.mark.parametrize("key", ["Unit", "Einheit"])
+def test_the_key_of_a_row_of_units_is_no_unit(tmp_path: Path, key: str):
+    assert_read(log(tmp_path, "Time;Torque;Pressure", f"{key};Nm;bar", *rows()))
+    assert [(c.name, c.unit, c.sample_rate) for c in channels(tmp_path / "log.csv")] == [
+        ("Torque", "Nm", RATE), ("Pressure", "bar", RATE)]  # fmt: skip

@@ -16,14 +16,14 @@ from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, number
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
 from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
-from camtorque.units import counted, did_you_mean, unit_factor
+from camtorque.units import counted, did_you_mean, is_known_unit, unit_factor
 
 SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
 EPOCH = (1.0e9, 4.1e9)
 """2001 to 2099 in seconds since 1970: the size of such stamps tells their unit."""
-FOOTER_ROWS = 100_000
-"""Rows at the end of a table that are looked at for a time."""
+END_ROWS = 100_000
+"""Rows at either end of a table that are looked at for a time."""
 MOST_ALIKE = 0.9
 """Share of the steps that are alike where stamps have enough digits; the others are gaps."""
 LEAST_STAMPS = 100
@@ -44,7 +44,7 @@ def raw_file(
     fastest = max(spec.sample_rate for spec in specs)
     for spec, time in zip(specs, time_columns_of(path, layout, specs), strict=True):
         column = column_of(path, layout, spec.channel)
-        source, stamps, cut = _without_footer(sources[column], sources.get(time) if time is not None else None, path)
+        source, stamps, cut = _where_timed(sources[column], sources.get(time) if time is not None else None, path)
         rows = _rows_of(source, round(fastest / spec.sample_rate))
         base, stamp = _times(path, layout, stamps and _at(rows, stamps), time, spec, rows)
         channels.append(base.channel(spec.channel, layout.units[column], _at(rows, source), stamp))
@@ -70,25 +70,31 @@ def time_columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...
     return found
 
 
-def _without_footer(
+def _where_timed(
     source: SampleSource, times: SampleSource | None, path: Path
 ) -> tuple[SampleSource, SampleSource | None, tuple[Finding, ...]]:
-    """Leave out the end of a table where no row has a time: statistics below it, or a shorter pair of columns."""
+    """Leave out rows at both ends of a table that have no time: numbers of sensors, statistics, a shorter pair."""
     if times is None or not times.n_samples:
         return source, times, ()
-    n = times.n_samples - footer_rows(times)
-    if n == times.n_samples:
+    above, below = rows_without_time(times)
+    if not above + below:
         return source, times, ()
-    text = counted(times.n_samples - n, "row at the end holds no time; it is left out",
-                   "rows at the end hold no time; they are left out")  # fmt: skip
-    kept = ArraySource(source.read(0, n)), ArraySource(times.read(0, n))
-    return *kept, (Finding("rows_without_time", "warning", text, path.name),)
+    findings = [
+        Finding("rows_without_time", "warning",
+                counted(count, f"row at the {end} holds no time; it is left out",
+                        f"rows at the {end} hold no time; they are left out"), path.name)
+        for count, end in ((above, "beginning"), (below, "end"))
+        if count
+    ]  # fmt: skip
+    stop = times.n_samples - below
+    return ArraySource(source.read(above, stop)), ArraySource(times.read(above, stop)), tuple(findings)
 
 
-def footer_rows(times: SampleSource) -> int:
-    """Return how many rows at the end of a table hold no time."""
-    last = np.isfinite(times.read(max(times.n_samples - FOOTER_ROWS, 0), times.n_samples))
-    return int(np.argmax(last[::-1])) if last.any() else 0
+def rows_without_time(times: SampleSource) -> tuple[int, int]:
+    """Return how many rows at the beginning and at the end of a table hold no time."""
+    first = np.isfinite(times.read(0, END_ROWS))
+    last = np.isfinite(times.read(max(times.n_samples - END_ROWS, 0), times.n_samples))
+    return (int(np.argmax(first)) if first.any() else 0), (int(np.argmax(last[::-1])) if last.any() else 0)
 
 
 def _rows_of(source: SampleSource, every: int) -> slice:
@@ -161,7 +167,7 @@ def _rises_evenly(source: SampleSource) -> bool:
 
 def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int) -> float | None:
     stamped = bool(layout.stamp_kind(column))
-    unit = "" if stamped else layout.units[column]  # such as hh:mm:ss.000
+    unit = "" if stamped or not is_known_unit(layout.units[column]) else layout.units[column]
     epoch = 0.0 if unit or stamped else _epoch_unit(times)
     rate = usual_rate(times, unit_factor(unit, "time", f"{path} time") if unit else epoch or 1.0)
     if not unit and not stamped and not epoch and not (rate and SECONDS[0] <= rate <= SECONDS[1]):

@@ -20,7 +20,7 @@ import pandas as pd
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, THOUSANDS, unwrapped
-from camtorque.ingest.columns import columns_of, footer_rows, listed, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, listed, raw_file, rows_without_time, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout, layout_findings, sniff, split_row, text_pieces
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
@@ -126,7 +126,7 @@ def _columns(
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
     sources: dict[int, SampleSource] = {column: CachedSource(file, count, path) for column, file in files.items()}
     sources |= {column: ArraySource(np.concatenate(part)) for column, part in parts.items() if not files}
-    damage.end_at(line - 1 - min((footer_rows(sources[column]) for column in times), default=0))
+    damage.end_at(line - 1 - min((rows_without_time(sources[column])[1] for column in times), default=0))
     return sources, findings
 
 

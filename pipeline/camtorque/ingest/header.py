@@ -39,8 +39,8 @@ RATES = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sa
 """Spelling of a unit of rates, in small letters -> factor to Hz."""
 STEPS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 NEXT_FIELD = re.compile(r"(?<=\d{4}),|,(?!\d{3}(?!\d))")
-COUNTED = ("sequence", "sample", "samples", "point", "points", "index")
-"""Words in the place of a unit, where a column counts."""
+NO_UNITS = ("sequence", "sample", "samples", "point", "points", "index", "unit", "units", "einheit", "einheiten")
+"""Words in the place of a unit that are none: where a column counts, or the key of the row of units."""
 AMBIGUOUS = re.compile(r"^\d{1,3}[.,]\d{3}$")
 """Twenty thousand or twenty: 20,000 and 20.000 mean either, by country."""
 NUMBERED = re.compile(r"^column (?P<number>[1-9]\d{0,3})$")
@@ -191,7 +191,7 @@ def names_of(
         later = row.number > chosen.number
         if later and not any(map(is_known_unit, units)) and any(map(is_known_unit, row.fields)):
             units = tuple(field.strip("[]() ") for field in row.fields)
-    return names, tuple("" if unit.lower() in COUNTED else unit for unit in units), chosen.beyond
+    return names, tuple("" if unit.lower() in NO_UNITS else unit for unit in units), chosen.beyond
 
 
 def _is_text(field: str) -> bool:
