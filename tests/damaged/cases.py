@@ -76,7 +76,7 @@ VERDICTS: dict[str, Verdict] = {
     "flipped_csv_row_end": used("csv_rows_damaged", "time_stamp_damaged", "samples_not_numbers"),
     "letters_in_csv": used("csv_rows_damaged", "time_stamp_damaged", "samples_not_numbers"),
     "row_missing_csv": used("time_gap"),
-    "companion_cut_csv": used("log_ends_early"),
+    "companion_cut_csv": used("log_ends_early", "starts_together"),
     "unfinished_mf4": refused("never finished it"),
     "unclosed_tdms": used("file_truncated", "samples_missing", "log_ends_early"),
     "wrong_content": refused("file_format says HDF5, but the content is TDMS"),

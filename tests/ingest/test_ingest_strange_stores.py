@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import zipfile
 from pathlib import Path
 
 import h5py
@@ -299,3 +301,19 @@ def test_numbers_stored_as_text_in_a_workbook_are_named(tmp_path: Path):
     book.save(tmp_path / "run.xlsx")
     with pytest.raises(Refusal, match="its numbers are stored as text: convert them"):
         xlsx.channels(tmp_path / "run.xlsx")
+
+
+def test_a_workbook_that_is_refused_is_closed(tmp_path: Path):
+    with zipfile.ZipFile(tmp_path / "log.xlsx", "w") as parts:
+        parts.writestr("[Content_Types].xml", "no XML")
+    with pytest.raises(Refusal, match="cannot be read as Excel workbook"):
+        xlsx.sheet_names(tmp_path / "log.xlsx")
+    gc.collect()  # what was left open is told here, as an error
+    assert not [link for link in Path("/proc/self/fd").iterdir() if link.name.isdigit() and held(link, tmp_path)]
+
+
+def held(link: Path, folder: Path) -> bool:
+    try:
+        return link.readlink().is_relative_to(folder)
+    except FileNotFoundError:
+        return False

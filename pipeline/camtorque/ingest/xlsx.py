@@ -7,7 +7,8 @@ brackets or in a row of their own.
 from __future__ import annotations
 
 import zipfile
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from datetime import UTC, date, datetime, time, timedelta
 from importlib import import_module
@@ -75,24 +76,29 @@ def table_rows(path: Path) -> list[list[str]]:
     return [[_text(cell) for cell in row] for row in rows if any(cell is not None for cell in row)]
 
 
-def _open(path: Path) -> Any:
+@contextmanager
+def _open(path: Path) -> Iterator[Any]:
+    """Give a workbook whose file is closed whatever is wrong with it."""
     library = optional_library(path, "Excel workbooks", "openpyxl")
-    with refusing(path, "Excel workbook"):
-        with zipfile.ZipFile(path) as parts:
-            unpacked = sum(part.file_size for part in parts.infolist())
-        refuse_bomb(unpacked, path.stat().st_size, f"{path}")
-        return library.load_workbook(path, read_only=True, data_only=True, keep_links=False)
+    with refusing(path, "Excel workbook"), zipfile.ZipFile(path) as parts:
+        unpacked = sum(part.file_size for part in parts.infolist())
+    refuse_bomb(unpacked, path.stat().st_size, f"{path}")
+    with path.open("rb") as stream:
+        with refusing(path, "Excel workbook"):
+            book = library.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
+        with closing(book):
+            yield book
 
 
 def sheet_names(path: Path) -> list[str]:
     """Return the names of the sheets."""
-    with closing(_open(path)) as book:
+    with _open(path) as book:
         return list(book.sheetnames)
 
 
 def _sheet(path: Path, name: str) -> list[Row]:
     """Return the rows of a sheet, cut behind its last column that holds anything in the first rows."""
-    with closing(_open(path)) as book:
+    with _open(path) as book:
         names = [sheet for sheet in book.sheetnames if not name or sheet == name]
         if len(names) != 1:
             what = "no sheet" if not names else f"{len(names)} sheets; name one as group"
