@@ -96,8 +96,11 @@ def _least(matrix: Array, right: Array) -> Array:
     """Return the shortest x of least ``|M x - right|``, whatever the units of M (symmetric)."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     column = scale.reshape(-1, *[1] * (right.ndim - 1))
-    scaled = matrix * np.outer(scale, scale)
-    return np.asarray(column * np.linalg.lstsq(scaled, column * right, rcond=SMALLEST_EIGENVALUE)[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled, goal = matrix * np.outer(scale, scale), column * right
+    if not (np.all(np.isfinite(scaled)) and np.all(np.isfinite(goal))):
+        raise np.linalg.LinAlgError("a matrix far from anything physical is not finite")
+    return np.asarray(column * np.linalg.lstsq(scaled, goal, rcond=SMALLEST_EIGENVALUE)[0])
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ from camtorque.fit.joint_fit import (
 from camtorque.fit.joint_input import JointInput, Known, refuse_two_states
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
+from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT, law_variance
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
 from camtorque.fit.result import parameter_estimates, prior_findings
@@ -48,7 +49,7 @@ from camtorque.fit.solver import approach, lifts_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.laws.chain import BINS
 from camtorque.process.threads import Each, in_turn, side_by_side
-from camtorque.records import Array, Finding, ParameterEstimate
+from camtorque.records import Array, Finding, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
@@ -141,9 +142,9 @@ def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem,
     bad = met_badly(solution)
     sound = [k for k in chosen if not bad[k]]
     if 0 < len(sound) < len(chosen):
-        again, ended = _from_anchors(inputs, sound, each)
-        if ended.chi_square < solution.chi_square:
-            problem, solution = again, ended
+        again = attempted(_from_anchors, inputs, sound, each)
+        if again and again[1].chi_square < solution.chi_square:
+            problem, solution = again
     return with_bad_anew(problem, solution, each)
 
 
@@ -175,8 +176,8 @@ def with_bad_anew(problem: Problem, solution: JointSolution, each: Each) -> tupl
     found = started_at(problem, solution.z)
     better = each(searched_anew, [item for item, is_bad in zip(found, bad, strict=True) if is_bad])
     anew = build_problem([better.pop(0) if is_bad else item for item, is_bad in zip(found, bad, strict=True)])
-    ended = solve_many(anew, anew.start, 25, each=each)
-    return (anew, ended) if ended.chi_square < solution.chi_square else (problem, solution)
+    ended = attempted(solve_many, anew, anew.start, 25, 0.0, each)
+    return (anew, ended) if ended and ended.chi_square < solution.chi_square else (problem, solution)
 
 
 def _of_anchors(
@@ -188,9 +189,11 @@ def _of_anchors(
     items = each(lambda item: searched_anew(item, (item.structure,)), begun)
     problems = [build_problem(items[first : first + n]) for first in range(0, len(items), n)]
     again = [build_problem(started_at(problem, z)) for problem, z in _continued(problems, each)]
-    ends = each(lambda problem: solve_many(problem, problem.start, 30), again)
-    best = min(range(len(ends)), key=lambda k: ends[k].chi_square)
-    return again[best], ends[best]
+    ends = each(lambda problem: attempted(solve_many, problem, problem.start, 30), again)
+    found = [(problem, end) for problem, end in zip(again, ends, strict=True) if end]
+    if not found:
+        raise FloatingPointError("no start of the joint fit ends anywhere")
+    return min(found, key=lambda pair: pair[1].chi_square)
 
 
 def _continued(problems: Sequence[Problem], each: Each) -> list[tuple[Problem, Array]]:
@@ -198,13 +201,13 @@ def _continued(problems: Sequence[Problem], each: Each) -> list[tuple[Problem, A
     led = [(problem, problem.start) for problem in problems]
     for smoothing, kept in LADDER:
         trials = each(partial(_step_down, smoothing=smoothing), led)
-        order = sorted(range(len(led)), key=lambda k: (trials[k].chi_square, k))[:kept]
-        led = [(led[k][0], trials[k].z) for k in order]
+        going = [(problem, end) for (problem, _), end in zip(led, trials, strict=True) if end]
+        led = [(problem, end.z) for problem, end in sorted(going, key=lambda pair: pair[1].chi_square)[:kept]] or led
     return led
 
 
-def _step_down(start: tuple[Problem, Array], smoothing: float) -> JointSolution:
-    return solve_many(*start, START_ITERATIONS, smoothing * DEGREE)
+def _step_down(start: tuple[Problem, Array], smoothing: float) -> JointSolution | None:
+    return attempted(solve_many, *start, START_ITERATIONS, smoothing * DEGREE)
 
 
 def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
@@ -241,7 +244,8 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
         tried += [rough] if structure == item.structure else []
         tried += [other] if structure == "open" else [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)]
     values = [chi_square_at_start(trial, lifts, held) for trial in tried]
-    fitted = [own_fitted(tried[k], held) for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
+    likely = [tried[k] for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
+    fitted = [attempted(own_fitted, item, held) or (np.inf, item) for item in likely]
     best = min(fitted, key=lambda pair: pair[0])[1]
     return replace(best, lift_basis=item.lift_basis)
 
@@ -257,10 +261,17 @@ def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads
 
     Raises
     ------
-    Refusal : two recordings at one speed cannot be one pump in one state
+    Refusal : two recordings at one speed cannot be one pump in one state; no start leads to a minimum
     """
-    with side_by_side(threads) as each:
-        return _fit_joint(known, read, each)
+    try:
+        with side_by_side(threads) as each:
+            return _fit_joint(known, read, each)
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        raise Refusal(
+            f"joint fit of {len(known)} recordings: every start runs to a point at which the model overflows ({error}), "
+            "expected a minimum near those of the single fits; leave out the recording whose page is least like the "
+            "others', or give it a `group` of its own in [recording]"
+        ) from error
 
 
 def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: Each) -> CampaignFit:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.driveline import RIGID, cam_side_inertia
 from camtorque.records import Array
 
+T = TypeVar("T")
 FILTER_ROUNDS = 2
 POLISH = Effort(40)
 ASKED_TIMES, ASKED_PLUS = 1.15, 5.0
@@ -64,7 +66,7 @@ class Candidate:
         return self.value - sum(lift.expected_part(part) for lift, part in zip(lifts, residuals, strict=True))
 
 
-def attempted(fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
+def attempted(fit: Callable[..., T], *arguments: object) -> T | None:
     """Return a fit, None where it runs to a point at which the tangents of the model overflow."""
     try:
         return fit(*arguments)
