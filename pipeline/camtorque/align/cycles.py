@@ -30,7 +30,7 @@ from camtorque.align.quality import CycleTable, apply_cuts, changed_running
 from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
-from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
 from camtorque.signal.threshold import Threshold
 from camtorque.stacks import mean_of
 from camtorque.units import TURN
@@ -73,12 +73,35 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
 
 
 def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow, ...]) -> Refusal:
+    if not n_complete and (apart := _share_no_time(recording)):
+        return Refusal(f"{recording.config.id}: {apart}")
     failed = sorted((row for row in cut_flow if row.cycles_single), key=lambda row: -row.cycles_single)
     counts = ", ".join(f"{row.reason!r} ({row.cycles_single}: {row.text})" for row in failed)
     return Refusal(
         f"{recording.config.id}: none of {n_complete} complete cycles can be used, expected at least one; most fail "
         f"{counts}; put that right at the rig or in the export of the log, and record or export it again"
     )
+
+
+def _share_no_time(recording: Recording) -> str:
+    """Name two logs on one clock of which one ends before the other begins, "" where there are none."""
+    own = {logger.id for logger in recording.config.loggers if logger.clock == "independent"}
+    channels = [channel for channel in recording.channels if channel.logger not in own]
+    if not channels:
+        return ""
+    late = max(channels, key=lambda channel: channel.start_time)
+    early = min(channels, key=_end)
+    if _end(early) > late.start_time:
+        return ""
+    covered_by = ", ".join(f"{c.path.name} from {c.start_time:.9g} to {_end(c):.9g} s" for c in (early, late))
+    return (
+        f"found logs that share no time ({covered_by}), expected those of one run on one clock; let their times count "
+        'from one moment (start_time_s where a file has none), or write clock = "independent" under [[loggers]]'
+    )
+
+
+def _end(channel: Channel) -> float:
+    return channel.start_time + channel.duration
 
 
 def _rare(found: CamCycles) -> tuple[Finding, ...]:

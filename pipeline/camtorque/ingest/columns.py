@@ -278,7 +278,7 @@ def _times(
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)
-    if not layout.units[column] and factor * spec.sample_rate == 1.0:
+    if not layout.units[column] and factor * spec.sample_rate == 1.0 and base.start < EPOCH[0]:
         text = (
             f"the column {layout.names[column]!r} counts samples; the declared {spec.sample_rate:g} Hz make times of it"
         )
@@ -286,6 +286,8 @@ def _times(
     if stated is not None and abs(stated / base.rate - 1.0) > RATE_NOTE:
         text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
         base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
+    if not kind and EPOCH[0] < base.start < EPOCH[1]:
+        return replace(base, start=0.0), base.start
     if kind in UNDATED:
         day = layout.date_of(column) if kind == "clock" else None
         return (base, None) if day is None else (replace(base, start=0.0), day + base.start)

@@ -107,6 +107,8 @@ def _ends(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]
         for channel, end in zip(group, ends, strict=True):
             early = max(ends) - end
             if early > max(1.5 / channel.sample_rate, 1.5 * max(1.0 / c.sample_rate for c in group)):
-                text = f"the log ends {early:.6g} s before the others on its clock; is it cut?"
+                begun = end > max(other.start_time for other in group)
+                what = "is it cut?" if begun else "another begins later: do their times count from one moment?"
+                text = f"the log ends {early:.6g} s before the others on its clock; {what}"
                 findings.append(Finding("log_ends_early", "warning", text, f"{channel.path.name} {channel.name}"))
     return findings

@@ -1,0 +1,53 @@
+"""Logs on one clock whose times do not count from one moment: other hours, epoch stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from camtorque.align import align
+from camtorque.ingest.recording import read_recording
+from camtorque.records import Recording, Refusal
+from damaged.logs import NAMES, Plan, clean_log, write_folder
+
+LOG = clean_log(revolutions=6.0)
+
+
+def recording(folder: Path, pressure: Callable[[float], str], others: Callable[[float], str] = "{:.6f}".format):
+    """Return a recording of three loggers on one clock; the functions write a time."""
+    parts = [replace(LOG, logger=q.upper(), volts={q: v}, start=0.0) for q, v in LOG.volts.items()]
+    write_folder(folder, parts, Plan("csv", "synchronised"))
+    for quantity, volts in LOG.volts.items():
+        time = pressure if quantity == "pressure" else others
+        rows = [f"{time(n / LOG.rate)},{value:.6f}" for n, value in enumerate(volts.tolist())]
+        text = "\n".join([f"Time,{NAMES[quantity]}", *rows]) + "\n"
+        (folder / f"{quantity.upper()}.csv").write_text(text, encoding="utf-8")
+    return read_recording(folder)
+
+
+def iso(seconds: float) -> str:
+    return f"2025-03-04T12:00:{seconds:09.6f}"
+
+
+def epoch(seconds: float) -> str:
+    return f"{1_741_089_600 + seconds:.6f}"
+
+
+def texts(read: Recording) -> dict[str, str]:
+    return {finding.code: finding.text for finding in read.findings}
+
+
+def test_logs_that_share_no_time_are_named_with_their_times(tmp_path: Path):
+    read = recording(tmp_path, lambda seconds: f"{43_200 + seconds:.6f}")
+    assert texts(read)["log_ends_early"].endswith("another begins later: do their times count from one moment?")
+    spans = r"\w+\.csv from 0 to 0\.\d+ s, PRESSURE\.csv from 43200 to 43200\.\d+ s"
+    with pytest.raises(Refusal, match=rf"logs that share no time \({spans}\), expected"):
+        align(read)
+
+
+def test_seconds_since_1970_are_a_date_as_iso_stamps_are(tmp_path: Path):
+    read = recording(tmp_path, epoch, iso)
+    assert [channel.start_time for channel in read.channels] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert not {"start_without_date", "log_ends_early", "certificate_age_unknown"} & set(texts(read))
