@@ -110,6 +110,11 @@ speed_loop_Hz = 5.0
     assert (bare.fluid.name, bare.fluid.temperature, bare.drive.kind, bare.drive.inertia) == ("", None, "", None)
 
 
+def test_kelvin_for_degrees_celsius_are_named(tmp_path: Path):
+    with pytest.raises(Refusal, match=r"temperature_C: found 313, expected .* did you mean 313 K = 39\.85\?"):
+        load_recording_config(write(tmp_path, TEXT + "\n[fluid]\ntemperature_C = 313\n"))
+
+
 def test_without_a_pump_the_configuration_is_read_and_the_pump_is_asked_for_when_needed(tmp_path: Path):
     start, stop = TEXT.index("[pump]"), TEXT.index("[trigger]")
     config = load_recording_config(write(tmp_path, TEXT[:start] + TEXT[stop:]))

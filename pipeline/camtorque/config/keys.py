@@ -132,6 +132,8 @@ class Key:
         """Return ": did you mean 8 mm = 0.008?" where another unit brings the value into the band."""
         if self.band is None or abs(value) < LEAST_SLIP:
             return ""
+        if self.unit == "C" and self.band.holds(value - ZERO_CELSIUS):
+            return f": did you mean {value:g} K = {value - ZERO_CELSIUS:g}?"
         for name, factor in SLIPS.get(self.unit, {}).items():
             if self.band.holds(value * factor):
                 return f": did you mean {value:g} {name} = {value * factor:g}?"
