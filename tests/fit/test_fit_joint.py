@@ -166,6 +166,30 @@ def test_what_is_met_badly_is_searched_anew_and_taken_where_that_ends_lower(solv
     assert joint_room.with_bad_anew(*solved, in_turn) == solved  # what was found is worse
 
 
+def test_a_start_that_overflows_is_dropped(prepared, monkeypatch):
+    item, asked = prepared[0].data, []
+
+    def overflowing(tried, held):
+        asked.append(tried)
+        if len(asked) == 1:
+            raise FloatingPointError("the derivative of the chain is not finite")
+        return 1.0, tried
+
+    monkeypatch.setattr(joint_room, "own_fitted", overflowing)
+    found = joint_room.searched_anew(item, (item.structure,))
+    assert [row.start for row in found.rows.values()] == [row.start for row in asked[1].rows.values()]
+    assert found.lift_basis is item.lift_basis
+
+
+def test_a_joint_fit_that_overflows_from_every_start_is_refused(prepared, monkeypatch):
+    def overflowing(*_, **__):
+        raise FloatingPointError("the derivative of the chain is not finite")
+
+    monkeypatch.setattr(joint_room, "solve_many", overflowing)
+    with pytest.raises(Refusal, match=r"joint fit of \d recordings: every start runs to where the model overflows"):
+        fit_joint(prepared, prepared.__getitem__, 1)
+
+
 def test_drift_of_what_should_be_the_same_is_looked_for_in_three_recordings(campaign):
     assert {row.name for row in campaign.drifts} <= {row.name for row in campaign.shared_parameters}
     assert "dead_volume" in {row.name for row in campaign.drifts}
@@ -460,6 +484,13 @@ def test_an_arrow_is_solved_without_its_whole_matrix(pseudo):
     np.testing.assert_allclose(arrow.solve(free, vector, pseudo), expected, rtol=1e-9)
     np.testing.assert_allclose(arrow.times(vector), whole @ vector, rtol=1e-12)
     np.testing.assert_allclose(arrow.main_diagonal(), np.diag(whole), rtol=1e-12)
+
+
+def test_an_arrow_beyond_the_largest_number_is_refused_in_silence():
+    block = np.array([[1e-300, 1e300], [1e300, 1e-300]])
+    arrow = Arrow((np.array([0, 1]),), (block,), np.zeros(2), np.array([-1, -1]))
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        arrow.solve(np.ones(2, dtype=bool), np.ones(2), pseudo=True)
 
 
 def test_the_inverse_of_an_arrow_is_told_without_the_whole_matrix():
