@@ -43,7 +43,7 @@ class Sensor:
     gain_std : relative standard uncertainty of the gain [-]
     zero_std : standard uncertainty of the zero [N m or Pa]; None for 0.5 % of the largest reading
     delay, delay_std : total delay that is still in the readings, and its standard uncertainty [s]; a delay of None is
-        unknown: that of usual amplifiers +- 100 %, as for a sheet that states none
+        unknown: that of usual amplifiers, no less than that of the low-pass, +- 100 %, as for a sheet that states none
     cutoff_hz, filter_order : -3 dB frequency [Hz] and order of the low-pass in front; nan and 0 where there is none
     """
 
@@ -166,7 +166,9 @@ def _calibration(quantity: str, values: Array, sensor: Sensor) -> SensorCalibrat
     """Return the identity with the sensor's uncertainties; arrays have no end of a range where they could clip."""
     largest = float(np.nanmax(np.abs(values)))
     zero_std = WIDE_ZERO_SHARE * largest if sensor.zero_std is None else sensor.zero_std
-    delay, delay_std = usual_delay(quantity) if sensor.delay is None else (sensor.delay, sensor.delay_std)
+    delay, delay_std = (sensor.delay, sensor.delay_std) if sensor.delay is not None else usual_delay(
+        quantity, sensor.cutoff_hz, sensor.filter_order
+    )  # fmt: skip
     return SensorCalibration(
         quantity, gain_relative_std=sensor.gain_std, zero_std=zero_std, nonlinearity_std=0.0, delay=delay,
         delay_std=delay_std, cutoff_hz=sensor.cutoff_hz, filter_order=sensor.filter_order, range_min=-largest,

@@ -64,6 +64,16 @@ def recording(pump_file: Path, arrays: dict[str, np.ndarray], **changes: object)
     return camtorque.Recording.from_arrays(pump_file, **given)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("known", "delay"), [({}, 0.5e-3), ({"cutoff_hz": 100.0}, 2.295e-3)])
+def test_a_delay_that_nobody_states_is_no_shorter_than_the_low_pass(
+    pump_file: Path, arrays: dict[str, np.ndarray], known: dict[str, float], delay: float
+) -> None:
+    found = recording(pump_file, {**arrays, "sensors": {**KNOWN, "torque": camtorque.Sensor(**known)}})
+    sheet = found.of("torque")[0].calibration
+    assert sheet is not None
+    assert (sheet.delay, sheet.delay_std) == pytest.approx((delay, delay / np.sqrt(3.0)), rel=1e-3)
+
+
 def test_arrays_in_another_unit_and_sensors_of_another_name_are_told(
     pump_file: Path, arrays: dict[str, np.ndarray]
 ) -> None:

@@ -153,18 +153,18 @@ def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
     return Finding(f"{what}_assumed", "warning", text, sheet.place)
 
 
-def _low_pass_delay(sheet: Sheet, order: int) -> float:
-    """Return the delay of the sheet's low-pass, were it of this order [s]; 0 where it states none.
+def _low_pass_delay(cutoff_hz: float, order: int) -> float:
+    """Return the delay of a low-pass [s]; 0 without a cut-off (nan).
 
     It is nearly that of a Bessel filter (Thomson, Proc. IEE 96 (1949)); a Butterworth one is slower.
     """
-    return math.sqrt((2 * order - 1) * math.log(2.0)) / (2.0 * math.pi * (sheet["cutoff_hz"] or math.inf))
+    return math.sqrt((2 * order - 1) * math.log(2.0)) / (2.0 * math.pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
 
 
 def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
     """Refuse a total delay that is shorter than that of the low-pass which it includes."""
     order = max(sheet.filter_order, 1)
-    least = _low_pass_delay(sheet, order)
+    least = _low_pass_delay(sheet["cutoff_hz"] or math.nan, order)
     if delay < 0.5 * least:
         raise Refusal(
             f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
@@ -211,21 +211,23 @@ def _delayed(sheet: Sheet, quantity: str) -> tuple[SensorCalibration, list[Findi
     ), findings  # fmt: skip
 
 
-def usual_delay(quantity: str) -> tuple[float, float]:
-    """Return the delay of usual amplifiers of a quantity, where nothing states it, and its standard uncertainty [s]."""
+def usual_delay(quantity: str, cutoff_hz: float, order: int) -> tuple[float, float]:
+    """Return the delay of usual amplifiers of a quantity, where nothing states it, and its standard uncertainty [s].
+
+    It is no shorter than that of the low-pass that is stated (nan, 0: none).
+    """
     usual = USUAL_DELAYS.get(quantity, 0.0)
+    usual = usual and max(usual, _low_pass_delay(cutoff_hz, order or USUAL_ORDER))
     return usual, usual / math.sqrt(3.0)
 
 
 def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
     delay = sheet["group_delay"]
     if delay is None:
-        low_pass = _low_pass_delay(sheet, sheet.filter_order or USUAL_ORDER)
-        usual = usual_delay(quantity)[0]
-        usual = usual and max(usual, low_pass)
-        of = " of its low-pass" if usual == low_pass else ""
+        usual, std = usual_delay(quantity, sheet["cutoff_hz"] or math.nan, sheet.filter_order)
+        of = " of its low-pass" if usual > USUAL_DELAYS.get(quantity, 0.0) else ""
         text = f"{1e3 * usual:.3g} ms{of} +/- 100 %"
-        return usual, usual / math.sqrt(3.0), [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
+        return usual, std, [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
     _refuse_short_delay(sheet, delay)
     percent = sheet.percent("group_delay_note")
     if percent is not None:
