@@ -103,7 +103,12 @@ def test_the_command_says_which_file(written: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_folder_without_checksums_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(Refusal, match="found no SHA256SUMS, expected the output of a command"):
+    with pytest.raises(Refusal, match="found no SHA256SUMS, expected the output of a command; check the path"):
+        verify(tmp_path)
+    for name in ("b", "a"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "SHA256SUMS").touch()
+    with pytest.raises(Refusal, match=r"expected the output of a command; there are .*/a, .*/b$"):
         verify(tmp_path)
 
 

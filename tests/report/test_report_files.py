@@ -256,6 +256,12 @@ def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
         pass
     with pytest.raises(Refusal, match="found a file"), output_folder(other / "thesis.tex", "result.json"):
         pass
+    (target / "result.json").write_text('{"schema": "camtor', encoding="utf-8")
+    with (
+        pytest.raises(Refusal, match=r"found result.json that is damaged .*, or delete it if it is a damaged report"),
+        output_folder(target, "result.json"),
+    ):
+        pass
 
 
 def test_gap_by_cause_sums_to_measured_minus_rigid(written: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from camtorque.hashes import file_digest
 from camtorque.records import Refusal
+from camtorque.units import first_of
 
 SUMS = "SHA256SUMS"
 LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
@@ -51,7 +52,9 @@ def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
     Refusal : the folder holds no SHA256SUMS
     """
     if not (folder / SUMS).is_file():
-        raise Refusal(f"{folder}: found no {SUMS}, expected the output of a command; check the path")
+        below = sorted(path.parent.as_posix() for path in folder.glob(f"*/{SUMS}"))
+        what = f"there are {first_of(below, 3)}" if below else "check the path"
+        raise Refusal(f"{folder}: found no {SUMS}, expected the output of a command; {what}")
     compared = dict(_compared(folder, Path()))
     faults = [Fault(name, kind) for name, kind in compared.items() if kind]
     listed = set(compared)

@@ -63,9 +63,11 @@ def check_output(target: Path, marker: str) -> None:
             f"such as {target / 'report'}"
         )
     if target.is_dir() and any(target.iterdir()) and not _is_own(target):
+        damaged = first_of([path.name for path in _marker_paths(target) if path.is_file()], 3)
+        what = f"{damaged} that is damaged or another program's" if damaged else "a folder with other files in it"
         raise Refusal(
-            f"output {target}: found a folder with other files in it, expected a new one or an earlier report; "
-            "choose another name"
+            f"output {target}: found {what}, expected a new folder or an earlier report; choose another name"
+            f"{', or delete it if it is a damaged report' if damaged else ''}"
         )
     other = [name for name in MARKERS if (target / name).is_file()]
     if other and marker not in other:
