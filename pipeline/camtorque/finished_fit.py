@@ -56,6 +56,11 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
     """
     folder = path if path.is_dir() else path.parent
     file = folder / NAME
+    if not file.is_file() and (folder / "campaign.json").is_file():
+        raise Refusal(
+            f"{folder}: a campaign without a joint fit (its page says why), expected one with it; take the report of "
+            "one recording, in its runs"
+        )
     if not path.exists() or not file.is_file():
         where = "beside it" if path.exists() else "there, nor such a path"
         raise Refusal(

@@ -480,6 +480,12 @@ def test_fit_file_holds_values_in_si_with_their_covariance(tmp_path: Path) -> No
     assert folder == tmp_path
     with pytest.raises(Refusal, match=r"runs: found no fit\.json there, nor such a path, expected the report of"):
         read_fit(tmp_path / "runs")
+    (tmp_path / "fit.json").unlink()
+    (tmp_path / "campaign.json").touch()
+    with pytest.raises(
+        Refusal, match=r"a campaign without a joint fit .* take the report of one recording, in its runs"
+    ):
+        read_fit(tmp_path)
     assert fit.covariance.among([0, 1])[0, 1] == pytest.approx(0.4 * 1e4 * 1e-9)
     assert fit.recordings[0].id == "case"
 
