@@ -27,7 +27,7 @@ from camtorque.laws.chain import ChainInput, angle_grid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
-from camtorque.results import read_document, read_result, recording_of
+from camtorque.results import CAMPAIGN, read_document, read_result, recording_of
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -56,7 +56,7 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
     """
     folder = path if path.is_dir() else path.parent
     file = folder / NAME
-    if not file.is_file() and (folder / "campaign.json").is_file():
+    if not file.is_file() and (folder / CAMPAIGN).is_file():
         raise Refusal(
             f"{folder}: a campaign without a joint fit (its page says why), expected one with it; take the report of "
             "one recording, in its runs"

@@ -85,8 +85,7 @@ def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow
 
 def _share_no_time(recording: Recording) -> str:
     """Name two logs on one clock of which one ends before the other begins, "" where there are none."""
-    own = {logger.id for logger in recording.config.loggers if logger.clock == "independent"}
-    channels = [channel for channel in recording.channels if channel.logger not in own]
+    channels = [channel for channel in recording.channels if channel.logger not in recording.config.own_clocks]
     if not channels:
         return ""
     late = max(channels, key=lambda channel: channel.start_time)

@@ -193,11 +193,10 @@ def _index(recording: Recording, channel: Channel, options: AlignOptions) -> Arr
 
     The declared edge holds for it too; beside a coil, whose edge is the way of its crossing, the leading one counts.
     """
-    own = {logger.id for logger in recording.config.loggers if logger.clock == "independent"}
     spec = recording.config.trigger
     edge = "rising" if spec.sensor == "inductive" else spec.edge
     for index in recording.of("index"):
-        if index.logger == channel.logger or not own & {index.logger, channel.logger}:
+        if recording.config.share_clock(index.logger, channel.logger):
             return find_edges(index, edge, options.block_samples).time
     return None
 

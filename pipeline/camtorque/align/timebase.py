@@ -95,17 +95,9 @@ def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:
     return {**referred, **named, reference: same_clock(reference, "reference")}
 
 
-def _independent(recording: Recording, logger: str) -> bool:
-    return any(spec.id == logger and spec.clock == "independent" for spec in recording.config.loggers)
-
-
-def _same_base(recording: Recording, one: str, other: str) -> bool:
-    return one == other or not (_independent(recording, one) or _independent(recording, other))
-
-
 def _main_trigger(recording: Recording, triggers: Mapping[str, TriggerTrain], reference: str) -> TriggerTrain:
     """Return a trigger on the reference's time base, else any."""
-    on_base = [trigger for logger, trigger in triggers.items() if _same_base(recording, logger, reference)]
+    on_base = [trigger for logger, trigger in triggers.items() if recording.config.share_clock(logger, reference)]
     return on_base[0] if on_base else next(iter(triggers.values()))
 
 
@@ -119,7 +111,7 @@ def _clocks(
         logger = channel.logger
         if logger in clocks:
             continue
-        if _same_base(recording, logger, base):
+        if recording.config.share_clock(logger, base):
             clocks[logger] = same_clock(logger, "common time base")
         elif logger in triggers:
             own = triggers[logger]
@@ -135,7 +127,11 @@ def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, op
     """Tie a logger without a trigger to the main trigger's by torque and pressure, where each has one of them."""
     base = main.channel.logger
     pair = {quantity: recording.of(quantity)[0] for quantity in PHYSICAL if recording.of(quantity)}
-    known = [channel for channel in pair.values() if channel is not own and _same_base(recording, channel.logger, base)]
+    known = [
+        channel
+        for channel in pair.values()
+        if channel is not own and recording.config.share_clock(channel.logger, base)
+    ]
     if own not in pair.values() or not known:
         raise Refusal(
             f"{recording.config.id}: logger {own.logger!r} has its own clock, recorded no trigger and shares neither "

@@ -172,10 +172,9 @@ def _assumed(root: Table) -> list[Finding]:
 
 def _one_file_two_clocks(config: RecordingConfig) -> list[Finding]:
     """Tell a file whose channels are given to loggers with clocks of their own: one device wrote them all, mostly."""
-    own = {logger.id for logger in config.loggers if logger.clock == "independent"}
     found = []
     for path in dict.fromkeys(channel.path for channel in config.channels):
-        named = sorted({channel.logger for channel in config.channels if channel.path == path} & own)
+        named = sorted({channel.logger for channel in config.channels if channel.path == path} & config.own_clocks)
         if len(named) > 1:
             text = (
                 f"its channels are given to the loggers {' and '.join(named)} with clocks of their own, which are then "

@@ -185,3 +185,12 @@ class RecordingConfig:
         if self.pump_sheet is None:
             raise Refusal(f"{self.path}: the table [pump] is missing; the model needs it ('camtorque align' does not)")
         return self.pump_sheet
+
+    @property
+    def own_clocks(self) -> frozenset[str]:
+        """The loggers whose clock is their own; all others share one."""
+        return frozenset(logger.id for logger in self.loggers if logger.clock == "independent")
+
+    def share_clock(self, one: str, other: str) -> bool:
+        """Return whether two loggers are one, or on the common clock."""
+        return one == other or not self.own_clocks & {one, other}

@@ -245,7 +245,7 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
         tried += [other] if structure == "open" else [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)]
     values = [chi_square_at_start(trial, lifts, held) for trial in tried]
     likely = [tried[k] for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
-    fitted = [attempted(own_fitted, item, held) or (np.inf, item) for item in likely]
+    fitted = [attempted(own_fitted, start, held) or (np.inf, start) for start in likely]
     best = min(fitted, key=lambda pair: pair[0])[1]
     return replace(best, lift_basis=item.lift_basis)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from camtorque.config import ChannelSpec, RecordingConfig
 from camtorque.ingest.raw import RawChannel
@@ -10,32 +11,28 @@ from camtorque.ingest.sensors import FIRST_STAMP
 from camtorque.records import Channel, Finding
 from camtorque.units import first_of
 
+T = TypeVar("T", ChannelSpec, Channel)
 CLOCKS_APART = 3600.0
 """Clocks of two loggers that nobody set may differ by this [s]."""
 
 
 def starts(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[ChannelSpec, float]:
     """Return start times on each time base: dates count from the earliest one of the logs that share a clock."""
-    earliest = {
-        base: min((raw[spec].stamp or 0.0 for spec in group if raw[spec].stamp is not None), default=0.0)
-        for base, group in _by_clock(config, raw).items()
-    }
-    return {
-        spec: channel.start_time + (0.0 if channel.stamp is None else channel.stamp - earliest[_clock(config, spec)])
-        for spec, channel in raw.items()
-    }
+    found = {}
+    for group in _by_clock(config, raw):
+        dates = [raw[spec].stamp for spec in group]
+        earliest = min((date for date in dates if date is not None), default=0.0)
+        for spec, date in zip(group, dates, strict=True):
+            found[spec] = raw[spec].start_time + (0.0 if date is None else date - earliest)
+    return found
 
 
-def _clock(config: RecordingConfig, spec: ChannelSpec) -> str:
-    """Return the logger where its clock is its own, else the name of the common clock."""
-    return spec.logger if any(one.id == spec.logger and one.clock == "independent" for one in config.loggers) else ""
-
-
-def _by_clock(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[str, list[ChannelSpec]]:
-    groups: dict[str, list[ChannelSpec]] = {}
-    for spec in raw:
-        groups.setdefault(_clock(config, spec), []).append(spec)
-    return groups
+def _by_clock(config: RecordingConfig, logs: Iterable[T]) -> list[list[T]]:
+    """Return channels in groups that share a clock."""
+    groups: dict[str, list[T]] = {}
+    for log in logs:
+        groups.setdefault(log.logger if log.logger in config.own_clocks else "", []).append(log)
+    return list(groups.values())
 
 
 def time_findings(
@@ -53,8 +50,7 @@ def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> li
     first, last = min(stamps, key=stamps.__getitem__), max(stamps, key=stamps.__getitem__)
     apart = stamps[last] - stamps[first]
     length = max(channel.source.n_samples / channel.sample_rate for channel in raw.values())
-    shared = all(logger.clock != "independent" for logger in config.loggers)
-    if apart <= (length if shared else max(length, CLOCKS_APART)):
+    if apart <= (max(length, CLOCKS_APART) if config.own_clocks else length):
         return []
     text = (
         f"the headers of {first.path.name} and {last.path.name} are {apart:.4g} s apart, the logs last {length:.4g} s: "
@@ -66,7 +62,7 @@ def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> li
 def _without_date(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
     """Tell logs without a date beside dated ones on the same clock: when they began is not known."""
     findings = []
-    for group in _by_clock(config, raw).values():
+    for group in _by_clock(config, raw):
         dateless = dict.fromkeys(
             spec.path.name for spec in group if raw[spec].stamp is None and spec.start_time is None
         )
@@ -98,11 +94,8 @@ def _together(config: RecordingConfig, channels: Sequence[Channel]) -> list[Find
 
 def _ends(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]:
     """Find logs that end apart although their loggers share a clock: one of them was cut."""
-    clocks = {logger.id: logger.clock for logger in config.loggers}
-    shared = [channel for channel in channels if clocks[channel.logger] != "independent"]
     findings = []
-    groups = [shared, *([c for c in channels if c.logger == k] for k, v in clocks.items() if v == "independent")]
-    for group in groups:
+    for group in _by_clock(config, channels):
         ends = [channel.start_time + channel.duration + sum(channel.break_steps) for channel in group]
         for channel, end in zip(group, ends, strict=True):
             early = max(ends) - end
