@@ -154,9 +154,15 @@ def test_a_steep_low_pass_starts_and_stays_where_its_poles_are_stable():
     assert rows_of(torque={"filter_order": 2})["filter_damping"].lower < LEAST_DAMPING
 
 
-def test_a_foot_that_does_not_roll_has_no_inertia_to_fit():
-    row = rows_of(pump={"roller_mass": 0.0, "roller_inertia": 0.0})["roller_inertia"]
+@pytest.mark.parametrize(("mass", "inertia"), [(0.0, 0.0), (None, 0.0), (0.0, None)])
+def test_a_foot_that_does_not_roll_has_no_inertia_to_fit(mass, inertia):
+    row = rows_of(pump={"roller_mass": mass, "roller_inertia": inertia})["roller_inertia"]
     assert row.prior == (0.0, NO_INERTIA)
+
+
+def test_a_stated_inertia_of_the_roller_counts_without_its_mass():
+    row = rows_of(pump={"roller_mass": None, "roller_inertia": 4.0e-7})["roller_inertia"]
+    assert row.prior == pytest.approx((4.0e-7, 2.0e-8))
 
 
 def torsion(torque_scale: float, **drive: float):

@@ -86,9 +86,9 @@ def _set_measured(
 
 
 def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
-    """Take the roller of the sheet, else some disk of its radius."""
+    """Take the inertia of the sheet's roller, else that of some disk of its mass or size; no mass has none."""
     roller = assumed_roller(pump)
-    if roller.assumed:
+    if pump.roller_inertia is None and roller.inertia > 0.0:
         disk = roller.inertia
         _set(rows, "roller_inertia", start=disk, prior=(2.0 * disk, 2.0 * disk), lower=0.3 * disk, upper=12.0 * disk,
              step=disk)  # fmt: skip
