@@ -15,6 +15,7 @@ from camtorque.records import Array, CamCycles, Recording
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
 FULL = read_recording(EXAMPLES / "A_0500rpm")
+TURN_SAMPLES = FULL.of("pressure")[0].sample_rate * 60.0 / 500.0
 
 
 def changed(change, *quantities: str) -> Recording:
@@ -43,7 +44,7 @@ def without(share: float, count: int):
 
 
 def told(cycles: CamCycles) -> dict[str, str]:
-    codes = ("samples_lost", "clock_wanders", "running_changes")
+    codes = ("samples_lost", "clock_wanders", "running_changes", "running_alternates")
     return {f"{item.code} {item.where}": item.text for item in cycles.findings if item.code in codes}
 
 
@@ -118,6 +119,37 @@ def test_another_load_is_told_as_another_running() -> None:
     assert list(told(found)) == ["running_changes cut-flow"]
     assert "load, speed or state changed there" in told(found)["running_changes cut-flow"]
     assert found.index.size == pytest.approx(0.7 * 48, abs=2)
+
+
+def left_in_the_line(share: float, every: int):
+    """Keep the pressure above a share of its swing for most of a turn after the peak, in one of ``every`` cycles."""
+
+    def change(volts: Array) -> Array:
+        since = (np.arange(volts.size) - np.argmax(volts[: int(TURN_SAMPLES)])) / TURN_SAMPLES
+        raised = (np.floor(since) % every == 0) & (since % 1.0 < 0.8)
+        lacking = np.maximum(volts.min() + share * np.ptp(volts) - volts, 0.0)
+        return volts + np.where(raised, 0.9 * lacking, 0.0)
+
+    return change
+
+
+def test_a_pump_that_now_and_then_runs_otherwise_is_reported_as_most_cycles_go() -> None:
+    found = align(changed(left_in_the_line(0.2, 3), "pressure"))
+    assert list(told(found)) == ["running_alternates cut-flow"]
+    assert "runs in more than one way" in told(found)["running_alternates cut-flow"]
+    assert found.index.size == pytest.approx(0.66 * 48, abs=3)
+    assert np.ptp(np.min(found.pressure, axis=1)) < 0.05 * np.ptp(found.mean_pressure)
+
+
+def test_a_pump_whose_line_is_full_every_other_stroke_follows_the_cam() -> None:
+    alternating = left_in_the_line(0.6, 2)
+    channels = tuple(
+        replace(item, source=ArraySource((alternating(volts) if item.quantity == "pressure" else volts)[:kept]))
+        for item in FULL.channels
+        for volts in (item.read_volts(),)
+        for kept in (int(0.825 * volts.size),)
+    )
+    assert align(replace(FULL, channels=channels)).index.size > 18
 
 
 @pytest.mark.parametrize(("name", "every"), [("A_0500rpm", 20), ("A_1000rpm", 25), ("A_1250rpm", 20)])

@@ -32,6 +32,10 @@ LEAST_SWING = Threshold(
     4.0, "1", "statistics",
     "A channel that follows the cam swings by more than this many times its scatter from cycle to cycle."
 )  # fmt: skip
+LEAST_SWING_OF_MANY = Threshold(
+    12.0, "1", "statistics",
+    "The same for many cycles, over the root of their number: the median of n cycles of noise alone swings by 9 there."
+)  # fmt: skip
 STILL = Threshold(
     1.0e-4, "1", "convention",
     "Nor does a channel follow the cam that moves by less than this part of its sensor's range."
@@ -171,7 +175,8 @@ def _typical(
     swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(some - middle)))
     calibration = channel.calibration
     least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
-    if swing > max(LEAST_SWING * scatter, least):
+    times = LEAST_SWING if repeating else min(LEAST_SWING, LEAST_SWING_OF_MANY / np.sqrt(some.shape[0]))
+    if swing > max(times * scatter, least):
         return middle
     if repeating:
         raise Refusal(f"{channel.where}: {repeating[0].text}")
@@ -184,8 +189,8 @@ def _typical(
         )
     unit, size = {"torque": ("N m", 1.0), "pressure": ("bar", BAR)}[channel.quantity]
     reason = (
-        f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {LEAST_SWING:.0f} times that"
-        if LEAST_SWING * scatter > least
+        f"while single cycles scatter by {scatter / size:.3g} {unit}, expected at least {times:.2g} times that"
+        if times * scatter > least
         else f"expected at least {least / size:.3g} {unit}, a ten-thousandth of the sensor's range"
     )
     raise Refusal(

@@ -37,14 +37,14 @@ MISFIRE_SWING = Threshold(
     "Pressure swing, relative to the median cycle's, below which a cycle has not built up pressure."
 )  # fmt: skip
 OUTLIER_SWING = Threshold(
-    0.003, "1", "recordings",
-    "A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.4 %."
+    0.01, "1", "recordings",
+    "A cycle closer than this part of the swing is none: single cycles of sound pumps scatter by 0.2 to 0.8 %."
 )  # fmt: skip
 OUTLIER_FACTOR = Threshold(
     2.5, "1", "simulated rigs", "An outlier is also this much further from the robust mean cycle than the median cycle."
 )
-
 STRETCH = Count(4, "cycles", "convention", "Outliers in a row that are no disturbance any more.")
+OTHER_WAY = Threshold(0.1, "1", "convention", "Outliers here and there that are more than this share are none, either.")
 
 
 @dataclass(frozen=True)
@@ -197,20 +197,27 @@ CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
 
 
 def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:
-    """Tell outliers that are one stretch of the recording: no disturbance, but another running.
+    """Tell outliers that are no disturbance: one stretch of the recording, or many here and there.
 
     ``time`` : (n_cycles,) when each cycle begins [s]
     """
     looked = np.flatnonzero(ordinary(table) & ~table.slipped)
     far = np.flatnonzero(_outlier(table)[looked])
-    if far.size < STRETCH or np.ptp(far) + 1 != far.size:
-        return ()
-    begin, end = (short(float(time[looked[k]]), 4) for k in (far[0], far[-1]))
-    text = (
-        f"{far.size} of {looked.size} cycles, those from {begin} s to {end} s, are outliers and no other is: load, "
-        "speed or state changed there; this report is of the rest; record each running by itself"
-    )
-    return (Finding("running_changes", "warning", text, "cut-flow"),)
+    begin, end = (short(float(time[looked[k]]), 4) for k in (far[0], far[-1])) if far.size else ("", "")
+    if far.size >= STRETCH and np.ptp(far) + 1 == far.size:
+        text = (
+            f"{far.size} of {looked.size} cycles, those from {begin} s to {end} s, are outliers and no other is: load, "
+            "speed or state changed there; this report is of the rest; record each running by itself"
+        )
+        return (Finding("running_changes", "warning", text, "cut-flow"),)
+    if far.size >= max(STRETCH, OTHER_WAY * looked.size):
+        text = (
+            f"{far.size} of {looked.size} cycles, here and there between {begin} s and {end} s, are outliers: the pump "
+            "runs in more than one way, as where what is left in the line differs from stroke to stroke; this report "
+            "is of the way that most cycles go; another load or speed may run evenly"
+        )
+        return (Finding("running_alternates", "warning", text, "cut-flow"),)
+    return ()
 
 
 def apply_cuts(table: CycleTable) -> tuple[Mask, tuple[CutFlowRow, ...]]:
