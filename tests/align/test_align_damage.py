@@ -80,6 +80,17 @@ def test_a_long_gap_is_not_filled() -> None:
     check_angle(cycles)
 
 
+@pytest.mark.parametrize("pause", [0.9, 3600.0, 3 * 86400.0])
+def test_a_pause_of_the_logs_holds_no_cycles(pause: float) -> None:
+    recording = make(RIG)
+    paused = tuple(replace(c, breaks=(int(c.sample_rate),), break_steps=(pause,)) for c in recording.channels)
+    cycles = align(replace(recording, channels=paused))
+    # the pause of an hour was filled with 36 000 cycles without a sample, of three days with more than any memory holds
+    assert cycles.cycles_found == 32
+    assert lost(cycles) == {"clock_jump": 2}
+    check_angle(cycles)
+
+
 def test_repaired_cycles_are_not_used_when_the_speed_does_not_prove_them() -> None:
     rough = replace(RIG, edge_jitter=4.0e-5)
     pulses = np.delete(rough.pulse_times(), [10])

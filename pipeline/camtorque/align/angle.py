@@ -47,10 +47,19 @@ class CamAngle:
         return times_at(self.angle, self.polynomials, angle)
 
     def candidate_cycles(self) -> NDArray[np.int64]:
-        """Return the numbers of the cycles whose angle range is covered by pulses."""
+        """Return the numbers of the cycles whose angle range is covered by pulses.
+
+        Those within a jump of a clock are left out: a log that pauses for an hour recorded none of its thousands.
+        """
         first = int(np.ceil((self.angle[0] - BEYOND) / TURN - 1e-9))
         last = int(np.floor((self.angle[-1] + BEYOND) / TURN + 1e-9))
-        return np.arange(first, last, dtype=np.int64)
+        jump = np.flatnonzero(self.jumped[1:])
+        # a cycle that touches the pulse before or after the jump is one that was recorded in part
+        begins = np.floor(self.angle[jump] / TURN + 1e-9).astype(np.int64) + 1
+        ends = np.ceil(self.angle[jump + 1] / TURN - 1e-9).astype(np.int64) - 1
+        long = ends > begins
+        starts, stops = np.r_[first, ends[long]], np.r_[begins[long], last]
+        return np.concatenate([np.arange(a, b, dtype=np.int64) for a, b in zip(starts, stops, strict=True)])
 
     def touched(self, cycles: NDArray[np.int64], flags: NDArray[np.bool_], pulses_before: int = 0) -> NDArray[np.bool_]:
         """Tell which cycles overlap an interval that ends at a flagged pulse.

@@ -108,7 +108,7 @@ def _align_channel(
     )
     rate = (1.0 + 1e-6 * clock.fit.skew_ppm) * channel.sample_rate
     shift = positions(channel, clock, middle) - rate * middle
-    for group in _groups(first, stop, complete, options.block_samples):
+    for group in _groups(first, stop, complete, cycles, options.block_samples):
         with reading:
             volts = np.require(channel.source.read(first[group][0], stop[group][-1]), np.float64, ["C", "W"])
         place = shift[group] - first[group][0]
@@ -131,16 +131,21 @@ def _law(channel: Channel) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def _groups(
-    first: NDArray[np.int64], stop: NDArray[np.int64], complete: NDArray[np.bool_], block_samples: int
+    first: NDArray[np.int64],
+    stop: NDArray[np.int64],
+    complete: NDArray[np.bool_],
+    cycles: NDArray[np.int64],
+    block_samples: int,
 ) -> Iterator[slice]:
-    """Yield runs of complete cycles that fit into one block; a cycle longer than a block is one by itself."""
+    """Yield runs of complete consecutive cycles that fit into a block; one that is longer is a run by itself."""
+    follows = complete[1:] & (np.diff(cycles) == 1)
     k = 0
     while k < complete.size:
         if not complete[k]:
             k += 1
             continue
         last = k
-        while last + 1 < complete.size and complete[last + 1] and stop[last + 1] - first[k] <= block_samples:
+        while last < follows.size and follows[last] and stop[last + 1] - first[k] <= block_samples:
             last += 1
         yield slice(k, last + 1)
         k = last + 1
