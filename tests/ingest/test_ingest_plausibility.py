@@ -11,7 +11,7 @@ import pytest
 from camtorque.config import PumpData
 from camtorque.ingest import read_recording
 from camtorque.ingest.check import summarise
-from camtorque.ingest.plausibility import PUMP_RATIOS, check_loads
+from camtorque.ingest.plausibility import PUMP_RATIOS, check_loads, check_trigger_exchanged
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import CamTable, Refusal
 from damaged.logs import CALIBRATION, edit
@@ -291,6 +291,28 @@ def test_a_trigger_under_another_name_is_told_by_its_shape(bench: Path, quantity
     said = rf"{quantity} and trigger are exchanged: 'Prox_Trigger', .* two levels for 100 % .*, '{name}', named trigger"
     with pytest.raises(Refusal, match=said):
         read(bench)
+
+
+def with_samples(bench: Path, quantity: str, places: np.ndarray | slice, volts: float):
+    """Return the recording with some samples of a channel replaced."""
+    recording = read(bench)
+    (channel,) = recording.of(quantity)
+    values = channel.source.read(0, channel.n_samples).astype(float)
+    values[places] = volts
+    changed = replace(channel, source=ArraySource(values))
+    return replace(recording, channels=tuple(changed if c is channel else c for c in recording.channels))
+
+
+def test_stray_samples_are_no_pulses_of_a_trigger(bench: Path):
+    strays = np.random.default_rng(0).integers(0, 60_000, 40)
+    # as many as pulses, steep and at two levels: they had been taken for a trigger
+    check_trigger_exchanged(with_samples(bench, "torque", strays, 500.0))
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_a_mark_for_missing_samples_is_named_as_that(bench: Path, quantity: str):
+    with pytest.raises(Refusal, match=r"the largest .* at exactly -9999, far beyond all others: where that marks"):
+        check_loads(with_samples(bench, quantity, slice(5_000, 5_600), -9999.0))
 
 
 @pytest.mark.parametrize(("slip", "times"), [(100.0, r"43\.\d"), (14.5037, r"6\.\d+")])

@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
-from camtorque.ingest.largest import largest, overload_findings
+from camtorque.ingest.largest import largest, overload_findings, pieces
 from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
@@ -231,8 +231,11 @@ def _pulse_shape(channel: Channel) -> tuple[float, float]:
 
 
 def _beginning(channel: Channel) -> Array:
+    """Return the first samples, each the middle one of itself and its neighbours: a stray sample is no pulse."""
     values = channel.read_volts(0, min(channel.n_samples, LOOKED_AT))
-    return values[np.isfinite(values)]
+    values = values[np.isfinite(values)]
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    return np.maximum(np.minimum(before, here), np.minimum(np.maximum(before, here), after))
 
 
 def check_loads(recording: Recording) -> list[Finding]:
@@ -283,7 +286,7 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
             raise Refusal(f"{where}: {text}; {_other_unit(high)}; else {_implied(pump, slope, high)}")
         return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * beyond
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
-        raise Refusal(f"{where}: {text}; {_implied(pump, slope, high)}")
+        raise Refusal(f"{where}: {text}; {_marked_missing(recording) or _implied(pump, slope, high)}")
     if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:
         findings.append(Finding("torque_against_pressure", "warning", f"{text}; {_implied(pump, slope, high)}", where))
     return findings
@@ -295,10 +298,28 @@ def _refuse_other_unit(recording: Recording, end: float, peak: float) -> None:
         spec = next(spec for spec in recording.config.channels if spec.quantity == "pressure")
         raise Refusal(
             f"{recording.config.path} [[channels]] {spec.channel!r} unit: the largest pressure is {short(peak / BAR)} "
-            f"bar, {peak / end:.3g} times the end of the sensor's range of {end / BAR:.4g} bar; check the unit (found "
-            f"{spec.unit!r}; kPa or psi read as bar are 100 or 14.5 times too large), then the sensitivity and "
-            "nominal_range of the sensor"
+            f"bar, {peak / end:.3g} times the end of the sensor's range of {end / BAR:.4g} bar; "
+            + (
+                _marked_missing(recording)
+                or f"check the unit (found {spec.unit!r}; kPa or psi read as bar are 100 or 14.5 times too large), "
+                "then the sensitivity and nominal_range of the sensor"
+            )
         )
+
+
+def _marked_missing(recording: Recording) -> str:
+    """Name samples that stand at one value, farther from all others than these from each other; "" without such."""
+    for channel in (*recording.of("torque")[:1], *recording.of("pressure")[:1]):
+        values = pieces(channel.read_volts, channel.n_samples)
+        for end in (float(np.min(values)), float(np.max(values))):
+            there = values == end
+            others = values[~there]
+            if there.sum() > 1 and others.size and np.min(np.abs(others - end)) > np.ptp(others):
+                return (
+                    f"samples of {channel.name!r} stand at exactly {end / channel.scale:g}, far beyond all others: "
+                    "where that marks missing samples, leave those out or write nan"
+                )
+    return ""
 
 
 def _other_unit(ratio: float) -> str:
