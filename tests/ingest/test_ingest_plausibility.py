@@ -315,6 +315,22 @@ def test_a_mark_for_missing_samples_is_named_as_that(bench: Path, quantity: str)
         check_loads(with_samples(bench, quantity, slice(5_000, 5_600), -9999.0))
 
 
+@pytest.mark.parametrize(("quantity", "unit", "volts"), [("torque", "N m", 1.5), ("pressure", "bar", 1.5e5)])
+def test_a_channel_that_is_scaled_already_is_told_in_its_own_unit(bench: Path, quantity: str, unit: str, volts: float):
+    recording = with_samples(bench, quantity, slice(None), 1.5)
+    (channel,) = recording.of(quantity)
+    scaled = replace(channel, scale=volts / 1.5)
+    specs = tuple(replace(s, unit=unit) if s.quantity == quantity else s for s in recording.config.channels)
+    channels = tuple(scaled if c is channel else c for c in recording.channels)
+    found = summarise(replace(recording, config=replace(recording.config, channels=specs), channels=channels)).findings
+    (text,) = (finding.text for finding in found if finding.code == "channel_constant")
+    assert text.startswith(f"the channel never changes (1.5 {unit});")
+    high = with_samples(bench, quantity, slice(3), 1.5e4)
+    found = summarise(replace(high, config=replace(high.config, channels=specs))).findings
+    (text,) = (finding.text for finding in found if finding.code == "out_of_range")
+    assert f" to 1.5e+04 {unit}, the sensor gives " in text
+
+
 @pytest.mark.parametrize(("slip", "times"), [(100.0, r"43\.\d"), (14.5037, r"6\.\d+")])
 def test_a_pressure_far_beyond_its_sensor_is_told_by_its_unit(bench: Path, slip: float, times: str):
     recording = read(bench)

@@ -67,9 +67,10 @@ def summarise(recording: Recording, pulses: Mapping[str, Array] = MappingProxyTy
     findings = list(recording.findings)
     summaries, speeds, trains = [], [], {}
     first_triggers = {channel.logger: channel for channel in reversed(recording.of("trigger"))}
+    units = {(spec.quantity, spec.channel): spec.output_unit for spec in config.channels}
     for channel in recording.channels:
         scan = scan_channel(channel)
-        findings += _sample_findings(channel, scan)
+        findings += _sample_findings(channel, scan, units.get((channel.quantity, channel.name), ""))
         times = np.empty(0)
         if channel.quantity == "trigger" and not scan.is_constant:
             known = pulses.get(channel.logger) if channel is first_triggers[channel.logger] else None
@@ -114,7 +115,8 @@ def _summary(channel: Channel, scan: Scan, pulses: int) -> ChannelSummary:
     )
 
 
-def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
+def _sample_findings(channel: Channel, scan: Scan, unit: str) -> list[Finding]:
+    """Return what is odd about the samples; values are told in the unit of the log, whether volts or scaled already."""
     where = f"{channel.path.name} {channel.name}"
     found = []
     if scan.missing:
@@ -126,11 +128,12 @@ def _sample_findings(channel: Channel, scan: Scan) -> list[Finding]:
             text += f": one in {every} holds a value; write sample_rate_hz = {channel.sample_rate / every:g}"
         found.append(Finding("samples_not_numbers", "warning", text, where))
     if scan.is_constant:
-        text = f"the channel never changes ({scan.low:g} V); is the sensor connected?"
+        value = f"{scan.low / channel.scale:g} {unit}".strip()
+        text = f"the channel never changes ({value}); is the sensor connected?"
         if math.isnan(scan.low):
             text = "the channel holds no number at all; is it the right column, and exported as numbers?"
         return [*found, Finding("channel_constant", "error", text, where)]
-    found += _range_findings(channel, scan, where)
+    found += _range_findings(channel, scan, unit, where)
     return found
 
 
@@ -169,7 +172,7 @@ def _largest_bend(channel: Channel, first: int, last: int) -> float:
     return float(np.max(bends[np.isfinite(bends)], initial=0.0))
 
 
-def _range_findings(channel: Channel, scan: Scan, where: str) -> list[Finding]:
+def _range_findings(channel: Channel, scan: Scan, unit: str, where: str) -> list[Finding]:
     found = []
     clipped = scan.clipped_low + scan.clipped_high
     if channel.quantity != "trigger" and clipped > MUCH_CLIPPED * scan.n_samples:
@@ -181,10 +184,12 @@ def _range_findings(channel: Channel, scan: Scan, where: str) -> list[Finding]:
         return found
     margin = 0.1 * (calibration.output_max_volts - calibration.output_min_volts)
     if scan.high > calibration.output_max_volts + margin or scan.low < calibration.output_min_volts - margin:
-        text = (
-            f"{scan.low:.4g} to {scan.high:.4g} V, the sensor's output is {calibration.output_min_volts:g} to "
-            f"{calibration.output_max_volts:g} V; wrong unit, or samples damaged"
+        low, high, least, most = (
+            volts / channel.scale
+            for volts in (scan.low, scan.high, calibration.output_min_volts, calibration.output_max_volts)
         )
+        seen = f"{low:.4g} to {high:.4g} {unit}".strip()
+        text = f"{seen}, the sensor gives {least:g} to {most:g}; wrong unit, or samples damaged"
         found.append(Finding("out_of_range", "error", text, where))
     return found
 
