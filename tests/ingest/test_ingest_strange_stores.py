@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import gc
 import zipfile
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mat, numpy_file, parquet, xlsx, zlib_check
+from camtorque.ingest import hdf5, mat, numpy_file, parquet, tdms, xlsx, zlib_check
 from camtorque.ingest.formats import file_format
 from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 RATE = 20e3
@@ -50,9 +53,61 @@ def test_a_rate_beside_the_variables_and_times_in_milliseconds(tmp_path: Path):
     file = tmp_path / "run.mat"
     savemat(file, {"fs": RATE, "torque": TORQUE})
     assert [(c.name, c.sample_rate) for c in mat.channels(file)] == [("torque", RATE)]
+    raw = mat.read(file, (spec(file, "", "torque", rate=1.02 * RATE),), "")
+    assert (raw.channels[0].sample_rate, raw.findings[0].code) == (RATE, "rate_differs")
     savemat(file, {"t_ms": 1e3 * TIME, "torque": TORQUE})
     assert [(c.name, c.sample_rate) for c in mat.channels(file)] == [("torque", pytest.approx(RATE))]
     assert_torque(mat.read(file, (spec(file, "", "torque", "t_ms"),), ""))
+
+
+def store(file: Path, form: str, arrays: dict[str, np.ndarray]) -> tuple[ModuleType, str]:
+    """Write arrays side by side and return their reader and group."""
+    if form == "mat":
+        savemat(file, arrays)
+    elif form == "struct":
+        savemat(file, {"rec": arrays})
+    elif form == "npz":
+        with file.open("wb") as stream:
+            np.savez(stream, **arrays)
+    elif form == "tdms":
+        with TdmsWriter(file) as writer:
+            writer.write_segment([ChannelObject("rec", name, values) for name, values in arrays.items()])
+    else:
+        table = np.rec.fromarrays(list(arrays.values()), names=list(arrays))
+        with h5py.File(file, "w") as stream:
+            if form == "compound":
+                stream["rec"] = table
+            for name, values in arrays.items() if form == "hdf5" else ():
+                stream[f"rec/{name}"] = values
+    readers = {"npz": numpy_file, "tdms": tdms, "mat": mat, "struct": mat}
+    return readers.get(form, hdf5), "" if form in ("mat", "npz") else "rec"
+
+
+STORES = ("mat", "struct", "npz", "tdms", "hdf5", "compound")
+
+
+@pytest.mark.parametrize("form", STORES)
+@pytest.mark.parametrize(("name", "factor"), [("Time", 1.0), ("t", 1.0), ("Zeit_ms", 1e3), ("time", 1e3)])
+def test_times_beside_a_channel_are_used_where_the_file_states_no_rate(
+    tmp_path: Path, form: str, name: str, factor: float
+):
+    later = TIME + np.where(np.arange(400) < 150, 0.0, 0.02)
+    reader, group = store(tmp_path / "log", form, {"torque": TORQUE, "p": 0.0 * TORQUE, name: factor * later})
+    # a pause and a declared rate that is 2 % off passed in silence
+    specs = (spec(tmp_path / "log", group, "torque", rate=1.02 * RATE),)
+    raw = reader.read(tmp_path / "log", specs, "")
+    assert_torque(raw)
+    assert raw.channels[0].breaks == (150,)
+    assert [finding.code for finding in raw.findings] == ["time_gap", "rate_differs"]
+    assert reader.read(tmp_path / "log", (replace(specs[0], time_channel=name),), "").channels[0].breaks == (150,)
+
+
+@pytest.mark.parametrize("form", STORES)
+def test_what_is_no_clock_or_a_channel_of_the_recording_is_no_time(tmp_path: Path, form: str):
+    warm = 20.0 + np.random.default_rng(0).normal(0.0, 0.1, 400) + TIME
+    reader, group = store(tmp_path / "log", form, {"torque": TORQUE, "T": warm, "x": TIME})
+    specs = tuple(spec(tmp_path / "log", group, name, rate=1.1 * RATE) for name in ("torque", "x"))
+    assert [channel.sample_rate for channel in reader.read(tmp_path / "log", specs, "").channels] == [1.1 * RATE] * 2
 
 
 @pytest.mark.parametrize("form", ["v5", "v5 struct", "v5 rows", "v7.3", "hdf5"])

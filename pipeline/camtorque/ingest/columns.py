@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from camtorque.config import ChannelSpec
 from camtorque.config.tables import Problems
 from camtorque.ingest.cells import UNDATED
 from camtorque.ingest.csv_layout import CsvLayout
-from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name, time_unit
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, is_time_name, name_and_unit, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
 from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
@@ -183,11 +183,7 @@ def _epoch_unit(times: SampleSource) -> float:
 
 def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
     """Return channels with the rate of the time channel beside them, by name and length, where they have none."""
-    times = {
-        (item.group, item.n_samples): item
-        for item in reversed(found)
-        if TIME_NAME.match(item.name) or MAYBE_TIME.match(item.name)
-    }
+    times = {(item.group, item.n_samples): item for item in reversed(found) if is_time_name(item.name)}
     first = [item for item in found if item.name == numbered_name(0)]
     times = {(item.group, item.n_samples): item for item in first if _rises_evenly(item.source)} | times
     listed_channels = []
@@ -201,6 +197,33 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
             item = replace(item, sample_rate=usual_rate(time.source, factor), time_channel=time.name)
         listed_channels.append(item)
     return tuple(listed_channels)
+
+
+def time_beside(names: Iterable[str], channels: Container[str], source: Callable[[str], SampleSource]) -> str:
+    """Return which of the names beside a channel, each with as many samples, holds its times; "" where none does.
+
+    One that is named outright so, else ``t`` or ``x`` that runs as a clock does; a channel of the recording is none.
+    """
+    free = [name for name in names if name not in channels]
+    outright = [name for name in free if TIME_NAME.match(name)]
+    maybe = (name for name in free if MAYBE_TIME.match(name) and _runs(source(name)))
+    return outright[0] if outright else next(maybe, "")
+
+
+def _runs(source: SampleSource) -> bool:
+    """Tell values that rise by steps that are alike, but for gaps."""
+    steps = np.diff(source.read(0, min(source.n_samples, RATE_SAMPLES)))
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return usual > 0.0 and float(np.mean(np.abs(steps - usual) < 0.5 * usual)) > MOST_ALIKE
+
+
+def times_beside(times: SampleSource, unit: str, spec: ChannelSpec, where: str) -> tuple[Stamps, float | None]:
+    """Return the time base of a channel by the times beside it, and its date where they count from 1970.
+
+    A time without a unit is in the one that gives the declared rate.
+    """
+    base = read_stamps(times, spec.sample_rate, where, to_seconds=_time_factor(times, unit, spec, where))
+    return (replace(base, start=0.0), base.start) if EPOCH[0] < base.start < EPOCH[1] else (base, None)
 
 
 def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:

@@ -15,14 +15,14 @@ import h5py
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import with_times
+from camtorque.ingest.columns import time_beside, times_beside, with_times
 from camtorque.ingest.hdf5_heaps import check_heaps
 from camtorque.ingest.header import column_number, numbered_name, time_unit
 from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, read_each, refusing
-from camtorque.ingest.stamps import agreed_rate, read_stamps
+from camtorque.ingest.stamps import agreed_rate
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
-from camtorque.units import did_you_mean, unit_factor
+from camtorque.units import did_you_mean
 
 RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency",
               "samplingfreq", "ratehz", "fshz", "fs")  # fmt: skip
@@ -52,7 +52,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an HDF5 file in slices."""
     check_heaps(path)
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
-        return read_each(path, "HDF5", specs, lambda spec: _channel(file, path, spec))
+        return read_each(path, "HDF5", specs, lambda spec: _channel(file, path, spec, specs))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -122,7 +122,9 @@ def _kinds(file: h5py.File, names: list[str]) -> str:
     return f"{shown}; store each channel as a data set of its own, a field of a compound one or a column of a matrix"
 
 
-def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel, list[Finding]]:
+def _channel(
+    file: h5py.File, path: Path, spec: ChannelSpec, specs: tuple[ChannelSpec, ...]
+) -> tuple[RawChannel, list[Finding]]:
     data, field = _find(file, path, spec.group, spec.channel)
     where = f"{path.name} {spec.group}/{spec.channel}"
     source = _source(path, data, field)
@@ -132,18 +134,32 @@ def _channel(file: h5py.File, path: Path, spec: ChannelSpec) -> tuple[RawChannel
     unit = _unit(attributes, data, field)
     notes = [] if field else _scale_findings(path, data)
     stamp = _epoch(_first(attributes, STAMP_NAMES))
-    if spec.time_channel:
-        times, time_field = _find(file, path, spec.group, spec.time_channel)
+    stated = any(_first(attributes, names) is not None for names in (RATE_NAMES, STEP_NAMES))
+    time_channel = spec.time_channel or ("" if stated else _times(path, data, field, spec, specs))
+    if time_channel:
+        times, time_field = _find(file, path, spec.group, time_channel)
         time_source = _source(path, times, time_field)
         _same_length(path, times, time_source.n_samples, source.n_samples)
-        stated = _unit(dict(times.attrs), times, time_field)
-        factor = unit_factor(time_unit(spec.time_channel, stated) or "s", "time", f"{path.name} {times.name}")
-        stamps = read_stamps(time_source, spec.sample_rate, where, to_seconds=factor)
-        return stamps.channel(spec.channel, unit, source, stamp), [*notes, *stamps.findings]
+        told = time_unit(time_channel, _unit(dict(times.attrs), times, time_field))
+        stamps, day = times_beside(time_source, told, spec, where)
+        return stamps.channel(spec.channel, unit, source, stamp or day), [*notes, *stamps.findings]
     rate, findings = _declared_rate(attributes, spec, where)
     start = _first(attributes, START_NAMES)
     start = float(start) if start is not None else float(spec.start_time or 0.0)
     return RawChannel(spec.channel, unit, source, start, rate, stamp), [*notes, *findings]
+
+
+def _times(path: Path, data: h5py.Dataset, field: str, spec: ChannelSpec, specs: tuple[ChannelSpec, ...]) -> str:
+    """Return the name of the times beside a channel, in its group or in its table; "" where there are none."""
+    taken = {other.channel for other in specs if other.group == spec.group}
+    if field:
+        kinds = {name: (data.dtype[name] if data.dtype.names else data.dtype) for name in
+                 data.dtype.names or columns_of(data)}  # fmt: skip
+        names = [name for name, kind in kinds.items() if kind.kind in KINDS]
+        return time_beside(names, taken, lambda name: _source(path, data, name))
+    sets = {name: item for name, item in data.parent.items() if isinstance(item, h5py.Dataset)}
+    same = [name for name, item in sets.items() if item.size == data.size and item.dtype.kind in KINDS]
+    return time_beside(same, taken, lambda name: _source(path, sets[name], ""))
 
 
 def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str) -> tuple[float, list[Finding]]:

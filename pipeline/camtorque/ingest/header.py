@@ -84,13 +84,18 @@ def name_and_unit(field: str) -> tuple[str, str]:
 def _divides(name: str, unit: str) -> bool:
     """Tell ``p/bar`` (a quantity over its unit) from ``km/h`` (a unit)."""
     is_time = BORDER_UNITS[tidy_unit(unit)][0] == "time"
-    return not is_known_unit(name) and (not is_time or bool(TIME_NAME.match(name) or MAYBE_TIME.match(name)))
+    return not is_known_unit(name) and (not is_time or is_time_name(name))
 
 
 def time_unit(name: str, stated: str = "") -> str:
     """Return the unit of a time column: the stated one, else the one that ends its name (time_ms), else ""."""
     match = TIME_NAME.match(name)
     return stated or ((match["unit"] or "").lower() if match else "")
+
+
+def is_time_name(name: str) -> bool:
+    """Tell a name that times have, or may have."""
+    return bool(TIME_NAME.match(name) or MAYBE_TIME.match(name))
 
 
 def is_time_unit(unit: str) -> bool:

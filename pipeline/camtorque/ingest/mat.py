@@ -13,8 +13,9 @@ from scipy.io import loadmat, whosmat
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
 from camtorque.ingest.formats import first_bytes, is_hdf5
+from camtorque.ingest.header import is_time_name
 from camtorque.ingest.raw import FileChannel, RawFile, read_each, refusing
-from camtorque.ingest.variables import channel_of, listed, members_of
+from camtorque.ingest.variables import channel_of, is_rate_name, listed, members_of
 from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Refusal
 
@@ -32,10 +33,11 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     wanted = {(spec.group or spec.channel).partition(".")[0] for spec in specs}
     wanted |= {(spec.group or spec.time_channel).partition(".")[0] for spec in specs if spec.time_channel}
     names = _variable_names(path, wanted)
+    beside = {name for name in names if is_time_name(name) or is_rate_name(name)}
     with refusing(path, "MATLAB v5"):
-        variables = loadmat(str(path), variable_names=sorted(wanted), squeeze_me=False, struct_as_record=True)
+        variables = loadmat(str(path), variable_names=sorted(wanted | beside), squeeze_me=False, struct_as_record=True)
     members = members_of(variables)
-    return read_each(path, "MATLAB v5", specs, lambda spec: channel_of(path, members, spec, names))
+    return read_each(path, "MATLAB v5", specs, lambda spec: channel_of(path, members, spec, names, specs))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:

@@ -27,7 +27,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read arrays of a NumPy file."""
     arrays = _arrays(path)
     members = members_of(arrays)
-    return read_each(path, "NumPy", specs, lambda spec: channel_of(path, members, spec, tuple(arrays)))
+    return read_each(path, "NumPy", specs, lambda spec: channel_of(path, members, spec, tuple(arrays), specs))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:

@@ -18,7 +18,8 @@ from nptdms.log import log_manager
 from nptdms.scaling import get_scaling
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import with_times
+from camtorque.ingest.columns import time_beside, times_beside, with_times
+from camtorque.ingest.header import time_unit
 from camtorque.ingest.raw import (
     CallSource,
     FileChannel,
@@ -52,7 +53,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     with refusing(path, "TDMS"):
         file = TdmsFile.open(path)
     with file:
-        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec, bool(findings)))
+        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec, specs, bool(findings)))
     return RawFile(found.channels, (*findings, *found.findings))
 
 
@@ -116,8 +117,10 @@ def _cut(path: Path, number: int, what: str) -> Finding:
     )
 
 
-def _channel(file: TdmsFile, path: Path, spec: ChannelSpec, is_cut: bool) -> tuple[RawChannel, list[Finding]]:
-    channel = _find(file, path, spec)
+def _channel(
+    file: TdmsFile, path: Path, spec: ChannelSpec, specs: tuple[ChannelSpec, ...], is_cut: bool
+) -> tuple[RawChannel, list[Finding]]:
+    channel = _find(file, path, spec.group, spec.channel)
     where = f"{path.name} {spec.group}/{spec.channel}"
     source = _source(file, channel, path)
     if not source.n_samples:
@@ -126,6 +129,14 @@ def _channel(file: TdmsFile, path: Path, spec: ChannelSpec, is_cut: bool) -> tup
     properties = channel.properties
     findings = list(missing_samples(source.n_samples, int(properties.get("wf_samples", 0)), where))
     rate = spec.sample_rate
+    time_channel = spec.time_channel or ("" if "wf_increment" in properties else _times(file, channel, path, specs))
+    if time_channel:
+        times = _find(file, path, spec.group, time_channel)
+        if len(times) != source.n_samples:
+            raise Refusal(f"{where}: {len(times)} times in {time_channel!r} for {source.n_samples} samples")
+        told = time_unit(time_channel, _unit(times))
+        stamps, day = times_beside(_source(file, times, path), told, spec, where)
+        return stamps.channel(spec.channel, _unit(channel), source, day), [*findings, *stamps.findings]
     if "wf_increment" in properties:
         increment = float(properties["wf_increment"])
         if not increment > 0.0:
@@ -140,18 +151,24 @@ def _channel(file: TdmsFile, path: Path, spec: ChannelSpec, is_cut: bool) -> tup
     return raw, findings
 
 
-def _find(file: TdmsFile, path: Path, spec: ChannelSpec) -> TdmsChannel:
-    groups = [group.name for group in file.groups()]
-    if spec.group not in groups:
-        hint = did_you_mean(spec.group, tuple(groups))
-        raise Refusal(f"{path}: no group {spec.group!r}{hint}; the file has {', '.join(groups) or 'none'}")
-    names = [channel.name for channel in file[spec.group].channels()]
-    if spec.channel not in names:
-        hint = did_you_mean(spec.channel, tuple(names))
-        raise Refusal(
-            f"{path}: no channel {spec.channel!r} in group {spec.group!r}{hint}; there are {', '.join(names)}"
-        )
-    return file[spec.group][spec.channel]
+def _times(file: TdmsFile, channel: TdmsChannel, path: Path, specs: tuple[ChannelSpec, ...]) -> str:
+    """Return the name of the times beside a channel in its group, "" where there are none."""
+    group = file[channel.group_name]
+    taken = {spec.channel for spec in specs if spec.group == channel.group_name}
+    same = [item.name for item in group.channels() if len(item) == len(channel) and item.dtype.kind in "fiu"]
+    return time_beside(same, taken, lambda name: _source(file, group[name], path))
+
+
+def _find(file: TdmsFile, path: Path, group: str, name: str) -> TdmsChannel:
+    groups = [item.name for item in file.groups()]
+    if group not in groups:
+        hint = did_you_mean(group, tuple(groups))
+        raise Refusal(f"{path}: no group {group!r}{hint}; the file has {', '.join(groups) or 'none'}")
+    names = [channel.name for channel in file[group].channels()]
+    if name not in names:
+        hint = did_you_mean(name, tuple(names))
+        raise Refusal(f"{path}: no channel {name!r} in group {group!r}{hint}; there are {', '.join(names)}")
+    return file[group][name]
 
 
 def _epoch(stamp: Any) -> float | None:

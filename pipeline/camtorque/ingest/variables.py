@@ -1,7 +1,8 @@
 """Arrays by name, as MATLAB and NumPy store them -> channels: variables, fields of structs, columns of matrices.
 
 ``channel`` is a variable, or a field of the struct (column of the matrix) that ``group`` names; ``time_channel``
-likewise. Without times a rate beside the channel (``fs``, ``SampleRate``) or the declared one holds.
+likewise. Without it a rate beside the channel (``fs``, ``SampleRate``) holds, else times beside it (``t``, ``Time``),
+else the declared rate.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
-from camtorque.ingest.columns import with_times
+from camtorque.ingest.columns import time_beside, times_beside, with_times
 from camtorque.ingest.header import time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel
-from camtorque.ingest.stamps import agreed_rate, read_stamps
+from camtorque.ingest.stamps import agreed_rate
 from camtorque.records import Finding, Refusal
-from camtorque.units import did_you_mean, unit_factor
+from camtorque.units import did_you_mean
 
 Members = Mapping[tuple[str, str], Any]
 """(struct, name) -> value."""
@@ -71,20 +72,29 @@ def beside(members: Members, group: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for place in dict.fromkeys(("", group)):
         for (other, name), value in members.items():
-            array, plain = np.asarray(value), re.sub(r"[ _]", "", name).lower()
+            array = np.asarray(value)
             if other != place or array.size != 1:
                 continue
-            if plain in hdf5.RATE_NAMES and array.dtype.kind in "fiu" and float(array.ravel()[0]) > 0.0:
+            if is_rate_name(name) and array.dtype.kind in "fiu" and float(array.ravel()[0]) > 0.0:
                 found["rate"] = float(array.ravel()[0])
-            if plain in hdf5.UNIT_NAMES and place and array.dtype.kind == "U":
+            if _plain(name) in hdf5.UNIT_NAMES and place and array.dtype.kind == "U":
                 found["unit"] = str(array.ravel()[0])
     return found
 
 
+def is_rate_name(name: str) -> bool:
+    """Tell a variable that by its name holds a sampling rate."""
+    return _plain(name) in hdf5.RATE_NAMES
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[ _]", "", name).lower()
+
+
 def channel_of(
-    path: Path, members: Members, spec: ChannelSpec, names: tuple[str, ...]
+    path: Path, members: Members, spec: ChannelSpec, names: tuple[str, ...], specs: tuple[ChannelSpec, ...]
 ) -> tuple[RawChannel, list[Finding]]:
-    """Return a channel; ``names`` are the variables of the file.
+    """Return a channel; ``names`` are the variables of the file, ``specs`` all that is read of it.
 
     Raises
     ------
@@ -94,16 +104,27 @@ def channel_of(
     samples = _numbers(path, members, (spec.group, spec.channel), names)
     source, near = ArraySource(samples), beside(members, spec.group)
     unit = str(near.get("unit", ""))
-    if not spec.time_channel:
+    time_channel = spec.time_channel or ("" if "rate" in near else _times(members, spec, samples.size, specs))
+    if not time_channel:
         start = spec.start_time if spec.start_time is not None else 0.0
         rate, findings = agreed_rate(near.get("rate", spec.sample_rate), spec.sample_rate, where, 1e-9, "the file says")
         return RawChannel(spec.channel, unit, source, start, rate), list(findings)
-    times = _numbers(path, members, (spec.group, spec.time_channel), names)
+    times = _numbers(path, members, (spec.group, time_channel), names)
     if times.size != samples.size:
         raise Refusal(f"{where}: {times.size} times for {samples.size} samples; save both from one recording")
-    factor = unit_factor(time_unit(spec.time_channel) or "s", "time", where)
-    stamps = read_stamps(ArraySource(times), spec.sample_rate, where, to_seconds=factor)
-    return stamps.channel(spec.channel, unit, source), list(stamps.findings)
+    stamps, stamp = times_beside(ArraySource(times), time_unit(time_channel), spec, where)
+    return stamps.channel(spec.channel, unit, source, stamp), list(stamps.findings)
+
+
+def _times(members: Members, spec: ChannelSpec, n_samples: int, specs: tuple[ChannelSpec, ...]) -> str:
+    """Return the name of the times that stand beside a channel, "" where there are none."""
+    beside = {
+        name: value
+        for (group, name), value in members.items()
+        if group == spec.group and np.size(value) == n_samples and np.asarray(value).dtype.kind in hdf5.KINDS
+    }
+    taken = {other.channel for other in specs if other.group == spec.group}
+    return time_beside(beside, taken, lambda name: ArraySource(np.asarray(beside[name]).ravel()))
 
 
 def _numbers(path: Path, members: Members, place: tuple[str, str], names: tuple[str, ...]) -> np.ndarray:
