@@ -83,6 +83,8 @@ def test_rates_that_contradict():
         read_stamps(times, 20_000.0, "log")
     with pytest.raises(Refusal, match=r"wrong, or the unit of the stamps \(ms or us for s\?\)"):
         read_stamps(times, 1e7, "log")
+    with pytest.raises(Refusal, match=r"wrong, or the unit of the stamps \(s for ms or us\?\)"):
+        read_stamps(times, 10.0, "log")
 
 
 @pytest.mark.parametrize(

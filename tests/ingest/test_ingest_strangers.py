@@ -239,6 +239,17 @@ def test_stamps_with_too_few_digits_follow_the_declared_rate(tmp_path: Path):
         both(file, rate=1e4)
 
 
+def test_a_time_without_a_unit_that_runs_back_or_stands_still_for_samples(tmp_path: Path):
+    file = write(tmp_path, "Time,Torque,Pressure", *reversed(rows()))
+    with pytest.raises(Refusal, match=r"time does not run forward .* from the newest to the oldest: sort them"):
+        both(file)
+    # which of the units it is only the whole span tells
+    coarse = write(tmp_path, "Time,Torque,Pressure", *rows(time="{:.0f}", scale=1e3))
+    assert_read(both(coarse), "time_stamps_coarse")
+    with pytest.raises(Refusal, match="fits neither s, ms, us, ns nor days at 123 Hz; correct sample_rate_hz, or"):
+        both(write(tmp_path, "Time,Torque,Pressure", *rows()), rate=123.0)
+
+
 def test_stamps_that_pairs_of_samples_share_tell_the_whole_rate(tmp_path: Path):
     file = write(tmp_path, "Time [s],Torque [Nm],Pressure [bar]", *rows(time="{:.4f}"))
     assert channels(file)[0].sample_rate == pytest.approx(2e4, rel=0.01)

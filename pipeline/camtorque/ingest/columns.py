@@ -322,7 +322,10 @@ def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) 
         return unit_factor(unit, "time", f"{where} time column")
     steps = np.diff(times.read(0, min(times.n_samples, 10_000)))
     steps = steps[np.isfinite(steps)]
-    step = float(np.median(steps)) if steps.size else 0.0
+    # stamps of too few digits are shared by samples, so that only their mean step tells
+    step = float(np.median(steps)) or float(np.mean(steps)) if steps.size else 0.0
+    if not step > 0.0:
+        return 1.0  # in no unit does time run forward: that is refused where the stamps are read
     for factor in (1.0, 1e-3, 1e-6, 1e-9, 86_400.0):
         if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
             return factor
@@ -330,5 +333,5 @@ def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) 
         return 1.0 / spec.sample_rate  # sample numbers: the rate is the declared one, gaps show
     raise Refusal(
         f"{where}: the time column has no unit and its step of {step:.6g} fits neither s, ms, us, ns nor days at "
-        f"{spec.sample_rate:g} Hz; write the unit into the header"
+        f"{spec.sample_rate:g} Hz; correct sample_rate_hz, or write the unit behind the name of the time, as in time_ms"
     )

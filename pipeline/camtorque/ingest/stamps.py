@@ -119,8 +119,13 @@ def agreed_rate(
         return declared_rate, ()
     text = f"{what} {rate:.8g} Hz, recording.toml says {declared_rate:.8g} Hz"
     if difference > RATE_GROSS:
-        thousand = any(abs(rate * factor / declared_rate - 1.0) <= RATE_GROSS for factor in (1e3, 1e6))
-        hint = ", or the unit of the stamps (ms or us for s?)" if thousand else ""
+        slips = {"ms or us for s": (1e3, 1e6), "s for ms or us": (1e-3, 1e-6)}
+        near = (
+            slip
+            for slip, factors in slips.items()
+            if any(abs(rate * factor / declared_rate - 1.0) <= RATE_GROSS for factor in factors)
+        )
+        hint = "".join(f", or the unit of the stamps ({slip}?)" for slip in near)
         raise Refusal(f"{where}: {text}; correct the one that is wrong{hint}")
     if difference <= RATE_NOTE:
         return rate, ()
