@@ -131,6 +131,19 @@ def test_a_matrix_is_a_table_of_its_columns(tmp_path: Path, form: str):
         module.read(file, (spec(file, group, "column 3", ""),), "")
 
 
+@pytest.mark.parametrize("mark", ["_FillValue", "missing_value"])
+@pytest.mark.parametrize("kind", ["f4", ">i2"])
+def test_values_that_stand_for_missing_samples_are_missing(tmp_path: Path, mark: str, kind: str):
+    file, stored = tmp_path / "run.nc", np.round(100.0 * TORQUE)
+    stored[100:110] = -9999
+    with h5py.File(file, "w") as store:
+        data = store.create_dataset("torque", data=stored.astype(kind))
+        data.attrs["scale_factor"], data.attrs["rate_hz"], data.attrs[mark] = 0.01, RATE, np.array([-9999], kind)
+    values = hdf5.read(file, (spec(file, "", "torque"),), "").channels[0].source.read(0, 400)
+    assert np.flatnonzero(np.isnan(values)).tolist() == list(range(100, 110))
+    np.testing.assert_allclose(np.delete(values, range(100, 110)), np.delete(TORQUE, range(100, 110)), atol=0.006)
+
+
 def test_columns_of_a_matrix_are_named_by_its_attribute(tmp_path: Path):
     file = tmp_path / "run.h5"
     with h5py.File(file, "w") as store:

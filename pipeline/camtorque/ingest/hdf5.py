@@ -216,7 +216,7 @@ def _source(path: Path, data: h5py.Dataset, field: str) -> CallSource:
         raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples{hint}")
     number = _column(columns, field)
     factor, offset = _scale(data)
-    plain = (factor, offset) == (1.0, 0.0)
+    plain, blank = (factor, offset) == (1.0, 0.0), _blank(data)
     key, axis, shape = data.name, (long[0] if long else 0), data.shape
 
     def call(start: int, stop: int) -> np.ndarray:
@@ -224,7 +224,10 @@ def _source(path: Path, data: h5py.Dataset, field: str) -> CallSource:
         place = tuple(slice(start, stop) if n == axis else number if n == other else 0 for n in range(len(shape)))
         with h5py.File(path, "r") as file:
             samples = file[key][place]
-            return samples[field] if field and not columns else samples if plain else samples * factor + offset
+        if field and not columns:
+            return np.asarray(samples[field])
+        scaled = samples if plain else samples * factor + offset
+        return np.where(np.isin(samples, blank), np.nan, scaled) if blank else scaled
 
     return CallSource(int(shape[axis]), call, path, "HDF5")
 
@@ -324,6 +327,12 @@ def _scale(data: h5py.Dataset) -> tuple[float, float]:
         np.asarray(data.attrs.get(name, usual)).ravel() for name, usual in (("scale_factor", 1), ("add_offset", 0))
     ]
     return float(values[0][0]), float(values[1][0])
+
+
+def _blank(data: h5py.Dataset) -> list[float]:
+    """Return the stored values that stand for missing samples by the CF conventions."""
+    marks = (data.attrs.get(name, ()) for name in ("_FillValue", "missing_value"))
+    return [value for mark in marks for value in np.asarray(mark).ravel().tolist() if isinstance(value, int | float)]
 
 
 def _epoch(text: Any) -> float | None:
