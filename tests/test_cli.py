@@ -313,6 +313,16 @@ def test_align_needs_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     }
 
 
+def test_align_tells_a_speed_far_from_nominal(tmp_path: Path, capsys):
+    text = (EXAMPLES / "A_1000rpm" / "recording.toml").read_text(encoding="utf-8")
+    text = text.replace("nominal_speed_rpm = 1000.0", "nominal_speed_rpm = 500.0")
+    text = text.replace("../../calibration", (EXAMPLES.parent / "calibration").as_posix())
+    text = text.replace('file = "', f'file = "{(EXAMPLES / "A_1000rpm").as_posix()}/')
+    (tmp_path / "recording.toml").write_text(text, encoding="utf-8")
+    assert cli.main(["align", str(tmp_path), "--out", str(tmp_path / "o"), "--quiet"]) == 0
+    assert "the pulses tell 1000 rpm, the nominal speed is 500 rpm" in capsys.readouterr().out
+
+
 def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sheets = EXAMPLES.parent / "calibration"
     arguments = ["predict", str(sheets / "paper_pump.toml"), "--pressure", str(sheets / "paper_pressure.csv")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import loud_findings
 from camtorque.ingest import read_recording
+from camtorque.ingest.check import speed_findings
 from camtorque.jsonable import now
 from camtorque.report.alignment import write_alignment
 from camtorque.report.folder import output_folder
@@ -35,4 +37,6 @@ def align_recording(path: Path, out: Path, options: AlignOptions | None, tell: T
         tell(f"reading {path}")
         recording = read_recording(path)
         tell("aligning to the cam angle")
-        return write_alignment(recording, align(recording, options), now(), folder)
+        cycles = align(recording, options)
+        told = speed_findings(cycles.mean_speed, recording.config, "recording.toml")
+        return write_alignment(recording, replace(cycles, findings=(*cycles.findings, *told)), now(), folder)

@@ -214,6 +214,14 @@ def _speed(times: Array, config: RecordingConfig) -> float:
     return float(2.0 * np.pi / np.mean(periods) / _expected(config)) if periods.size else float("nan")
 
 
+def speed_findings(speed: float, config: RecordingConfig, where: str) -> tuple[Finding, ...]:
+    """Tell a cam speed [rad/s] that is far from the nominal one: of pulses that are not one a turn, or a wrong rate."""
+    if abs(speed / config.nominal_speed - 1.0) <= SPEED_TOLERANCE:
+        return ()
+    text = f"the pulses tell {speed / RPM:.4g} rpm, the nominal speed is {config.nominal_speed / RPM:.4g} rpm"
+    return (Finding("speed_off_nominal", "warning", text, where),)
+
+
 def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> list[Finding]:
     where = f"{channel.path.name} {channel.name}"
     speed = _speed(times, config)
@@ -225,10 +233,7 @@ def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> 
             f"{100.0 * PERIOD_TOLERANCE:.0f} % of their median, expected one pulse per turn: {why}"
         )
         return [Finding("pulses_irregular", "error", text, where)]
-    found = []
-    if abs(speed / config.nominal_speed - 1.0) > SPEED_TOLERANCE:
-        text = f"the pulses tell {speed / RPM:.4g} rpm, recording.toml says {config.nominal_speed / RPM:.4g} rpm"
-        found.append(Finding("speed_off_nominal", "warning", text, where))
+    found = [*speed_findings(speed, config, where)]
     if config.trigger.pulses_per_rev == 1:
         period = np.diff(times)
         whole = np.ones(period.size, dtype=bool)
