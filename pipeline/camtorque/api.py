@@ -19,11 +19,13 @@ from camtorque import records
 from camtorque.align import AlignOptions
 from camtorque.align import align as _align
 from camtorque.arrays import Mark, Sensor, recording_from_arrays
-from camtorque.config.pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve as PressureCurve
+from camtorque.config.pump import PumpConfig
 from camtorque.fit.single import FitOptions as FitOptions
 from camtorque.frames import to_pandas, to_xarray
 from camtorque.ingest import read_recording
-from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.ingest.check import speed_findings
+from camtorque.ingest.pump_file import checked_curve, read_pressure_curve, read_pump
 from camtorque.limits import Limit as Limit
 from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
@@ -103,6 +105,7 @@ class Recording(records.Recording):
         ... )  # doctest: +SKIP
         """
         arrays = {"trigger": trigger, "pressure": pressure} | ({} if torque is None else {"torque": torque})
+        pump = pump if isinstance(pump, PumpConfig) else _path(pump, "a pump file")
         mark = Mark(trigger_angle_deg, trigger_tolerance_deg, trigger_delay, speed_rpm)
         return cls.of_record(recording_from_arrays(pump, arrays, sample_rate, mark, sensors or {}, name))
 
@@ -206,7 +209,7 @@ def read(path: Path | str) -> Recording:
     ------
     Refusal : a file, channel, unit or sheet is missing or does not fit; the message says which and what to do
     """
-    return Recording.of_record(read_recording(Path(path)))
+    return Recording.of_record(read_recording(_path(path, "a recording")))
 
 
 @on_one_thread
@@ -226,7 +229,10 @@ def align(recording: records.Recording | Path | str, n_theta: int = 3600) -> Cam
     ------
     Refusal : no pulses, no usable cycle
     """
-    return _align(_recording(recording), AlignOptions(n_theta=n_theta))
+    given = _recording(recording)
+    found = _align(given, AlignOptions(n_theta=n_theta))
+    told = speed_findings(found.mean_speed, given.config, given.config.id)
+    return replace(found, findings=(*found.findings, *told))
 
 
 def fit(
@@ -302,16 +308,25 @@ def predict(
     Refusal : a speed that is not positive, a cam that cannot be built, a file that cannot be read, a pressure that is
         neither
     """
-    config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
+    config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(_path(pump, "a pump file"))
     curve = read_pressure_curve(pressure) if isinstance(pressure, Path | str) else pressure
     if curve is not None and not isinstance(curve, PressureCurve):
         raise records.Refusal(
             f"predict: found a pressure of type {type(curve).__name__}, expected a CSV file of the pressure over cam "
-            "angle or PressureCurve(theta, pressure) in rad and Pa"
+            "angle or camtorque.PressureCurve(theta, pressure) in rad and Pa"
         )
-    speeds = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64)) * RPM
+    if curve is not None and not isinstance(pressure, Path | str):
+        curve = checked_curve(curve)
+    speeds = np.asarray(speed_rpm, dtype=np.float64).ravel() * RPM
     found = _predict(config, speeds, curve, n_theta=n_theta)
     return replace(found, findings=(*notes, *found.findings))
+
+
+def _path(given: Path | str, what: str) -> Path:
+    try:
+        return Path(given)
+    except TypeError:
+        raise Refusal(f"found a value of type {type(given).__name__}, expected the path of {what}") from None
 
 
 def _recording(given: records.Recording | Path | str) -> records.Recording:

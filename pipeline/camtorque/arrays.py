@@ -104,6 +104,11 @@ def recording_from_arrays(
     strange = [key for key in sensors if key not in ("torque", "pressure")]
     if strange:
         raise Refusal(f"sensors: found {strange[0]!r}, expected 'torque' and 'pressure' as keys")
+    for key, sensor in sensors.items():
+        if not isinstance(sensor, Sensor):
+            raise Refusal(
+                f"sensors[{key!r}]: found {sensor!r}, expected a camtorque.Sensor, such as Sensor(gain_std=0.002)"
+            )
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
     values = {quantity: _checked(arrays[quantity], quantity) for quantity in QUANTITIES if quantity in arrays}
     every = {quantity: _rate(rates, quantity) for quantity in values}
@@ -133,8 +138,9 @@ def _checked(values: ArrayLike, quantity: str) -> Array:
         raise Refusal(
             f"{quantity}: found an array of shape {array.shape}, expected one dimension and 2 samples or more"
         )
-    broken = ~np.isfinite(array)
-    if broken.all():
+    # beyond the logger's range: missing, as in a file
+    array[np.isinf(array)] = np.nan
+    if np.isnan(array).all():
         raise Refusal(f"{quantity}: found no finite number among {array.size} samples, expected readings in SI")
     return array
 

@@ -175,6 +175,7 @@ def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> No
         ({"trigger_tolerance_deg": np.nan}, "trigger_tolerance_deg: found nan"),
         ({"trigger_delay": 1.0}, r"trigger_delay \[s\]: found 1.0, expected a number from 0 to 0.1"),
         ({"trigger_delay": np.nan}, r"trigger_delay \[s\]: found nan"),
+        ({"sensors": {"torque": 0.01}}, r"sensors\['torque'\]: found 0.01, expected a camtorque.Sensor"),
     ],
 )
 def test_arrays_that_cannot_be_used_are_refused(
@@ -208,6 +209,65 @@ def test_masked_samples_are_missing(pump_file: Path, arrays: dict[str, np.ndarra
     sound = camtorque.align(recording(pump_file, arrays))
     assert next(row.cycles for row in cycles.cut_flow if row.reason == "drop_out") == 1
     assert cycles.index.size == sound.index.size - 1
+
+
+def test_infinite_samples_are_missing(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    torque = arrays["torque"].copy()
+    torque[30_000:30_100] = np.inf
+    cycles = camtorque.align(recording(pump_file, {**arrays, "torque": torque}))
+    assert next(row.cycles for row in cycles.cut_flow if row.reason == "drop_out") == 1
+    assert np.isfinite(cycles.torque).all()
+
+
+def test_what_is_no_path_is_told_as_that(arrays: dict[str, np.ndarray]) -> None:
+    for call in (camtorque.read, camtorque.align, camtorque.fit):
+        with pytest.raises(camtorque.Refusal, match="found a value of type NoneType, expected the path of a recording"):
+            call(None)  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="found a value of type NoneType, expected the path of a pump file"):
+        recording(None, arrays)  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="found a value of type int, expected the path of a pump file"):
+        camtorque.predict(3, 500.0)  # type: ignore[arg-type]
+
+
+def test_a_rate_in_khz_is_told_by_the_speed(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    rates = {name: 1e-3 * rate for name, rate in RATES.items()}
+    slow = recording(pump_file, arrays, sample_rate=rates, sensors={}, trigger_delay=0.0)
+    (text,) = (row.text for row in camtorque.align(slow).findings if row.code == "speed_off_nominal")
+    assert text == "the pulses tell 1 rpm, the nominal speed is 1000 rpm"
+
+
+ANGLE = np.radians(np.arange(0.0, 360.0, 2.0))
+LOAD = np.where((ANGLE > 0.3) & (ANGLE < 1.0), 6.0e7, 5.0e5)
+
+
+@pytest.mark.parametrize(
+    ("theta", "pressure", "text"),
+    [
+        (np.degrees(ANGLE), LOAD, r"theta: found 0 to 358, expected angles .* one revolution \[rad\]; convert degrees"),
+        (ANGLE[::-1], LOAD, "expected angles that increase strictly"),
+        (ANGLE, LOAD[:9], r"theta of shape \(180,\) and pressure of shape \(9,\), expected"),
+        (ANGLE, np.full(180, np.nan), "found values that are no finite numbers"),
+        (ANGLE, 1e5 * LOAD, r"a pressure to 6e\+12, expected rad, .* and Pa up to"),
+    ],
+)
+def test_a_pressure_curve_of_arrays_that_is_none_is_refused(theta: np.ndarray, pressure: np.ndarray, text: str) -> None:
+    with pytest.raises(camtorque.Refusal, match=text):
+        camtorque.predict(ROOT / "calibration" / "paper_pump.toml", 500.0, camtorque.PressureCurve(theta, pressure))
+
+
+def test_a_pressure_curve_of_arrays_serves_as_one_of_a_file(tmp_path: Path) -> None:
+    pump, file = ROOT / "calibration" / "paper_pump.toml", tmp_path / "load.csv"
+    rows = np.column_stack([np.degrees(ANGLE), 1e-5 * LOAD])
+    np.savetxt(file, rows, delimiter=",", header="cam_angle_deg,pressure_bar", comments="")
+    lists = camtorque.predict(pump, [[300.0, 500.0]], camtorque.PressureCurve(list(ANGLE), list(LOAD)))  # type: ignore
+    from_file = camtorque.predict(pump, [300.0, 500.0], file)
+    np.testing.assert_allclose(lists.shaft_torque, from_file.shaft_torque)
+    assert "pressure_weak" not in {row.code for row in from_file.findings}
+    theta = ANGLE.copy()
+    in_bar = camtorque.predict(pump, 500.0, camtorque.PressureCurve(theta, 1e-5 * LOAD))
+    theta[0] = 0.0  # the caller's array stays his
+    (text,) = (row.text for row in in_bar.findings if row.code == "pressure_weak")
+    assert text.endswith("less than the spring with 110 N: is the pressure in its unit?")
 
 
 def a_result() -> camtorque.Result:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from camtorque.config import PumpData
 from camtorque.config.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
 from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
@@ -62,10 +64,21 @@ class PumpConfig:
 
 @dataclass(frozen=True)
 class PressureCurve(ReadOnly):
-    """Pressure on the plunger over one revolution: theta (n,) increasing [rad], pressure (n,) gauge [Pa]."""
+    """Pressure on the plunger over one revolution, for `camtorque.predict`.
+
+    Attributes
+    ----------
+    theta : (n,) cam angle, increasing [rad]
+    pressure : (n,) gauge [Pa]
+    """
 
     theta: Array
     pressure: Array
+
+    def __post_init__(self) -> None:
+        for name in ("theta", "pressure"):  # copies: those of the caller stay his to write
+            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
+        super().__post_init__()
 
 
 def load_pump_config(path: Path | str) -> PumpConfig:

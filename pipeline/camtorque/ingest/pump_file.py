@@ -11,7 +11,7 @@ from camtorque.config.pump import PressureCurve, PumpConfig, load_pump_config
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Finding, Refusal
-from camtorque.units import BAR, DEGREE
+from camtorque.units import BAR, DEGREE, TURN
 
 LEAST_SPAN_DEG, MOST_BAR = 10.0, 10_000.0
 """A pressure curve over less, or to more than any pump gives, is one in another unit."""
@@ -62,3 +62,31 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
             "not Pa or kPa"
         )
     return PressureCurve(angle * DEGREE, pressure * BAR)
+
+
+def checked_curve(curve: PressureCurve) -> PressureCurve:
+    """Return a pressure curve of arrays [rad, Pa], held against what holds for one of a file.
+
+    Raises
+    ------
+    Refusal : see `read_pressure_curve`
+    """
+    theta, pressure = curve.theta, curve.pressure
+    if theta.ndim != 1 or theta.size < 2 or theta.shape != pressure.shape:
+        raise Refusal(
+            f"PressureCurve: found theta of shape {theta.shape} and pressure of shape {pressure.shape}, expected one "
+            "dimension, 2 points or more and as many of each"
+        )
+    if not (np.isfinite(theta).all() and np.isfinite(pressure).all()):
+        raise Refusal("PressureCurve: found values that are no finite numbers; leave those points out")
+    if not np.all(np.diff(theta) > 0.0) or theta[-1] - theta[0] >= TURN:
+        raise Refusal(
+            f"PressureCurve theta: found {theta[0]:g} to {theta[-1]:g}, expected angles that increase strictly within "
+            "one revolution [rad]; convert degrees, and leave out the end that repeats the beginning"
+        )
+    if theta[-1] - theta[0] < LEAST_SPAN_DEG * DEGREE or np.max(pressure) > MOST_BAR * BAR:
+        raise Refusal(
+            f"PressureCurve: found angles over {theta[-1] - theta[0]:.3g} and a pressure to {np.max(pressure):.3g}, "
+            f"expected rad, all that is loaded of a revolution, and Pa up to {MOST_BAR * BAR:g}"
+        )
+    return curve
