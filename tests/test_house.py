@@ -47,7 +47,7 @@ LONG = {
 ONLY_WRITTEN = {
     "seen": "where a range of plausible values comes from",
     "section_torque": "tests hold the balance of every lobe by it",
-    "identifiable": "result.json holds a parameter whole",
+    **dict.fromkeys(("identifiable", "confounded_with"), "result.json holds a parameter whole"),
     **dict.fromkeys(("error_label", "cost_label", "note", "given_cost"), "a study is written whole"),
 }
 """Fields that nothing in the package reads by name, and why they are there."""

@@ -191,6 +191,19 @@ def page_of_many(count: int) -> str:
     return campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), drawings)
 
 
+def test_a_shared_parameter_that_acts_by_its_logarithm_is_shown_as_it_is() -> None:
+    view, lag = many(3), np.log(2e-3)
+    row = replace(run_result().fitted.parameters[0], name="drive_lag", unit="ln(s)", value=lag, stderr=np.log(1.5),
+                  ci95=(lag - 1.0, lag + 1.0), prior=(lag, np.log(3.7)), meaning="logarithm of the lag")  # fmt: skip
+    joint = joint_of(view)
+    drift = replace(joint.drifts[0], name="drive_lag", unit="ln(s)", slope_per_1000_rpm=np.log(0.5))
+    rows = tuple(entry(name, result_document(run_result())) for name in view.names)
+    result = CampaignResult(rows, replace(joint, shared_parameters=(row,), drifts=(drift,)), (), {}, "")
+    page = campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), ())
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", page[page.index("drive lag<small>") - 9 :])[:6]
+    assert cells == ["drive lag<small>the lag</small>", "0.002", "×/÷ 1.5", "s", "0.002 ×/÷ 3.7", "× 0.5 ×/÷ 1.2"]
+
+
 def test_a_thousand_recordings_fit_into_three_megabytes() -> None:
     page = page_of_many(1000)
     assert len(page.encode()) <= 3_000_000

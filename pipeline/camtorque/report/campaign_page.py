@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,11 +16,22 @@ from camtorque.report.campaign_figures import drift_chart, overlay, predictions,
 from camtorque.report.campaign_view import MANY, CampaignView
 from camtorque.report.chart import Chart
 from camtorque.report.drawings import drawing_of
-from camtorque.report.numbers import named, significant, with_decimals, with_sign, words
+from camtorque.report.numbers import (
+    UNKNOWN,
+    named,
+    plus_minus,
+    rounded_to_error,
+    significant,
+    with_decimals,
+    with_sign,
+    words,
+)
 from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
+from camtorque.report.texts import parameter_row
 from camtorque.report.verdict import known_metrics, missed_limits
+from camtorque.units import LOGARITHM
 
 MOST_NAMED, MOST_QUOTED = 5, 2
 """Recordings and warnings that the answer names."""
@@ -130,6 +142,23 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     return parts
 
 
+def _shared_rows(doc: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the shared parameters as the texts of a table, with their drifts; what is known best first."""
+    drifts = {row["name"]: row for row in doc["drifts"]}
+    rows = sorted((doc["shared_parameters"] or {}).items(), key=lambda item: KNOWLEDGE.index(item[1]["knowledge"]))
+    return [parameter_row(name, row, True) | {"drift": _drift_text(row, drifts.get(name))} for name, row in rows]
+
+
+def _drift_text(row: Mapping[str, Any], drift: Mapping[str, Any] | None) -> str:
+    """Return how much a parameter drifts per 1000 rpm; as a factor where it acts by its logarithm."""
+    if drift is None:
+        return UNKNOWN
+    slope, stderr = drift["slope_per_1000_rpm"], drift["slope_stderr"]
+    if LOGARITHM.fullmatch(row["unit"]):
+        return f"× {significant(math.exp(slope), 2)} ×/÷ {significant(math.exp(stderr), 2)}"
+    return f"{'+' if slope > 0.0 else ''}{rounded_to_error(slope, stderr)} ± {plus_minus(stderr)}"
+
+
 def campaign_page(
     doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing]
 ) -> str:
@@ -140,10 +169,9 @@ def campaign_page(
         "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not doc["n_refused"] and not serious and not unexplained(doc),
         missed=missed_limits, known_metrics=known_metrics, drawings=drawings, answer=campaign_answer(doc),
-        shared=sorted((doc["shared_parameters"] or {}).items(), key=lambda item: KNOWLEDGE.index(item[1]["knowledge"])),
+        shared=_shared_rows(doc),
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
-        drifts={row["name"]: row for row in doc["drifts"]},
         ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],
         explorer=explorer_data(view) if view.conditions and view.quantities else "",
     )  # fmt: skip
