@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import gzip
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from camtorque.ingest import hdf5, mat, numpy_file, parquet, tdms, xlsx, zlib_ch
 from camtorque.ingest.formats import file_format
 from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
+from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
@@ -355,8 +357,38 @@ def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, mon
 def test_a_format_that_is_known_and_not_read_is_named(tmp_path: Path, head: bytes, name: str):
     file = tmp_path / "run.dat"
     file.write_bytes(head + bytes(64))
-    with pytest.raises(Refusal, match=f"the content is {name}; expected one of TDMS"):
+    ask = "unpack it" if name in ("gzip", "a zip archive") else "export the log as one of them"
+    with pytest.raises(Refusal, match=f"the content is {name}; expected one of TDMS.*: {ask}$"):
         file_format(file, "")
+
+
+def test_a_packed_small_table_is_named_as_that(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_bytes(gzip.compress(b"cam_angle_deg,lift_mm\n0,0\n1,0\n"))
+    with pytest.raises(Refusal, match="the content is gzip, expected a lift table as text or a workbook: unpack it"):
+        read_small_table(file, "a lift table")
+
+
+def test_a_tdms_channel_needs_its_group_only_where_others_have_its_name(tmp_path: Path):
+    file, other = tmp_path / "run.tdms", {"wf_increment": 1.0 / RATE}
+    with TdmsWriter(file) as writer:
+        rows = [("A", "torque", TORQUE), ("A", "p", TORQUE), ("B", "p", TORQUE)]
+        writer.write_segment([ChannelObject(group, name, values, other) for group, name, values in rows])
+    assert_torque(tdms.read(file, (spec(file, "", "torque"),), ""))
+    with pytest.raises(Refusal, match="'p' is in the groups A, B; name one as group"):
+        tdms.read(file, (spec(file, "", "p"),), "")
+    with pytest.raises(Refusal, match=r"no channel 'Torque' in any group, did you mean 'torque'.; there are A/torque"):
+        tdms.read(file, (spec(file, "", "Torque"),), "")
+
+
+def test_a_parquet_column_of_texts_is_told_as_that(tmp_path: Path):
+    arrow = pytest.importorskip("pyarrow")
+    table = arrow.table({"torque": [f"{value:.3f}" for value in TORQUE], "p": TORQUE})
+    for file, write in ((tmp_path / "run.parquet", arrow.parquet.write_table),
+                        (tmp_path / "run.feather", arrow.feather.write_feather)):  # fmt: skip
+        write(table, file)
+        with pytest.raises(Refusal, match=r"column 'torque' holds string, expected numbers: convert them, in pandas"):
+            parquet.read(file, (spec(file, "", "torque"), spec(file, "", "p")), "")
 
 
 def test_numbers_stored_as_text_in_a_workbook_are_named(tmp_path: Path):

@@ -99,6 +99,8 @@ UNREADABLE = {
     "a zip archive": lambda head: head.startswith(ZIP_MAGIC) and not content_format(head),
 }
 """Formats that are known, not read."""
+PACKED = ("gzip", "a zip archive")
+"""Of these, what only has to be unpacked."""
 ALIASES = {word: name for name, form in FORMATS.items() for word in (name, *form.aliases)}
 
 
@@ -149,7 +151,8 @@ def file_format(path: Path, declared: str) -> str:
             "correct file_format or the file"
         )
     shown = ", ".join(form.shown for form in FORMATS.values())
-    raise Refusal(f"{path}: the content is {said}; expected one of {shown}: export the log as one of them")
+    ask = "unpack it" if other in PACKED else "export the log as one of them"
+    raise Refusal(f"{path}: the content is {said}; expected one of {shown}: {ask}")
 
 
 def first_bytes(path: Path) -> bytes:

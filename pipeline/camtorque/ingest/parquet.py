@@ -15,7 +15,7 @@ from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
-from camtorque.records import SampleSource
+from camtorque.records import Refusal, SampleSource
 
 UNIT_KEYS = (b"unit", b"units")
 TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -24,6 +24,7 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a Parquet or Feather file."""
     layout = _layout(path)
+    _refuse_no_numbers(path, layout, specs)
     wanted = columns_of(path, layout, specs)
     times = {column for column in time_columns_of(path, layout, specs) if column is not None}
     return raw_file(path, layout, _sources(path, layout, sorted({*wanted, *times})), specs)
@@ -67,6 +68,23 @@ def _layout(path: Path) -> CsvLayout:
         units.append("s" if span else "" if stamp else stated)
         first.append("2000-01-01T00:00:00" if stamp else "0")
     return CsvLayout("", "", ".", 0, 0, tuple(names), tuple(units), tuple(first), None)
+
+
+def _refuse_no_numbers(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> None:
+    """Refuse a channel whose column is there and holds texts, or what else is no number."""
+    absent = {spec.channel for spec in specs} - set(layout.names)
+    library = _library(path)
+    for item, name in zip(_schema(path, library) if absent else (), layout.names, strict=False):
+        if item.name in absent and not name:
+            raise Refusal(
+                f"{path}: column {item.name!r} holds {item.type}, expected numbers: convert them, in pandas by "
+                f"df[{item.name!r}].astype(float)"
+            )
+
+
+def _schema(path: Path, library: Any) -> Any:
+    with refusing(path, "Parquet or Feather"):
+        return library.parquet.read_schema(path) if _is_parquet(path) else _feather_schema(path, library)
 
 
 def _sources(path: Path, layout: CsvLayout, wanted: list[int]) -> dict[int, SampleSource]:

@@ -15,6 +15,7 @@ from camtorque.ingest.xlsx import table_rows
 from camtorque.records import Array, Refusal
 from camtorque.units import did_you_mean, is_known_unit
 
+GZIP_MAGIC = b"\x1f\x8b"
 LARGEST_FILE = 4 * 2**20
 """Ten columns of 36 000 rows [bytes]."""
 
@@ -140,7 +141,10 @@ def _checked_head(path: Path, what: str) -> bytes:
         if size > LARGEST_FILE:
             raise Refusal(f"{path}: {size} bytes, {what} has at most {LARGEST_FILE}; is it the right file?")
         with path.open("rb") as file:
-            return file.read(8)
+            head = file.read(8)
+        if head.startswith(GZIP_MAGIC):
+            raise Refusal(f"{path}: the content is gzip, expected {what} as text or a workbook: unpack it")
+        return head
     except (OSError, ValueError) as error:
         raise Refusal(f"{str(path)[:200]}: cannot be read ({getattr(error, 'strerror', error)})") from error
 

@@ -40,6 +40,8 @@ INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
 MOST_SEGMENTS = 100_000
 """A logger that writes ten times a second makes this many in three hours; reading more takes minutes."""
 UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
+MOST_SHOWN = 12
+"""Channels that a refusal lists."""
 SCALE_COUNT = "NI_Number_Of_Scales"
 MOST_SCALES = 12
 """A chain of raw count, volts, bridge and unit has four; each may be computed from two others."""
@@ -131,7 +133,7 @@ def _channel(
     rate = spec.sample_rate
     time_channel = spec.time_channel or ("" if "wf_increment" in properties else _times(file, channel, path, specs))
     if time_channel:
-        times = _find(file, path, spec.group, time_channel)
+        times = _find(file, path, channel.group_name, time_channel)
         if len(times) != source.n_samples:
             raise Refusal(f"{where}: {len(times)} times in {time_channel!r} for {source.n_samples} samples")
         told = time_unit(time_channel, _unit(times))
@@ -154,13 +156,26 @@ def _channel(
 def _times(file: TdmsFile, channel: TdmsChannel, path: Path, specs: tuple[ChannelSpec, ...]) -> str:
     """Return the name of the times beside a channel in its group, "" where there are none."""
     group = file[channel.group_name]
-    taken = {spec.channel for spec in specs if spec.group == channel.group_name}
+    taken = {spec.channel for spec in specs if spec.group in ("", channel.group_name)}
     same = [item.name for item in group.channels() if len(item) == len(channel) and item.dtype.kind in "fiu"]
     return time_beside(same, taken, lambda name: _source(file, group[name], path))
 
 
 def _find(file: TdmsFile, path: Path, group: str, name: str) -> TdmsChannel:
+    """Return a channel of a group, or the only one of that name where no group is named."""
     groups = [item.name for item in file.groups()]
+    if not group:
+        places = [(item.name, channel.name) for item in file.groups() for channel in item.channels()]
+        holding = [place for place, other in places if other == name]
+        if len(holding) > 1:
+            raise Refusal(
+                f"{path}: {name!r} is in the groups {', '.join(holding)}; name one as group in recording.toml"
+            )
+        if not holding:
+            hint = did_you_mean(name, tuple(other for _, other in places))
+            shown = ", ".join("/".join(place) for place in places[:MOST_SHOWN]) or "none"
+            raise Refusal(f"{path}: no channel {name!r} in any group{hint}; there are {shown}")
+        return file[holding[0]][name]
     if group not in groups:
         hint = did_you_mean(group, tuple(groups))
         raise Refusal(f"{path}: no group {group!r}{hint}; the file has {', '.join(groups) or 'none'}")

@@ -101,8 +101,8 @@ def _sheet(path: Path, name: str) -> list[Row]:
     with _open(path) as book:
         names = [sheet for sheet in book.sheetnames if not name or sheet == name]
         if len(names) != 1:
-            what = "no sheet" if not names else f"{len(names)} sheets; name one as group"
-            raise Refusal(f"{path}: {what} {name!r}; there are {', '.join(book.sheetnames)}")
+            what = f"{len(names)} sheets; name one as group in recording.toml" if names else f"no sheet {name!r}"
+            raise Refusal(f"{path}: {what}; there are {', '.join(book.sheetnames)}")
         with refusing(path, "Excel workbook", name):
             sheet = book[names[0]]
             head = list(islice(sheet.iter_rows(max_col=MOST_COLUMNS, values_only=True), HEADER_ROWS))
