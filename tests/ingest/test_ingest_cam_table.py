@@ -103,6 +103,16 @@ def test_a_table_that_does_not_count_from_the_start_of_lift_is_refused(tmp_path:
         read_cam_table(pump(file))
 
 
+@pytest.mark.parametrize(("step", "told"), [(2, False), (5, False), (30, True)])
+def test_a_table_whose_flanks_have_few_rows_is_told(tmp_path: Path, step: int, told: bool):
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(np.arange(0.0, 360.0, step), LIFT_A[::step]))
+    texts = [finding.text for finding in read_cam_table(pump(file))[1] if finding.code == "lift_table_coarse"]
+    assert len(texts) == told
+    if told:
+        assert texts[0].startswith("the lift changes by 57 % of its stroke from 90 deg to the next row 30 deg on")
+
+
 def test_a_missing_table_is_refused(tmp_path: Path):
     with pytest.raises(Refusal, match="no such file; expected a lift table"):
         read_cam_table(pump(tmp_path / "none.csv"))

@@ -26,6 +26,9 @@ ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
 MOST_AT_ZERO, LAST_TOP = 0.4, np.radians(185.0)
 """Share of the stroke that the lift may have at angle zero, and angle at which it has to be at its top [rad]: rising
 flank and end of delivery are sought from zero to half a revolution; an eccentric is at its top there."""
+COARSE = 0.2
+"""Share of the stroke between two rows beyond which the lift between them is a guess, as of a pressure curve: a flank
+of five points."""
 DISTINCT = 16
 """Values that have to differ before a step that they share is taken for the resolution: few may share one by chance."""
 FINEST = 1.0e-9
@@ -68,6 +71,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
     findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
     _check_zero(table, theta, lift)
+    findings += _coarse(theta, lift, where)
     cam = CamTable(theta, lift, resolution)
     return cam, (*findings, *lift_outlier_findings(cam))
 
@@ -99,6 +103,20 @@ def _above_zero(table: SmallTable, lift: Array, resolution: float, radius: float
     if lowest > stroke * FAR_ABOVE_ZERO:
         raise Refusal(f"{table.path}: {text}: the column holds a radius or a height; take {1e3 * lowest:.4g} mm off")
     return [Finding("lift_above_zero", "warning", text, table.path.name)]
+
+
+def _coarse(theta: Array, lift: Array, where: str) -> list[Finding]:
+    """Tell a table whose rows lie so far apart that its flanks are drawn by the interpolation."""
+    share = np.abs(np.diff(lift, append=lift[0])) / np.ptp(lift)
+    worst = int(np.argmax(share))
+    if share[worst] <= COARSE:
+        return []
+    step = np.rad2deg((np.roll(theta, -1)[worst] - theta[worst]) % (2.0 * np.pi))
+    text = (
+        f"the lift changes by {100.0 * share[worst]:.0f} % of its stroke from {np.rad2deg(theta[worst]):g} deg to the "
+        f"next row {step:g} deg on: what lies between is a guess, and torque follows its slope; measure finer"
+    )
+    return [Finding("lift_table_coarse", "warning", text, where)]
 
 
 def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
