@@ -209,10 +209,14 @@ def test_the_same_run_gives_the_same_page_and_numbers(written: Path, tmp_path: P
 
 def test_alignment_page(tmp_path: Path) -> None:
     result = run_result()
-    doc = write_alignment(result.recording, result.cycles, result.created, tmp_path)
+    budget = (replace(result.cycles.angle_errors[0], text="0.23 us on a drive of 0.08 kg m^2"),)
+    doc = write_alignment(result.recording, replace(result.cycles, angle_errors=budget), result.created, tmp_path)
     assert doc["schema"] == "camtorque.align/1"
     assert read_json(tmp_path / "align.json")["cycles_used"] == result.cycles.index.size
-    assert NASTY not in (tmp_path / "align.html").read_text(encoding="utf-8")
+    page = (tmp_path / "align.html").read_text(encoding="utf-8")
+    assert NASTY not in page
+    assert "0.23 µs on a drive of 0.08 kg m²" in page
+    assert "fitted" not in page.split("<main>")[1].split("Provenance")[0]
     with h5py.File(tmp_path / "aligned.h5") as file:
         assert "model" not in file
 
