@@ -74,6 +74,18 @@ def test_missing_stamps_are_bridged(places: list[int]):
     assert base.findings[0].text.startswith(f"{len(places)} time stamps")
 
 
+def test_stamps_that_scatter_are_no_jumps_of_a_clock():
+    times = stamps(10_000.0, 20_000) + np.random.default_rng(0).normal(0.0, 1.15e-5, 20_000)
+    base = read_stamps(ArraySource(times), 10_000.0, "log")
+    assert base.breaks == ()
+    assert base.rate == 10_000.0
+    assert [finding.code for finding in base.findings if finding.code != "time_stamp_damaged"] == ["time_stamps_stray"]
+    times[7000:] += 1e-4
+    lost = read_stamps(ArraySource(times), 10_000.0, "log")
+    assert lost.breaks == (7000,)
+    assert lost.break_steps[0] == pytest.approx(1e-4, abs=5e-5)
+
+
 def test_rates_that_contradict():
     times = ArraySource(stamps(10_000.0, 5000))
     base = read_stamps(times, 10_010.0, "log")

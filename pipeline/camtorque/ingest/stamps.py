@@ -16,6 +16,8 @@ BLOCK = 1_000_000
 """Stamps looked at in one go."""
 ODD_STEP = 0.5
 """A step that differs by more than this part of a sampling interval is odd: nearer to another sample."""
+BESIDE = 8
+"""Stamps on either side of an odd step whose medians tell whether time stays where it was."""
 MANY_ODD = 0.01
 """Above this share of odd steps the stamps are not a uniform time base."""
 MANY_SHARED = 0.2
@@ -58,16 +60,17 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
     if _is_coarse(times, to_seconds):
         return _coarse_base(times, declared_rate, where, to_seconds)
     step, rounding = _usual_step(times, where, to_seconds)
-    odd_index, odd_size, damaged, first, last = _odd_steps(times, step, to_seconds)
+    odd_index, odd_size, passing, damaged, first, last = _odd_steps(times, step, to_seconds)
     steps_seen = last[0] - first[0]
     if odd_index.size > max(3, MANY_ODD * steps_seen):
         raise Refusal(
             f"{where}: {odd_index.size} of {steps_seen} time steps differ from {step:.6g} s by more than half a step; "
             "the samples are not equidistant, export them at one rate"
         )
-    index, size, stamps = _take_damaged_stamps(odd_index, odd_size, step)
+    index, size, passing, stamps = _take_damaged_stamps(odd_index, odd_size, passing, step)
+    strays, index, size = int(passing.sum()), index[~passing], size[~passing]
     rate = _rate(index, size, first, last, where)
-    findings = [*_stamp_findings(damaged + stamps, where), *_break_findings(index, size, step, where),
+    findings = [*_stamp_findings(damaged + stamps, strays, where), *_break_findings(index, size, step, where),
                 *_appended(index, size, first[0], step, where)]  # fmt: skip
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
@@ -150,9 +153,15 @@ def _usual_step(times: SampleSource, where: str, to_seconds: float) -> tuple[flo
 
 def _odd_steps(
     times: SampleSource, step: float, to_seconds: float
-) -> tuple[np.ndarray, Array, int, tuple[int, float], tuple[int, float]]:
-    """Return index and excess [s] of the odd steps, the number of unreadable stamps, first and last good stamp."""
-    indices, sizes, damaged = [], [], 0
+) -> tuple[np.ndarray, Array, np.ndarray, int, tuple[int, float], tuple[int, float]]:
+    """Return the odd steps and the stamps that frame the log.
+
+    Returns
+    -------
+    index, excess, passing : of the odd steps: sample behind, by how much too long [s], whether time stays where it was
+    damaged, first, last : number of unreadable stamps, first and last good stamp
+    """
+    indices, sizes, back, damaged = [], [], [], 0
     first: tuple[int, float] | None = None
     last: tuple[int, float] = (0, 0.0)
     for low in range(0, times.n_samples, BLOCK):
@@ -170,18 +179,28 @@ def _odd_steps(
         odd = np.flatnonzero(np.abs(excess) > ODD_STEP * step)
         indices.append(at[odd + 1])
         sizes.append(excess[odd])
+        back.append(np.abs(_level_changes(value - at * step, odd)) < ODD_STEP * step)
         last = (int(at[-1]), float(value[-1]))
     assert first is not None  # _usual_step found good stamps
-    return np.concatenate(indices), np.concatenate(sizes), damaged, first, last
+    return np.concatenate(indices), np.concatenate(sizes), np.concatenate(back), damaged, first, last
 
 
-def _take_damaged_stamps(index: np.ndarray, size: Array, step: float) -> tuple[np.ndarray, Array, int]:
+def _level_changes(late: Array, places: np.ndarray) -> Array:
+    """Return by how much stamps come later behind places than before, by the medians of those beside."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(late, BESIDE, mode="edge"), BESIDE)
+    before, behind = windows[places + 1], windows[places + 1 + BESIDE]
+    return np.asarray(np.median(behind, axis=1) - np.median(before, axis=1), dtype=np.float64)
+
+
+def _take_damaged_stamps(
+    index: np.ndarray, size: Array, passing: np.ndarray, step: float
+) -> tuple[np.ndarray, Array, np.ndarray, int]:
     """Drop pairs of odd steps that cancel: one stamp is damaged there, time itself went on."""
     keep = np.ones(index.size, dtype=bool)
     for i in range(index.size - 1):
         if keep[i] and index[i + 1] - index[i] == 1 and abs(size[i] + size[i + 1]) < ODD_STEP * step:
             keep[i] = keep[i + 1] = False
-    return index[keep], size[keep], int((~keep).sum()) // 2
+    return index[keep], size[keep], passing[keep], int((~keep).sum()) // 2
 
 
 def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[int, float], where: str) -> float:
@@ -194,12 +213,13 @@ def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[
     return (last[0] - first[0]) / elapsed
 
 
-def _stamp_findings(count: int, where: str) -> list[Finding]:
-    if not count:
-        return []
-    return [
-        Finding("time_stamp_damaged", "warning", f"{count} time stamps are damaged; their neighbours carry on", where)
-    ]
+def _stamp_findings(damaged: int, strays: int, where: str) -> list[Finding]:
+    texts = {
+        "time_stamp_damaged": (damaged, "time stamps are damaged; their neighbours carry on"),
+        "time_stamps_stray": (strays, "time steps are odd and time stays where it was: the stamps scatter, the samples "
+                              "are taken as equidistant"),
+    }  # fmt: skip
+    return [Finding(code, "warning", f"{count} {text}", where) for code, (count, text) in texts.items() if count]
 
 
 def _break_findings(index: np.ndarray, size: Array, step: float, where: str) -> list[Finding]:
