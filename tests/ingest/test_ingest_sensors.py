@@ -317,6 +317,24 @@ def test_the_ends_of_both_ranges_say_what_a_volt_means():
         stated("pressure", output_range=(0.5, 4.5))
 
 
+@pytest.mark.parametrize(("sensitivity", "told"), [(0.025, 0), (0.0252, 0), (0.05, 1), (-0.025, 0), (-0.05, 1)])
+def test_ranges_that_draw_another_line_than_the_sensitivity_are_told(sensitivity: float, told: int):
+    sheet = {"unit": "N m", "nominal_range": (-200.0, 200.0), "output_range": (-5.0, 5.0)}
+    sheet["sensitivity_V_per_unit"] = sensitivity
+    sensor = read_sensor(SensorRef("torque", "", None, None, None, sheet=sheet), "V", 5.0)
+    texts = [finding.text for finding in sensor.findings if finding.code == "sensitivity_off_ranges"]
+    assert len(texts) == told
+    if told:
+        said = "-5 to 5 V at -200 to 200 N m are 0.025 V per unit, the sensitivity is"
+        assert texts[0].startswith(said)
+
+
+@pytest.mark.parametrize("kind", ["high-pass, 2nd order", "Bandpass", "Hochpass 2. Ordnung"])
+def test_a_filter_behind_which_a_torque_has_no_mean_is_refused(kind: str):
+    with pytest.raises(Refusal, match=r"filter: found '.*', expected the low-pass .* behind a high-pass a torque has"):
+        stated("torque", "N m", filter=kind)
+
+
 def test_a_sheet_in_degrees_celsius_counts_from_ice_in_volts_and_scaled():
     scaled = stated("fuel_temperature", "degC").calibration
     assert scaled.gain * (40.0 - scaled.zero_volts) == pytest.approx(313.15)

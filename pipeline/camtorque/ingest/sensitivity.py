@@ -13,6 +13,8 @@ from camtorque.ingest.sheet import Sheet
 from camtorque.records import Finding, Refusal
 from camtorque.units import unit_factor
 
+OFF_NOMINAL = 0.02
+"""Relative difference of two sensitivities of one sensor that is worth a finding."""
 VOLT_KEYS = {
     "sensitivity_V_per_unit": "sensitivity_V_per_unit",
     "zero": "zero_V",
@@ -108,16 +110,30 @@ def range_of(sheet: Sheet, name: str, otherwise: tuple[float, float] = (0.0, 0.0
 
 def sensitivity_findings(sheet: Sheet, line: CertificateLine, factor: float) -> list[Finding]:
     """Hold the nominal sensitivity against the certificate: a factor between them is a wrong unit or sensor."""
-    nominal = sheet["nominal_sensitivity_V_per_unit"]
+    nominal, found = sheet["nominal_sensitivity_V_per_unit"], factor / line.gain
     if nominal is None:
-        return []
-    found = factor / line.gain
+        return _ranges_apart(sheet, found)
     if nominal == 0.0 or not 0.5 < found / nominal < 2.0:
         raise Refusal(
             f"{sheet.where} nominal_sensitivity_V_per_unit: {nominal:g} V per unit, the certificate shows "
             f"{found:.4g}; unit or certificate is wrong"
         )
-    if abs(found / nominal - 1.0) <= 0.02:
-        return []
+    if abs(found / nominal - 1.0) <= OFF_NOMINAL:
+        return _ranges_apart(sheet, found)
     text = f"the certificate's sensitivity is {100 * (found / nominal - 1):+.2f} % off the nominal one"
     return [Finding("sensitivity_off_nominal", "warning", text, sheet.place)]
+
+
+def _ranges_apart(sheet: Sheet, found: float) -> list[Finding]:
+    """Tell ranges of the sheet that draw another line than its sensitivity [V per unit]."""
+    if sheet["nominal_range"] is None or sheet["output_range"] is None:
+        return []
+    (low, high), (out_low, out_high) = range_of(sheet, "nominal_range"), range_of(sheet, "output_range")
+    by_ranges = (out_high - out_low) / (high - low)
+    if abs(abs(found) / by_ranges - 1.0) <= OFF_NOMINAL:
+        return []
+    text = (
+        f"{out_low:g} to {out_high:g} V at {low:g} to {high:g} {sheet['unit']} are {by_ranges:.4g} V per unit, the "
+        f"sensitivity is {found:.4g}, which is used: one of nominal_range, output_range_V and the sensitivity is wrong"
+    )
+    return [Finding("sensitivity_off_ranges", "warning", text, sheet.place)]

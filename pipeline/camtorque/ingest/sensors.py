@@ -6,6 +6,7 @@ Uncertainties follow the usual rules (JCGM 100): a stated k=2 is halved, a toler
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -32,6 +33,8 @@ DELAY_TOLERANCE = 0.10
 """Relative half width assumed for a delay whose sheet states no tolerance; printed as a finding."""
 USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
 """A delay that no sheet states: this +/- 100 %, which holds the amplifiers on the market [s]; reported as a warning."""
+NO_LOW_PASS = re.compile(r"(high|band|hoch)[ -]?pa(ss|ß)|passe[ -](haut|bande)", re.IGNORECASE)
+"""Kinds of a filter that let no steady value through."""
 USUAL_ORDER = 2
 """Order of a low-pass whose sheet names none."""
 CERTIFICATE_DAYS = 366
@@ -201,6 +204,11 @@ def _gain_std(sheet: Sheet, line: CertificateLine) -> tuple[float, list[Finding]
 
 def _delayed(sheet: Sheet, quantity: str) -> tuple[SensorCalibration, list[Finding]]:
     """Return delay and low-pass of a sensor; what its output means is not known yet."""
+    if NO_LOW_PASS.search(sheet["filter"]):
+        raise Refusal(
+            f"{sheet.where} filter: found {sheet['filter']!r}, expected the low-pass in front of the logger, such as "
+            f"'low-pass, 4th order, Bessel'; behind a high-pass a {quantity} has no mean"
+        )
     delay, delay_std, findings = _delay(sheet, quantity)
     if sheet["filter"] and sheet["cutoff_hz"] and not sheet.filter_order:
         text = f"filter: {sheet['filter']!r} names no order; second order is taken (say '4th order, Bessel')"
