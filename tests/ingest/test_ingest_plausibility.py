@@ -309,6 +309,17 @@ def test_stray_samples_are_no_pulses_of_a_trigger(bench: Path):
     check_trigger_exchanged(with_samples(bench, "torque", strays, 500.0))
 
 
+@pytest.mark.parametrize(("factor", "slip"), [(1e3, "N mm read as N m, or N m as"), (1e-3, "N m read as N mm, or")])
+def test_a_torque_off_by_a_thousand_is_told_by_its_unit(bench: Path, factor: float, slip: str):
+    recording = read(bench)
+    (torque,) = recording.of("torque")
+    assert torque.calibration is not None
+    wrong = replace(torque, calibration=replace(torque.calibration, gain=factor * torque.calibration.gain))
+    changed = replace(recording, channels=tuple(wrong if c is torque else c for c in recording.channels))
+    with pytest.raises(Refusal, match=f"the torque looks like {slip} .*: correct its unit; else one is wrong: plunger"):
+        check_loads(changed)
+
+
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])
 def test_a_mark_for_missing_samples_is_named_as_that(bench: Path, quantity: str):
     with pytest.raises(Refusal, match=r"the largest .* at exactly -9999, far beyond all others: where that marks"):

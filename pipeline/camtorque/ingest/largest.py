@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from camtorque.records import Array, Channel, Finding, SampleSource, SensorCalibration
+from camtorque.records import Array, Channel, Finding, Recording, SampleSource, SensorCalibration
 from camtorque.signal.running import percentile
 
 BLOCKS, BLOCK_SAMPLES = 16, 50_000
@@ -37,6 +37,21 @@ def largest(channel: Channel) -> float:
     """
     values = np.abs(channel.from_volts(pieces(channel.read_volts, channel.n_samples)))
     return percentile(values, 99.9) if values.size and np.ptp(values) > 0.0 else math.nan
+
+
+def marked_missing(recording: Recording) -> str:
+    """Name samples that stand at one value, farther from all others than these from each other; "" without such."""
+    for channel in (*recording.of("torque")[:1], *recording.of("pressure")[:1]):
+        values = pieces(channel.read_volts, channel.n_samples)
+        for end in (float(np.min(values)), float(np.max(values))):
+            there = values == end
+            others = values[~there]
+            if there.sum() > 1 and others.size and np.min(np.abs(others - end)) > np.ptp(others):
+                return (
+                    f"samples of {channel.name!r} stand at exactly {end / channel.scale:g}, far beyond all others: "
+                    "where that marks missing samples, leave those out or write nan"
+                )
+    return ""
 
 
 def extent(source: SampleSource) -> float:

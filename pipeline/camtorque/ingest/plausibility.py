@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.tables import Problems
-from camtorque.ingest.largest import largest, overload_findings, pieces
+from camtorque.ingest.largest import largest, marked_missing, overload_findings
 from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
@@ -40,6 +40,8 @@ PRESSURE_SLIPS = {
     1.0e5: "bar read as Pa", 1.0e6: "MPa read as Pa",
 }  # fmt: skip
 """Factor by which a pressure is too small -> the slip."""
+TORQUE_SLIPS = {1.0e3: "N mm read as N m, or N m as kN m", 1.0e-3: "N m read as N mm, or kN m as N m"}
+"""Factor by which a torque is too large -> the slip."""
 LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)
 HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
 """Contact stress of rolling steel is 0.5 to 2.5 GPa; 6 GPa marks any steel at first touch [Pa]."""
@@ -282,11 +284,13 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
     low, high = measured / (by_pressure + other), measured / by_pressure
     if not is_loaded:
         beyond = low > LOAD_POSSIBLE[1]
-        if beyond and _other_unit(high):
-            raise Refusal(f"{where}: {text}; {_other_unit(high)}; else {_implied(pump, slope, high)}")
+        if beyond and (slip := _other_unit("pressure", PRESSURE_SLIPS, high)):
+            raise Refusal(f"{where}: {text}; {slip}; else {_implied(pump, slope, high)}")
         return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * beyond
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
-        raise Refusal(f"{where}: {text}; {_marked_missing(recording) or _implied(pump, slope, high)}")
+        slip = _other_unit("torque", TORQUE_SLIPS, high)
+        implied = f"{slip}; else {_implied(pump, slope, high)}" if slip else _implied(pump, slope, high)
+        raise Refusal(f"{where}: {text}; {marked_missing(recording) or implied}")
     if high < LOAD_USUAL[0] or low > LOAD_USUAL[1]:
         findings.append(Finding("torque_against_pressure", "warning", f"{text}; {_implied(pump, slope, high)}", where))
     return findings
@@ -300,32 +304,17 @@ def _refuse_other_unit(recording: Recording, end: float, peak: float) -> None:
             f"{recording.config.path} [[channels]] {spec.channel!r} unit: the largest pressure is {short(peak / BAR)} "
             f"bar, {peak / end:.3g} times the end of the sensor's range of {end / BAR:.4g} bar; "
             + (
-                _marked_missing(recording)
+                marked_missing(recording)
                 or f"check the unit (found {spec.unit!r}; kPa or psi read as bar are 100 or 14.5 times too large), "
                 "then the sensitivity and nominal_range of the sensor"
             )
         )
 
 
-def _marked_missing(recording: Recording) -> str:
-    """Name samples that stand at one value, farther from all others than these from each other; "" without such."""
-    for channel in (*recording.of("torque")[:1], *recording.of("pressure")[:1]):
-        values = pieces(channel.read_volts, channel.n_samples)
-        for end in (float(np.min(values)), float(np.max(values))):
-            there = values == end
-            others = values[~there]
-            if there.sum() > 1 and others.size and np.min(np.abs(others - end)) > np.ptp(others):
-                return (
-                    f"samples of {channel.name!r} stand at exactly {end / channel.scale:g}, far beyond all others: "
-                    "where that marks missing samples, leave those out or write nan"
-                )
-    return ""
-
-
-def _other_unit(ratio: float) -> str:
-    """Return which unit of the pressure makes the torque that is so many times what it makes, empty where none does."""
-    found = [name for factor, name in PRESSURE_SLIPS.items() if LOAD_USUAL[0] < ratio / factor < LOAD_USUAL[1]]
-    return f"the pressure looks like {found[0]}: correct its unit" if found else ""
+def _other_unit(quantity: str, slips: Mapping[float, str], ratio: float) -> str:
+    """Return which unit makes a torque of so many times what the pressure makes usual, empty where none does."""
+    found = [name for factor, name in slips.items() if LOAD_USUAL[0] < ratio / factor < LOAD_USUAL[1]]
+    return f"the {quantity} looks like {found[0]}: correct its unit" if found else ""
 
 
 def _implied(pump: PumpData, slope: float, ratio: float) -> str:
