@@ -127,6 +127,14 @@ def test_no_import_cycle_between_modules() -> None:
         visit(name, ())
 
 
+def test_a_name_is_imported_from_the_file_that_defines_it() -> None:
+    trees = {module_name(path): parsed(path) for path in FILES if path.name != "__init__.py"}
+    own = {module: {name for _, name in names_defined(module, tree)} for module, tree in trees.items()}
+    for module, tree in trees.items():
+        for _, (source, name) in names_imported(module, tree):
+            assert name in own.get(source, {name}), f"{module} imports {name} from {source}"
+
+
 @pytest.mark.parametrize("path", FILES, ids=module_name)
 def test_imports_inside_functions_are_heavy_optional_packages(path: Path) -> None:
     if path.name == "cli.py":

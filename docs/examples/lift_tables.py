@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.config.pump import load_pump_config
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.sections import dwell, flank, section_law
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable
-from camtorque.units import BAR, DEGREE, RPM
+from camtorque.units import BAR, DEGREE, RPM, TURN
 
 ROOT = Path(__file__).resolve().parents[2]
 THETA = np.arange(3600) * (TURN / 3600)

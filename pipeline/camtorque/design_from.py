@@ -25,13 +25,14 @@ from camtorque.fit.end_shape import Curve
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.ingest.cam_table import read_cam_table
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.predict_from import friction_of, with_forces
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Estimate, Forces, Refusal
 from camtorque.report.forecast_page import sweep_row
 from camtorque.results import read_result
+from camtorque.units import TURN
 
 STROKES = np.linspace(0.004, 0.996, 250)
 """Shares of the lift by which angles of one cam are carried to another."""

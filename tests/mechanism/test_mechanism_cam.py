@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.interpolants import smoothing_law
 from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.smoothing import _unrolled, table_error
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import CamTable, Refusal
+from camtorque.units import TURN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanism_cases import DEGREE, analytic_law, paper_pump

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
 from camtorque.records import Refusal
+from camtorque.units import TURN
 from mechanism_cases import DEGREE, analytic_law
 
 # Peak velocity and acceleration of a unit flank (Norton 2009, Table 3-5; Neklutin's modified sine 1.760, 5.528)

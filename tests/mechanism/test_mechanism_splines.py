@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.compiled import elementwise, njit
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.interpolants import cubic_law, quintic_law
 from camtorque.mechanism.periodic_spline import DENSE, PeriodicSplines, solve_cyclic
 from camtorque.mechanism.smoothing import _root
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamTable
+from camtorque.units import TURN
 from mechanism_cases import analytic_law
 from scipy.interpolate import BPoly, BSpline, CubicSpline, make_interp_spline
 

@@ -14,7 +14,8 @@ import pytest
 from camtorque.campaign.task import SUMMARY_KEYS
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.drift import Drift
-from camtorque.fit.joint import CampaignFit, JointRecording
+from camtorque.fit.joint import CampaignFit
+from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.report.bundle import CampaignEntry, CampaignResult

@@ -15,7 +15,6 @@ from camtorque.config.pump import PumpConfig
 from camtorque.design.loads import Load
 from camtorque.design.profile import SAMPLES, Family, Lobe
 from camtorque.design.quantities import PUMP_FIELDS, QUANTITIES, phase_name
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.contact import contact_modulus
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import path_rows
@@ -23,7 +22,7 @@ from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.predict import mounting_of
 from camtorque.mechanism.torque import OUTPUTS, Constants, constants_of, solve_lift
 from camtorque.records import Array, ReadOnly
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, TURN
 
 PER_FLANK = SAMPLES + 1
 

@@ -12,7 +12,6 @@ from camtorque.design.answer import Answer
 from camtorque.design.explain import SEEN, limit_words, plain_name, unit_of
 from camtorque.design.front import Front, FrontPoint
 from camtorque.design.responses import RESPONSES
-from camtorque.mechanism.cam import TURN
 from camtorque.records import Array
 from camtorque.report.chart import Curves, Line, Panel
 from camtorque.report.curves_svg import curves_svg
@@ -21,7 +20,7 @@ from camtorque.report.numbers import significant, with_sign
 from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
 from camtorque.report.tones import CYCLE, fill, stroke
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, TURN
 
 SIZE = (480.0, 340.0)
 EDGES = (70.0, 14.0, 14.0, 46.0)

@@ -14,9 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.sections import FLANKS, unit_flank
 from camtorque.records import Array, ReadOnly
+from camtorque.units import TURN
 
 SAMPLES = 240
 """Cells of a flank: a smooth peak between two points is missed by (1 / 240)^2 of it, about."""

@@ -26,6 +26,7 @@ from camtorque.fit.drift import (
     joint_unexplained_findings,
     shared_drifts,
 )
+from camtorque.fit.findings import prior_findings
 from camtorque.fit.joint_fit import (
     JointCovariance,
     JointFit,
@@ -41,7 +42,7 @@ from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, p
 from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT, law_variance
 from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
-from camtorque.fit.result import parameter_estimates, prior_findings
+from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift
 from camtorque.fit.single import SWITCHING, switching_shift

@@ -1,12 +1,10 @@
 """Separable least squares for one recording or a few: exact derivatives, bounds, priors, one test of convergence.
 
-Many recordings go through `joint_solver`.
-
 At each trial of the non-linear parameters the linear ones are solved within their bounds (variable projection; Golub
 & Pereyra, Inverse Problems 19 (2003), Kaufman's form of the derivative). The correction of the lift table enters as
 what it is, a Gaussian process times the contact force: it is integrated out, which whitens the residual by a low-rank
 factor that changes with the contact force only and is renewed at each start. A smoothing of the residual (Gaussian
-over the angle) leads a bad start into the basin; the last stage has none.
+over the angle) leads a bad start into the basin; the last stage has none. Many recordings go through `joint_solver`.
 """
 
 from __future__ import annotations
@@ -21,7 +19,8 @@ from numpy.typing import NDArray
 from camtorque.fit.descent import Descent, Effort, minimise
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
-from camtorque.laws.chain import BINS, NO_PATH, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
+from camtorque.laws.chamber import NO_PATH
 from camtorque.laws.torque import bin_restoring
 from camtorque.records import Array, ReadOnly
 

@@ -21,7 +21,7 @@ def _evaluate(knots, coefficients, theta, out):  # type: ignore[no-untyped-def]
     n_pieces, order = coefficients.shape
     piece = 0
     for i in range(theta.size):
-        angle = theta[i] - np.floor((theta[i] - knots[0]) / 6.283185307179586) * 6.283185307179586
+        angle = theta[i] - np.floor((theta[i] - knots[0]) / TURN) * TURN
         if not knots[piece] <= angle < knots[piece + 1]:
             piece = piece + 1 if piece + 1 < n_pieces else 0
             if not knots[piece] <= angle < knots[piece + 1]:

@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.periodic import Shaft, lobe_rows, solve_periodic
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.units import TURN
 
 Complex = NDArray[np.complex128]
 ITERATIONS = 300

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from camtorque.compiled import njit
 from camtorque.config import PumpData
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
 from camtorque.records import Array, ReadOnly, Refusal
-from camtorque.units import RPM
+from camtorque.units import RPM, TURN
 
 SUBSTEPS = 8
 """Steps between two points of the grid: on 3600 points a flight of 20 degrees is followed in 1600 steps."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.periodic_spline import PeriodicSplines, solve_cyclic
 from camtorque.mechanism.smoothing import smoothing_spline, table_error
 from camtorque.records import Array, CamTable, Refusal
+from camtorque.units import TURN
 
 
 def _closed(table: CamTable) -> tuple[Array, Array]:

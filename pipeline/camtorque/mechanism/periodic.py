@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import gauss
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
+from camtorque.units import TURN
 
 ELEMENTS, STAGES = 720, 4
 ROUNDS = 25

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from camtorque.config.pump import PressureCurve, PumpConfig
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
 from camtorque.mechanism.flight import Aloft, Flight, flights_at
@@ -24,7 +24,7 @@ from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Finding, ReadOnly, Refusal, RigidTorque
-from camtorque.units import BAR, DEGREE, RPM
+from camtorque.units import BAR, DEGREE, RPM, TURN
 
 SAMPLES, FEWEST_ANGLES = 3600, 36
 KEPT = 720

@@ -6,13 +6,13 @@ import numpy as np
 
 from camtorque.config.pump import PressureCurve
 from camtorque.config.specs import PumpData
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.flight import Flight
 from camtorque.mechanism.friction import jamming_friction
 from camtorque.mechanism.kinematics import Kinematics
 from camtorque.mechanism.mounting import Roller
 from camtorque.records import Array, Finding
-from camtorque.units import BAR, DEGREE, RPM, short
+from camtorque.units import BAR, DEGREE, RPM, TURN, short
 
 WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
 """Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial, chebyshev
 from scipy.interpolate import PPoly
 
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, Refusal
+from camtorque.units import TURN
 
 PIECE = np.deg2rad(2.5)
 ORDER = 9

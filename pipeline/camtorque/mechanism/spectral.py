@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.mechanism.cam import TURN, CamLaw
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.interpolants import smoothing_law
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import Array, CamTable
+from camtorque.units import TURN
 
 ORDER = 4
 LEAST_CORNER = 8.0

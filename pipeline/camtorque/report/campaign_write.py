@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.fit.drift import Drift
-from camtorque.fit.joint import JointRecording
+from camtorque.fit.joint_fit import JointRecording
 from camtorque.jsonable import jsonable
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from camtorque.mechanism.cam import TURN
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, knotted_law, study_pressure, study_pump
+from camtorque.units import TURN
 
 SCHEMES = ("explicit Euler", "symplectic Euler", "Heun", "RK4", "generalized-alpha 0.8", "generalized-alpha 1.0")
 """Fixed-step schemes, in the order of `march`."""
@@ -47,7 +47,7 @@ TABLE = 36000
 def _load(table, theta):  # type: ignore[no-untyped-def]
     """Cubic through four points of the 0.01 degree table: error below 1e-9 of the load."""
     n = table.shape[1]
-    x = theta / 6.283185307179586
+    x = theta / TURN
     x = (x - np.floor(x)) * n
     i = int(x)
     f = x - i
@@ -102,7 +102,7 @@ def _alpha_step(table, shaft, time, h, lead, rate, change, auxiliary, rho):  # t
 @njit(cache=True)
 def march(table, shaft, scheme, steps, turns, lead, rate, kept):  # type: ignore[no-untyped-def]
     """Integrate turns of ``steps`` steps; ``kept`` (steps, 2) gets the last; False when it runs away."""
-    h = 6.283185307179586 / shaft[2] / steps
+    h = TURN / shaft[2] / steps
     change = acceleration(table, shaft, 0.0, lead, rate)
     auxiliary = change
     limit = 10.0

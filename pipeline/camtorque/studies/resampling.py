@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 from camtorque.align.resample import choose_rule, hermite_slopes, interval_polynomials
 from camtorque.align.resample_compiled import resample_block
 from camtorque.laws.chain import angle_grid
-from camtorque.mechanism.cam import TURN
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, rms_error, study_law
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import Chart, Choice, measured
+from camtorque.units import TURN
 
 N_THETA = 3600
 DRIFT = 0.02
