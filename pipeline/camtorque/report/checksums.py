@@ -9,6 +9,7 @@ from pathlib import Path
 
 from camtorque.hashes import file_digest
 from camtorque.records import Refusal
+from camtorque.report.files import atomic_file
 from camtorque.units import first_of
 
 SUMS = "SHA256SUMS"
@@ -26,9 +27,8 @@ class Fault:
 def write_checksums(folder: Path, files: Iterable[Path]) -> None:
     """Write SHA256SUMS of a folder; ``sha256sum -c SHA256SUMS`` reads it too."""
     lines = [f"{file_digest(file)}  {file.relative_to(folder).as_posix()}\n" for file in sorted(files)]
-    partial = folder / f".{SUMS}.partial"
-    partial.write_text("".join(lines), encoding="utf-8")
-    partial.replace(folder / SUMS)
+    with atomic_file(folder / SUMS) as partial:
+        partial.write_text("".join(lines), encoding="utf-8")
 
 
 def visible_files(folder: Path) -> list[Path]:

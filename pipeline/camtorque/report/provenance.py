@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from camtorque.report.checksums import SUMS
+from camtorque.report.checksums import visible_files
 from camtorque.report.files import write_json
 
 CRATE = "ro-crate-metadata.json"
@@ -28,11 +28,7 @@ MIT = {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT", "description": "l
 def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
     """Write ro-crate-metadata.json of a finished folder; ``doc``: its result.json or align.json."""
     inputs = [_input(item) for item in doc["inputs"]]
-    files = sorted(
-        path for path in folder.rglob("*")
-        if path.is_file() and not path.name.startswith(".") and path not in (folder / CRATE, folder / SUMS)
-    )  # fmt: skip
-    outputs = [_output(path, folder) for path in files]
+    outputs = [_output(path, folder) for path in visible_files(folder) if path != folder / CRATE]
     software, action = _software(doc), _action(doc, title, inputs, outputs)
     graph = [DESCRIPTOR, _root(doc, title, [*inputs, *outputs], action), PROCESS_RUN, MIT, software, action]
     write_json(folder / CRATE, {"@context": [f"{SPECIFICATION}/context", TERMS], "@graph": [*graph, *inputs, *outputs]})
