@@ -204,7 +204,7 @@ def test_resampling_reproduces_a_straight_line(seed: int, samples_per_step: floa
     volts = level + slope * np.arange(int(samples_per_step * n_theta) + 20)
     angle = np.array([0.0, TWO_PI, 2 * TWO_PI])
     time = np.array([0.0, 1.0, 2.0])
-    left, right = hermite_slopes(angle, time, np.zeros(2, dtype=bool), True)
+    left, right = hermite_slopes(angle, time, np.zeros(2, dtype=bool))
     rate = samples_per_step * n_theta
     polynomials = interval_polynomials(angle, time, left, right)
     for resample in (resample_block, resample_compiled.resample_block):
@@ -222,7 +222,7 @@ def test_the_compiled_pass_and_the_plain_one_agree(seed: int, samples_per_step: 
     n_theta, n_cycles = 90, 4
     angle = 0.7 + np.arange(3 * n_cycles) * TWO_PI / 3.0
     time = np.cumsum(rng.uniform(0.9, 1.1, angle.size)) / 3.0
-    slopes = hermite_slopes(angle, time, np.zeros(angle.size - 1, dtype=bool), True)
+    slopes = hermite_slopes(angle, time, np.zeros(angle.size - 1, dtype=bool))
     rate = samples_per_step * n_theta
     volts = rng.standard_normal(int(1.3 * rate * n_cycles) + 20)
     volts[volts.size // 2] = np.nan
@@ -266,7 +266,7 @@ def test_running_median_shrinks_at_the_ends(size: int, missing: int | None) -> N
 def test_smooth_time_is_monotone_and_meets_every_pulse() -> None:
     angle = np.arange(8) * TWO_PI
     time = np.cumsum([0.0, 1.0, 1.0, 0.4, 0.4, 3.0, 0.9, 1.0])
-    left, right = hermite_slopes(angle, time, np.zeros(7, dtype=bool), True)
+    left, right = hermite_slopes(angle, time, np.zeros(7, dtype=bool))
     polynomials = interval_polynomials(angle, time, left, right)
     u = np.linspace(0.0, TWO_PI, 200)
     for k, (a, b, c, d) in enumerate(polynomials):

@@ -91,7 +91,7 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, places: Places | Non
     if places is not None:
         angle = angle + places.place[train.step % n]
     jumped = np.zeros(angle.size, dtype=bool) if train.jumped is None else train.jumped
-    left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:], smooth=True)
+    left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:])
     polynomials = interval_polynomials(angle, train.time, left, right)
     error_deg = 360.0 / n * train.repair_error
     return CamAngle(angle, train.time, polynomials, train.repaired, train.broken, jumped, error_deg, zero, places)

@@ -18,21 +18,19 @@ from camtorque.align.options import AVERAGE, CUBIC, RULES
 from camtorque.records import Array
 
 
-def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_], smooth: bool) -> tuple[Array, Array]:
+def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Slopes dt/dtheta at the left and right end of each interval between pulses.
 
-    Smooth: the slope at a pulse is the harmonic mean of the neighbouring ones, which keeps time monotone
-    (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984); constant: the chord. A bad interval (gap, clock jump)
-    tells nothing about its neighbours.
+    The slope at a pulse is the harmonic mean of the neighbouring ones, which keeps time monotone (Fritsch and Butland,
+    SIAM J. Sci. Stat. Comput. 5, 1984). A bad interval (gap, clock jump) tells nothing about its neighbours.
     """
     h = np.diff(angle)
     chord = np.diff(time) / h
     left, right = chord.copy(), chord.copy()
-    if smooth:
-        before, after = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
-        slope = (before + after) / (before / chord[:-1] + after / chord[1:])
-        fine = ~(bad[:-1] | bad[1:])
-        right[:-1][fine], left[1:][fine] = slope[fine], slope[fine]
+    before, after = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
+    slope = (before + after) / (before / chord[:-1] + after / chord[1:])
+    fine = ~(bad[:-1] | bad[1:])
+    right[:-1][fine], left[1:][fine] = slope[fine], slope[fine]
     return left, right
 
 

@@ -98,7 +98,7 @@ def product(signal: Signal) -> Array:
     """Return the mean cycle by the package's compiled pass: speed smooth through pulses, rule by sample rate."""
     angle = np.asarray(np.arange(signal.pulses.size) * TURN, dtype=np.float64)
     polynomials = interval_polynomials(
-        angle, signal.pulses, *hermite_slopes(angle, signal.pulses, np.zeros(angle.size - 1, dtype=np.bool_), True)
+        angle, signal.pulses, *hermite_slopes(angle, signal.pulses, np.zeros(angle.size - 1, dtype=np.bool_))
     )
     cycles = np.arange(signal.pulses.size - 1, dtype=np.float64)
     rows = np.empty((cycles.size, N_THETA))
