@@ -62,7 +62,7 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     """
     triggers = trigger_trains(recording, options)
     main = _main_trigger(recording, triggers, reference)
-    clocks = _clocks(recording, triggers, main, options)
+    clocks = _clocks(recording, triggers, main)
     train, noise = _fused(triggers, main, clocks)
     findings = [
         finding
@@ -101,9 +101,7 @@ def _main_trigger(recording: Recording, triggers: Mapping[str, TriggerTrain], re
     return on_base[0] if on_base else next(iter(triggers.values()))
 
 
-def _clocks(
-    recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain, options: AlignOptions
-) -> dict[str, Clock]:
+def _clocks(recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain) -> dict[str, Clock]:
     """Return the clock of every logger against that of the main trigger's; one that nothing ties is left out."""
     base = main.channel.logger
     clocks = {base: same_clock(base, "reference")}
@@ -119,11 +117,11 @@ def _clocks(
             noise = float(np.hypot(main.edges.noise, own.edges.noise))
             clocks[logger] = fit_clock(logger, times[0], times[1], channel.path.name, noise)
         elif channel.quantity in PHYSICAL:
-            clocks[logger] = _clock_by_physics(recording, main, channel, options)
+            clocks[logger] = _clock_by_physics(recording, main, channel)
     return clocks
 
 
-def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel, options: AlignOptions) -> Clock:
+def _clock_by_physics(recording: Recording, main: TriggerTrain, own: Channel) -> Clock:
     """Tie a logger without a trigger to the main trigger's by torque and pressure, where each has one of them."""
     base = main.channel.logger
     pair = {quantity: recording.of(quantity)[0] for quantity in PHYSICAL if recording.of(quantity)}
