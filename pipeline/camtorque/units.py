@@ -27,6 +27,8 @@ STEEL_DENSITY = 7850.0
 """Density of bearing steel 100Cr6 [kg/m^3] (EN ISO 683-17 sheets: 7800 to 7850)."""
 ATMOSPHERE = 101_325.0
 """Standard atmosphere [Pa], taken off the reading of an absolute sensor."""
+ZERO_CELSIUS = 273.15
+"""Kelvin at 0 degrees Celsius."""
 POUND_FORCE = 4.448_221_615_260_5
 """Newton per pound-force (exact)."""
 INCH = 0.0254
@@ -56,7 +58,7 @@ UNITS: dict[str, dict[str, float]] = {
 BORDER_UNITS = {unit: (kind, factor) for kind, units in UNITS.items() for unit, factor in units.items()}
 """Unit at the border -> dimension, factor to SI."""
 
-UNIT_OFFSETS: dict[str, float] = {"degC": 273.15, "degF": 459.67 * 5.0 / 9.0}
+UNIT_OFFSETS: dict[str, float] = {"degC": ZERO_CELSIUS, "degF": 459.67 * 5.0 / 9.0}
 """Units whose zero is not that of SI -> what is added after the factor."""
 
 SPELLINGS: dict[str, str] = {spelling: unit for unit, spellings in {

@@ -9,10 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from camtorque.units import BAR, DEGREE, RPM
-
-ZERO_CELSIUS = 273.15
-"""Kelvin at 0 degrees Celsius."""
+from camtorque.units import BAR, DEGREE, RPM, ZERO_CELSIUS
 
 SI_UNITS = ("Hz", "N", "N_per_m", "N_m_per_rad", "N_m_s_per_rad", "Nm_per_rad", "Pa", "V", "hz", "kg", "kg_m2", "m",
             "m_per_s2", "mV_per_V", "s")  # fmt: skip

@@ -16,11 +16,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from camtorque import units
 from camtorque.compiled import njit
 from camtorque.laws.rows import parameter
 
 AIR_EXPONENT = 1.0 / 1.2
-ATMOSPHERE = 1.01325
+ATMOSPHERE = units.ATMOSPHERE / units.BAR
 """[bar]"""
 VAPOUR_SHARE = 0.01
 VAPOUR_SCALE = 0.1

@@ -16,6 +16,7 @@ import numpy as np
 
 from camtorque.config import FluidSpec
 from camtorque.records import CamCycles
+from camtorque.units import ZERO_CELSIUS
 
 REFERENCE = 313.15
 """40 degrees Celsius, at which sheets of fuels state their figures [K]."""
@@ -72,7 +73,7 @@ def modulus_prior(name: str, temperature: float | None) -> ModulusPrior | None:
     unsure = UNKNOWN_WARMTH if temperature is None else WARMTH_STD
     softer = math.exp(MODULUS_PER_KELVIN / mean * (warm - REFERENCE))
     std = softer * math.hypot(spread, MODULUS_PER_KELVIN * unsure)
-    text = f"{name if known else 'fuels and test oils'} at {warm - 273.15:.0f} degC"
+    text = f"{name if known else 'fuels and test oils'} at {warm - ZERO_CELSIUS:.0f} degC"
     if temperature is None:
         text += f" +- {UNKNOWN_WARMTH:g} K, none is stated"
     return ModulusPrior(softer * mean, std, text)

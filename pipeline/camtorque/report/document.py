@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.config.keys import ZERO_CELSIUS
 from camtorque.jsonable import jsonable
 from camtorque.laws.fuels import fuel_temperature
 from camtorque.limits import judge, limits_document
@@ -19,7 +18,7 @@ from camtorque.report.measured import measured_document
 from camtorque.report.numbers import typeset
 from camtorque.report.verdict import verdict
 from camtorque.results import SCHEMA
-from camtorque.units import BAR, DEGREE, RPM
+from camtorque.units import BAR, DEGREE, RPM, ZERO_CELSIUS
 from camtorque.version import __version__
 
 SENTENCES = ("text", "meaning", "source", "next_measurement")
