@@ -101,7 +101,7 @@ def joint(prepared, solved):
 
 def test_one_switch_is_late_in_all_recordings_alike(prepared, solved):
     late = [replace(item, switching_std=angle) for item, angle in zip(prepared, (0.001, 0.002, 0.003), strict=True)]
-    fit = joint_fit_of(late, *solved)
+    fit = joint_fit_of(late, *solved).recording(0)
     k = fit.problem.index("trigger_offset")
     assert fit.std[k] == pytest.approx(np.hypot(fit.covariance.std[k], 0.002))  # not averaged away
 
@@ -436,7 +436,8 @@ def test_beside_a_step_of_the_model_a_prediction_is_typical(joint, monkeypatch):
     monkeypatch.setattr(leftout_room, "evaluate", stepping)
     found = typical(others.known, data, shared, {})
     assert list(found) == names
-    std = joint.std[joint.problem.index("dead_volume")]
+    one = joint.recording(1)
+    std = one.std[one.problem.index("dead_volume")]
     assert 0.0 < abs(found["dead_volume"] - shared["dead_volume"]) < 0.5 * std
     assert all(ROWS[name].lower <= value <= ROWS[name].upper or value == shared[name] for name, value in found.items())
 

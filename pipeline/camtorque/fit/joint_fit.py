@@ -16,7 +16,7 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import modelled, parameter_estimates
-from camtorque.fit.single import Fit, variance_of
+from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
 from camtorque.records import Array, Metrics, ParameterEstimate, ReadOnly
@@ -45,11 +45,6 @@ class JointFit(ReadOnly):
     solution: JointSolution
     covariance: JointCovariance
     shifts: Mapping[str, Array]
-
-    @property
-    def std(self) -> Array:
-        """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
 
     def recording(self, index: int) -> Fit:
         """Return one recording with the shared parameters as a fit of its own; it holds no curve."""
