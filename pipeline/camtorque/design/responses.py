@@ -57,10 +57,6 @@ def _over_loads(one: Callable[[Evaluated, int], Array]) -> Callable[[Evaluated],
     return lambda design: (np.concatenate([one(design, k) for k in range(len(design.loads))]),)
 
 
-def _force(name: str) -> Callable[[Evaluated], tuple[Array, ...]]:
-    return _over_loads(lambda design, k: design.peaks(np.abs(design.solved[k].outputs[name])))
-
-
 def _lift(derivative: int) -> Callable[[Evaluated], tuple[Array, ...]]:
     # every node for itself: a flank that is held at its bound is level, and all of a level stretch counts
     return lambda design: (1e3 * np.abs(design.lift[derivative, : 2 * PER_FLANK]),)
@@ -129,7 +125,7 @@ RESPONSES: dict[str, Response] = {
     "peak_torque_nm": Response("max", _over_loads(lambda d, k: d.peaks(d.shaft_torques[k]))),
     "torque_ripple_nm": Response("range", _ripple),
     "hertz_gpa": Response("max", _over_loads(lambda d, k: d.peaks(1e-9 * d.solved[k].hertz))),
-    "side_force_n": Response("max", _force("guide")),
+    "side_force_n": Response("max", _over_loads(lambda d, k: d.peaks(np.abs(d.solved[k].outputs["guide"])))),
     "contact_force_n": Response("min", _over_loads(_contact)),
     "friction_work_j": Response("max", _over_loads(_friction_work)),
     "pressure_angle_deg": Response("max", _pressure_angle),
