@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 
+from camtorque.compiled import njit
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.sections import FLANKS, unit_flank
 from camtorque.records import Array, ReadOnly

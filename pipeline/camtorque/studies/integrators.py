@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from camtorque.compiled import njit
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
