@@ -61,7 +61,7 @@ def read_known(path: Path) -> Known:
 
     Raises
     ------
-    Refusal : see `camtorque.predict_from.read_fit`
+    Refusal : see `camtorque.finished_fit.read_fit`
     """
     fit, folder, rows = read_fit(path)
     fit = replace(fit, lift=None)  # the errors of another cam are its own: both cams are run without

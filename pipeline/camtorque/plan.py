@@ -94,7 +94,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
 
     Raises
     ------
-    Refusal : see `wanted_number`, `camtorque.predict_from.read_fit`
+    Refusal : see `wanted_number`, `camtorque.finished_fit.read_fit`
     """
     known, folder, rows = read_fit(Path(fit))
     loads = _loads(known)

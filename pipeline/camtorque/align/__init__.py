@@ -1,12 +1,14 @@
 """Recording -> CamCycles: trigger edges, clocks, cam angle, aligned cycles, cut-flow, angle error budget.
 
+options                what a user may choose
 sources                channels that tell the angle: trigger, encoder, counter -> pulses of each logger
 pulses, teeth          edge times -> pulses, repaired and counted, anew at every mark; numbering: by mark or index
 counter                a recorded angle -> pulses
 places                 where the teeth really are, how the speed varies within the turn
-clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure; jumps of a clock
+clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure
+jumps, lags, silence   clocks that jump; cycles that come late; turns that no pulse shows
 timebase, phase        all of the above for a recording; which turn of a crank wheel is which of the cam
-angle, resample        pulses -> cam angle -> uniform grid
+angle, resample        pulses -> cam angle -> uniform grid; resample_compiled: the same over long channels
 measured, channels     which channels are aligned; one pass over each
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
 quality, jitter        which cycles are used, and why not

@@ -49,7 +49,7 @@ OTHER_WAY = Threshold(0.1, "1", "convention", "Outliers here and there that are 
 
 @dataclass(frozen=True)
 class ChannelDamage:
-    """Per cycle, on the raw samples (see `resample.damage_of`), and the samples in all.
+    """Per cycle, on the raw samples (see `signal.damage.damage_of`), and the samples in all.
 
     ``flat_run`` is the length of the longest clipped top (or bottom of a torque), 0 where there is none.
     """
