@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.align import align
+from camtorque.fit.minima import at_minimum
 from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.fit.problem import with_starts
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.ripple_order import base_circle, repeated_order
-from camtorque.fit.single import FitOptions, fit_prepared, prepare
+from camtorque.fit.single import FitOptions, Prepared, fit_prepared
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.ingest import read_recording
 from camtorque.laws.ripple import binned_waves, waves
 from camtorque.mechanism.spectral import spectral_law
-from camtorque.rehearsal import rigid_torque
+from fit_cases import bridged, rig, true_starts
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_0300rpm"
 N = 1800
@@ -24,6 +27,7 @@ THETA = np.arange(N) * 2.0 * np.pi / N
 LIFT = 8e-3 * np.sin(np.clip(1.5 * (THETA - 0.1), 0.0, np.pi)) ** 2
 STROKE = 40.0 * np.sin(np.clip(3.0 * (THETA - 0.4), 0.0, np.pi)) ** 2
 AMPLITUDE, ORDER, PHASE = 0.3, 41, 0.7
+RIG = ("closed_volume", 0, 1000.0)
 BASE = 2.0 * np.pi - 2.0 * np.pi / 3.0
 
 
@@ -66,17 +70,16 @@ def test_without_a_base_circle_nothing_is_said():
 
 @pytest.fixture(scope="module")
 def fitted():
-    recording = read_recording(EXAMPLE)
-    cycles = align(recording)
-    rigid = rigid_torque(recording, cycles)
+    recording, cycles, rigid = bridged(RIG)
     wave = AMPLITUDE * np.cos(ORDER * cycles.theta - PHASE)
     found = []
     for torque in (cycles.torque, cycles.torque + wave):
         run = replace(cycles, torque=torque)
-        prepared = prepare(recording, run, rigid)
-        found.append(
-            fitted_torque(fit_prepared(prepared, FitOptions(evidence=False)), recording, run, rigid, prepared.means)
-        )
+        means = mean_cycles(run)
+        data = replace(fit_data(recording, run, spectral_law(recording.cam_table), means), structure="land")
+        near = at_minimum(with_starts(data, true_starts(rig(*RIG).truth)))
+        prepared = Prepared(recording, run, rigid, means, (near,), NO_VALLEY, data.chain.shaft_torque)
+        found.append(fitted_torque(fit_prepared(prepared, FitOptions(evidence=False)), recording, run, rigid, means))
     return found
 
 
