@@ -15,7 +15,6 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.records import Refusal
-from camtorque.report import folder as folder_module
 from camtorque.report.folder import check_output, output_files, output_folder
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
@@ -163,20 +162,21 @@ def test_files_are_written_within_a_folder_that_is_there(target: Path) -> None:
     assert left(target) == ["result.json"]
 
 
-def test_a_run_that_cannot_write_says_so_in_one_line(target: Path) -> None:
+def test_a_command_that_cannot_write_says_so_in_one_line(target: Path) -> None:
+    (target / "result.json").rename(target / "align.json")
     code = (
         "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (200_000, resource.RLIM_INFINITY))\n"
         "from camtorque import cli\nsys.exit(cli.main(sys.argv[1:]))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, "run", EXAMPLES / "A_0300rpm", "--out", target, "--quiet"],
+        [sys.executable, "-c", code, "align", EXAMPLES / "A_0300rpm", "--out", target, "--quiet"],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
     assert "cannot be written (File too large" in line
     assert left(target.parent) == ["out"]
-    assert folder_module.LOCK not in left(target)
+    assert left(target) == ["align.json"]
 
 
 def test_a_file_of_the_users_in_a_report_is_not_lost(tmp_path: Path) -> None:
