@@ -27,7 +27,6 @@ from camtorque.fit.difference import (
     with_updated_covariance,
 )
 from camtorque.fit.pair import OWN_NAMES, Pair
-from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.fuels import shares_per_kelvin
 from camtorque.records import Array
 
@@ -243,7 +242,7 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
     pair = with_updated_covariance(pair, min(states.values(), key=lambda state: objective(pair, state)))
     states = nested(pair, polished(pair, states))
-    factors = min((inflation(pair, state, LEAST_FREEDOM) for state in states.values()), key=lambda item: item[1])
+    factors = min((inflation(pair, state) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
     return _attributed(pair, searched(pair, states, groups), groups, factors), pair

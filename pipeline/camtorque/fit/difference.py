@@ -17,6 +17,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from camtorque.fit.pair import Pair, with_difference
 from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.records import Array, ReadOnly
 
@@ -216,8 +217,8 @@ def within(matrix: Array, vector: Array, pair: Pair, state: PairState) -> Array:
     return step
 
 
-def inflation(pair: Pair, state: PairState, least_freedom: float) -> tuple[float, float]:
+def inflation(pair: Pair, state: PairState) -> tuple[float, float]:
     """Return the factors on the variance of mean and difference that the residuals of a state ask for."""
     mean, apart = chi_squares(pair, state)
-    freedom = max(pair.expected - state.moved.size, least_freedom)
-    return max(1.0, mean / least_freedom / 1.5), max(1.0, apart / freedom)
+    freedom = max(pair.expected - state.moved.size, LEAST_FREEDOM)
+    return max(1.0, mean / LEAST_FREEDOM / 1.5), max(1.0, apart / freedom)
