@@ -7,12 +7,13 @@ delayed time, sampled on each logger's own clock. Nothing is interpolated or res
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from camtorque.config import LoggerSpec, PumpData, RecordingConfig, TriggerSpec
+from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.records import CamTable, Channel, Recording, SensorCalibration
+from camtorque.studies.case import study_pump
 
 TWO_PI = 2.0 * np.pi
 TORQUE_GAIN, PRESSURE_GAIN = 40.0, 200.0e5
@@ -241,12 +242,6 @@ def physical_channel(rig: Rig, quantity: str) -> Channel:
 
 def recording_of(rig: Rig, channels: tuple[Channel, ...]) -> Recording:
     grid = np.radians(np.arange(360.0))
-    pump = PumpData(
-        base_circle_radius=0.02, roller_radius=0.008, roller_width=0.005, follower_offset=0.0, cam_mass=0.25,
-        cam_inertia=5e-5, follower_mass=0.075, spring_stiffness=2e4, spring_preload=110.0, plunger_diameter=8e-3,
-        youngs_modulus_cam=2.1e11, youngs_modulus_roller=2.1e11, cam_table_path=Path("cam.csv"),
-        cam_table_angle_column="a", cam_table_lift_column="l",
-    )  # fmt: skip
     trigger = TriggerSpec(
         nominal_angle=np.radians(rig.nominal_deg), installation_tolerance=np.radians(1.5), edge=rig.edge,
         pulses_per_rev=rig.pulses_per_rev, switching_delay=rig.switching_delay,
@@ -257,7 +252,7 @@ def recording_of(rig: Rig, channels: tuple[Channel, ...]) -> Recording:
     config = RecordingConfig(
         path=Path("recording.toml"), text="", id="synthetic", pump_id="P", nominal_speed=rig.shaft.speed,
         file_format="x", csv_dialect="", rotation=1,
-        pump_sheet=pump, trigger=trigger, sensors={}, loggers=loggers,
+        pump_sheet=replace(study_pump(), follower_offset=0.0), trigger=trigger, sensors={}, loggers=loggers,
         channels=(),
     )  # fmt: skip
     return Recording(config, channels, CamTable(grid, lift_of(grid), 1e-6), (), ())

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from camtorque.config import PumpData
 from camtorque.laws import ROWS
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, angle_grid, evaluate, with_substeps
 from camtorque.laws.chamber import NEVER
+from camtorque.studies.case import study_pump
 from camtorque.units import BAR, DEGREE
 
 N = 1800
@@ -40,12 +38,6 @@ class HarmonicLaw:
         return 8.0e-3 * total
 
 
-def pump() -> PumpData:
-    return PumpData(
-        0.02, 0.008, 0.005, 0.002, 0.25, 5e-5, 0.075, 2e4, 110.0, 0.008, 2.1e11, 2.1e11, Path("x"), "a", "b"
-    )
-
-
 def chain_input(**changes) -> ChainInput:
     """Return a cycle: the line is pumped up to 560 bar around 40 degrees."""
     n = changes.pop("n", N)
@@ -54,7 +46,7 @@ def chain_input(**changes) -> ChainInput:
     torque = 5.0 + 40.0 * np.exp(-(((theta - 0.7) / 0.25) ** 2)) - 20.0 * np.exp(-(((theta - 1.9) / 0.25) ** 2))
     arguments = {
         "theta": theta, "speed": 60.0, "line_pressure": line, "shaft_torque": torque, "trigger_angle": 20 * DEGREE,
-        "pump": pump(), "law": HarmonicLaw(), "offset": 0.002,
+        "pump": study_pump(), "law": HarmonicLaw(), "offset": 0.002,
     }  # fmt: skip
     return ChainInput(**{**arguments, **changes})
 

@@ -2,41 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
-from camtorque.config import PumpData
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.sections import dwell, flank, section_law
+from camtorque.studies.case import study_pump
 
 DEGREE = np.pi / 180.0
 STEP = 1e-30
 
 
 def paper_pump(**changes):
-    """The pump of Tables 1 and 2, with a roller heavier than it is so that its inertia shows."""
-    values = {
-        "base_circle_radius": 0.02,
-        "roller_radius": 0.008,
-        "roller_width": 0.005,
-        "follower_offset": 0.0,
-        "cam_mass": 0.25,
-        "cam_inertia": 5e-5,
-        "follower_mass": 0.075,
-        "spring_stiffness": 2e4,
-        "spring_preload": 110.0,
-        "plunger_diameter": 0.008,
-        "youngs_modulus_cam": 210e9,
-        "youngs_modulus_roller": 210e9,
-        "cam_table_path": Path("unused"),
-        "cam_table_angle_column": "",
-        "cam_table_lift_column": "",
-        "roller_mass": 0.02,
-        "roller_inertia": 8e-7,
-    }
-    return PumpData(**{**values, **changes})
+    """The pump of the studies with its follower on the axis."""
+    return replace(study_pump(), **{"follower_offset": 0.0, **changes})
 
 
 def analytic_law(kind="polynomial_4567"):
