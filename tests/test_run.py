@@ -1,9 +1,8 @@
-"""The main job on a raw example, and a campaign with a broken recording: files, targets, exit status."""
+"""The main job on a raw example: files, targets, what is found and refused."""
 
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -86,24 +85,6 @@ def test_a_pressure_that_no_line_can_hold_is_refused_before_the_model() -> None:
     turned = replace(cycles, pressure=-np.asarray(cycles.pressure))
     with pytest.raises(Refusal, match=r"A_1000rpm: the mean cycle of the line pressure goes down to -8\d\d bar gauge"):
         rigid_torque(recording, turned)
-
-
-@pytest.mark.slow
-def test_one_broken_recording_does_not_stop_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    shutil.copytree(EXAMPLES.parent / "calibration", tmp_path / "calibration")
-    for name in ("A_1000rpm", "A_1250rpm"):
-        shutil.copytree(EXAMPLES / name, tmp_path / "raw" / name)
-    (tmp_path / "raw" / "A_1250rpm" / "A_1250rpm_all.csv").write_bytes(b"")
-    arguments = ["campaign", str(tmp_path / "raw"), "--out", str(tmp_path / "out"), "--workers", "1", "--quiet"]
-    assert cli.main([*arguments, "--n-theta", "1800"]) == 1
-    doc = document(tmp_path / "out", "campaign.json")
-    assert {row["name"]: row["status"] for row in doc["recordings"]} == {"A_1000rpm": "ok", "A_1250rpm": "refused"}
-    assert "A_1250rpm_all.csv" in doc["recordings"][1]["error"]
-    used, refused = (tmp_path / "out" / row["folder"] for row in doc["recordings"])
-    assert (used / "report.html").is_file()
-    assert {path.name for path in refused.iterdir()} == {"entry.json", "SHA256SUMS"}
-    assert [row["code"] for row in doc["findings"]] == ["no_joint_fit"]
-    assert "refused" in capsys.readouterr().out
 
 
 def test_recordings_are_found_at_and_below_a_folder(tmp_path: Path) -> None:
