@@ -90,11 +90,10 @@ def _equations(u, z, f, jac, steps, shaft, big, right):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _sweep(rows, widths, weights, matrix, shaft, lead, rate, stage_state, transition, transition_end):  # type: ignore[no-untyped-def]
-    """Solve the elements one after the other from (lead, rate); fills the state at the stages and d(end)/d(start)."""
+def _sweep(rows, widths, weights, matrix, shaft, start, stage_state):  # type: ignore[no-untyped-def]
+    """Solve the elements from ``start``, fill the state at the stages; return if it turns, the end, d(end)/d(start)."""
     s = weights.size
-    u = np.array([lead, rate])
-    transition[:] = np.eye(2)
+    u, transition = start, np.eye(2)
     z, f, jac = np.zeros((s, 2)), np.zeros((s, 2)), np.zeros((s, 2, 2))
     big, right, both = np.zeros((2 * s, 2 * s)), np.zeros((2 * s, 1)), np.zeros((2 * s, 2))
     both[0::2, 0] = 1.0
@@ -105,7 +104,7 @@ def _sweep(rows, widths, weights, matrix, shaft, lead, rate, stage_state, transi
         z[:] = u
         for _ in range(30):
             if not _rates(rows, e * s, shaft, z, f, jac):
-                return False
+                return False, u, transition
             left = _equations(u, z, f, jac, steps, shaft, big, right)
             step = np.linalg.solve(big, right)
             for j in range(s):
@@ -118,9 +117,8 @@ def _sweep(rows, widths, weights, matrix, shaft, lead, rate, stage_state, transi
             stage_state[0, e * s + j], stage_state[1, e * s + j] = z[j, 0], z[j, 1]
             u = u + h * weights[j] * f[j]
             local = local + h * weights[j] * (jac[j] @ np.ascontiguousarray(tangent[2 * j : 2 * j + 2]))
-        transition[:] = local @ transition
-    transition_end[0], transition_end[1] = u[0], u[1]
-    return True
+        transition = local @ transition
+    return True, u, transition
 
 
 def solve_orbit(
@@ -140,9 +138,9 @@ def solve_orbit(
     theta = (borders[:-1, None] + nodes * widths[:, None]).ravel()
     rows = np.ascontiguousarray(load(theta))
     start, state, closed = np.zeros(2), np.zeros((2, theta.size)), False
-    transition, end = np.empty((2, 2)), np.empty(2)
     for _ in range(ROUNDS):
-        if not _sweep(rows, widths, weights, matrix, shaft, start[0], start[1], state, transition, end):
+        turns, end, transition = _sweep(rows, widths, weights, matrix, shaft, start, state)
+        if not turns:
             break
         gap = end - start
         if abs(gap[0]) * shaft[0] + abs(gap[1]) * shaft[1] < CLOSED:
