@@ -101,10 +101,9 @@ class ChainInput(ReadOnly):
         object.__setattr__(self, "top_angle", float(self.theta[np.argmax(lift)]))
         if self.substeps.size == 0:
             object.__setattr__(self, "substeps", np.ones(self.theta.size, dtype=np.int64))
-        distance = self.pump.base_circle_radius + self.pump.roller_radius
-        own = {"base": float(np.sqrt(distance**2 - self.offset**2)), "offset": self.offset, "cam_inertia": 0.0}
-        constants = constants_of(self.pump, Mounting(), NO_FRICTION)
-        object.__setattr__(self, "constants", constants._replace(**own))
+        pump = replace(self.pump, follower_offset=self.offset)
+        constants = constants_of(pump, Mounting(), NO_FRICTION)._replace(cam_inertia=0.0)
+        object.__setattr__(self, "constants", constants)
         waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
         object.__setattr__(self, "in_signal", np.column_stack([np.ones(BINS), waves]))
         super().__post_init__()
