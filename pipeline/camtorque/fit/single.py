@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, strength, where_unexplained
-from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, followed, with_its_lost_torque
+from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
@@ -30,6 +31,7 @@ from camtorque.fit.uncertainty import (
 from camtorque.fit.valley import ANGLE, Valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
+from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
 from camtorque.units import DEGREE
 
@@ -37,8 +39,6 @@ RELAXED_TIME = 2.5e-3
 """Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
-QUICK = Effort(5)
-"""Of structures that are far behind: they are compared, not used."""
 SWITCHING = "switching delay and clock of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
 MINIMA = 5
@@ -163,11 +163,10 @@ def compared(found: Found, halves: Halves) -> list[Candidate]:
     """Return minima that differ and one of every structure that has starts, least chi-square first."""
     data = halves.fitted
     ends = list(distinct([item for _, item in found.minima])[:MINIMA])
-    for name, group in found.starts.items():
-        if group and all(item.data.structure != name for item in ends):
-            quick = halves.minimum(followed, data, group[0], QUICK)
-            if quick is not None:
-                ends.append(quick)
+    rest = [group[0] for name, group in found.starts.items()
+            if group and all(item.data.structure != name for item in ends)]  # fmt: skip
+    follow = partial(followed, data, effort=beside(found.value))
+    ends += [end for end in in_two(partial(halves.minimum, follow), rest) if end]
     if not ends:
         raise Refusal(
             f"{data.name}: found no start from which the model of this pump can be fitted, expected one; the recording "
