@@ -21,8 +21,9 @@ from camtorque.fit.evidence import (
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.residual import explains
-from camtorque.fit.single import chamber_evidence, structure_probabilities, switching_shift, switching_std
+from camtorque.fit.single import switching_shift, switching_std
 from camtorque.fit.solver import solve
+from camtorque.fit.structures import chamber_evidence, structure_probabilities
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import covariance
 from camtorque.records import EITHER_LOSS, AngleError
@@ -210,6 +211,28 @@ def test_probabilities_of_structures_follow_chi_square_under_inflation():
     assert best + other == pytest.approx(1.0)
     assert other / best == pytest.approx(np.exp(-4.0))
     assert structure_probabilities((found, worse), 4.0)[1] == pytest.approx(np.exp(-1.0) / (1.0 + np.exp(-1.0)))
+
+
+def test_a_structure_with_more_parameters_pays_for_them():
+    found = quick(("closed_volume", 0, 1000.0))
+    data = replace(found.data, structure="spill" if found.data.structure == "open" else "open")
+    problem = build_problem([data])
+    kept = np.array([name in problem.names for name in found.problem.names])
+    assert kept.sum() < kept.size
+    places = np.ix_(kept, kept)
+    alike = replace(
+        found.solution, z=found.solution.z[kept], gradient=found.solution.gradient[kept],
+        hessian=found.solution.hessian[places], data_hessian=found.solution.data_hessian[places],
+    )  # fmt: skip
+    fewer = replace(found, data=data, problem=problem, solution=alike)
+    pair = (found, fewer)
+    paid = laplace(fewer.problem, alike, 1.0) - laplace(found.problem, found.solution, 1.0)
+    by_evidence = 1.0 / (1.0 + np.exp(0.5 * paid))
+    more, less = structure_probabilities(pair, 1.0)
+    assert more + less == pytest.approx(1.0)
+    assert less == pytest.approx(0.5 * (0.5 + by_evidence))  # chi-square is the same
+    far = replace(fewer, solution=replace(alike, chi_square=alike.chi_square + 50.0))
+    assert structure_probabilities((found, far), 1.0)[1] == pytest.approx(np.exp(-25.0))
 
 
 def test_what_the_switch_may_be_late_is_in_the_trigger_angle_alone():

@@ -23,9 +23,10 @@ from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
 from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled, parameter_estimates
 from camtorque.fit.search import Found
-from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std, structure_spread
+from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
+from camtorque.fit.structures import structure_spread
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
 from camtorque.fit.work import sureness, work_at
 from camtorque.laws.chain import binned

@@ -10,14 +10,15 @@ import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
-from camtorque.fit.evidence import NEEDED, NOT_NEEDED, loss_evidence, strength, where_unexplained
+from camtorque.fit.evidence import loss_evidence, where_unexplained
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
-from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
+from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
 from camtorque.fit.solver import Solution
+from camtorque.fit.structures import chamber_evidence, structure_probabilities, structure_spread
 from camtorque.fit.uncertainty import (
     Covariance,
     along_valley,
@@ -197,7 +198,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     best = prepared.candidates[0]
     problem, solution = best.problem, best.solution
     careful = covariance(problem, solution)
-    # by the weights alone: a structure with more parameters always leaves less
+    # by the weights as they are: a structure with more parameters always leaves less
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
@@ -265,33 +266,6 @@ def pressure_gain_shift(best: Candidate, relative_std: float) -> Array:
     return moved.solution.z - best.solution.z
 
 
-def structure_probabilities(candidates: tuple[Candidate, ...], inflation: float) -> tuple[float, ...]:
-    """Return how probable the candidates are, by their chi-square under the best one's inflation."""
-    chi = np.array([item.value for item in candidates]) / inflation
-    weight = np.exp(-0.5 * (chi - np.min(chi)))
-    return tuple((weight / np.sum(weight)).tolist())
-
-
-def structure_spread(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return what the other structures add to parameters (m, k) and chamber pressure (m, n), as signed deviations.
-
-    Each moves all parameters together, by the root of its probability: the sum of two that stand in for one another
-    does not move.
-    """
-    best = candidates[0]
-    names = best.problem.names
-    shifts, pressures = [np.zeros(len(names))], [np.zeros(best.data.chain.theta.size)]
-    for item, probability in zip(candidates[1:], probabilities[1:], strict=True):
-        if probability < 1e-4:
-            continue
-        values = dict(zip(item.problem.names, item.solution.z.tolist(), strict=True))
-        delta = np.array([values.get(name, z) - z for name, z in zip(names, best.solution.z, strict=True)])
-        moved = item.solution.outputs[0].pressure - best.solution.outputs[0].pressure
-        shifts.append(np.sqrt(probability) * delta)
-        pressures.append(np.sqrt(probability) * moved)
-    return np.array(shifts), np.array(pressures)
-
-
 def relaxed_variant(best: Candidate) -> Candidate:
     """Return the fit that does not trust the law of the delivery valve just after it opens."""
     item, output = best.data, best.solution.outputs[0]
@@ -306,25 +280,3 @@ def relaxed_variant(best: Candidate) -> Candidate:
     error = RELAXED_SHARE * values["valve_opening"] * area * np.abs(output.motion.lift[1]) * fading
     variance = 1.0 / item.weight**2 + binned(error) ** 2 * (BINS / INDEPENDENT)
     return attempted(at_minimum, replace(item, weight=1.0 / np.sqrt(variance)), Effort(15)) or best
-
-
-def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> LossEvidence:
-    """Return the evidence for a chamber whose pressure is not the line's.
-
-    One that moves the torque by less than all laws are trusted to is not needed, however much chi-square it gains.
-    """
-
-    def least(kinds: tuple[str, ...]) -> Candidate | None:
-        found = [item for item in candidates if item.data.structure in kinds]
-        return min(found, key=lambda item: item.value) if found else None
-
-    line, chamber = least(("line",)), least(("land", "spill", "open"))
-    if line is None or chamber is None:
-        return LossEvidence("chamber", np.nan, "cannot tell", False, np.nan, (np.nan, np.nan), "N m", "not compared")
-    factor = (line.value - chamber.value) / inflation - np.log(INDEPENDENT) * 4.0
-    weight = line.data.weight
-    size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
-    trusted = size > DISCREPANCY * np.max(np.abs(line.data.torque))
-    verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < NOT_NEEDED else "cannot tell"
-    text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms ({strength(factor)})"
-    return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)
