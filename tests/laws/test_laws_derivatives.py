@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, ROWS
+from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, ROWS, chamber
 from camtorque.laws.chain import (
     NONLINEAR_NAMES,
     ON_CAM,
@@ -17,6 +17,7 @@ from camtorque.laws.chain import (
     with_transfer,
 )
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.chamber import revolution
 from camtorque.laws.driveline import (
     COMPLIANCE_NAMES,
     angle_shifts,
@@ -85,6 +86,17 @@ def test_chain_has_the_derivative_that_it_states(exact, end, name):
     # rounded corners of ports and stops, and Newton's tolerance of 1e-6 bar, over a step of 2e-3
     assert np.max(np.abs(stated)) > 0.0
     assert np.max(np.abs(stated - found)) < 2e-3 * np.max(np.abs(found))
+
+
+def test_tangents_that_overflow_are_no_numbers_without_a_warning(exact, monkeypatch):
+    data, values, _ = exact["land"]
+
+    def overflowing(*arguments):
+        pressure, by, *rest = revolution(*arguments)
+        return pressure, by * np.where(np.arange(by.shape[1]) % 2, np.inf, 1e308), *rest
+
+    monkeypatch.setattr(chamber, "revolution", overflowing)
+    assert not np.all(np.isfinite(evaluate(data, values, COEFFICIENTS, tangents=True).derivative))
 
 
 @pytest.mark.parametrize(("end", "name"), [case for case in CASES if case[1] in (*CHAMBER_NAMES, *SHIFT_NAMES)])

@@ -244,8 +244,7 @@ def chamber_of(
     geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, step, end_lift, end_slope, data.top_angle])
     grid = (motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5, data.substeps)
     pressure, by, states, flows, path = chamber.revolution(vector, geometry, grid, motion.shifts[0], known, tangents)
-    with np.errstate(over="ignore"):  # far from anything physical, where the search turns back
-        by *= TANGENT_UNITS[: by.shape[1]]
+    by *= TANGENT_UNITS[: by.shape[1]]
     return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
 
 
@@ -258,6 +257,7 @@ def _closed_at(data: ChainInput, values: Mapping[str, float]) -> tuple[float, fl
     return float(lift), float(slope)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # far from anything physical, where the search turns back
 def evaluate(
     data: ChainInput,
     values: Mapping[str, float],
