@@ -27,7 +27,7 @@ from camtorque.report.numbers import (
     with_sign,
 )
 from camtorque.report.payload import MISSING, chart_data, packed
-from camtorque.report.phases import bump_spans, phases
+from camtorque.report.phases import bump_spans, phases, strokes
 from camtorque.report.rows_svg import rows_svg
 from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
 from report_cases import NASTY, run_result
@@ -149,6 +149,17 @@ def test_a_stroke_may_pass_the_zero_of_the_angle() -> None:
     assert [name for name, *_ in found] == ["return stroke", "base circle", "forward stroke"]
     assert found[0][1] == 0
     assert found[-1][2] == 360
+
+
+def test_each_lobe_has_its_strokes() -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    lift = np.maximum(np.sin(3.0 * theta - 0.6), 0.0) ** 2 * (1.0 - 0.1 * np.cos(theta))
+    found = [(span.label, span.low, span.high) for span in phases(theta, lift)]
+    assert [name for name, *_ in found] == ["base circle", *3 * ["forward stroke", "return stroke", "base circle"]]
+    ends = [low for _, low, _ in found[1:]] + [360.0]
+    assert [high for *_, high in found[1:]] == pytest.approx(ends[1:])
+    assert [low for name, low, _ in found if name == "forward stroke"] == pytest.approx([11.5, 131.5, 251.5], abs=2.0)
+    assert [span.label for span in strokes(theta, lift)] == 3 * ["forward stroke", "return stroke"]
 
 
 def test_a_bump_over_the_zero_of_the_angle_is_marked_on_both_sides() -> None:

@@ -12,37 +12,44 @@ ENDS = 2.0e-3
 """Share of the lift within which it counts as base circle, or as top."""
 SHORTEST_DEG = 3.0
 """A shorter top is a point between the strokes."""
+LEAST_LOBE = 0.3
+"""Share of the largest lift from which a rise off the base circle is a lobe."""
 
 
 def phases(theta: Array, lift: Array) -> tuple[Span, ...]:
-    """Return the phases over one revolution in degrees, in the order of the angle.
+    """Return the phases of all lobes over one revolution in degrees, in the order of the angle.
 
     Parameters
     ----------
     theta : (n,) cam angle [rad]; lift : (n,) [m]
     """
-    share = (lift - np.min(lift)) / np.ptp(lift)
-    top = int(np.argmax(share))
-    turned = np.roll(share, -top)
-    before, after = turned[::-1], turned
-    angle, step = theta / DEGREE, 360.0 / theta.size
-    leave, reach = _first(after, 1.0 - ENDS), _first(before, 1.0 - ENDS)
-    down, start = _first(after, ENDS), _first(before, ENDS)
-    highest = angle[top]
-    if (leave + reach) * step < SHORTEST_DEG:
-        leave = reach = 0
-    marks = (
-        ("forward stroke", highest - start * step, highest - reach * step),
-        ("top", highest - reach * step, highest + leave * step),
-        ("return stroke", highest + leave * step, highest + down * step),
-        ("base circle", highest + down * step, highest - start * step + 360.0),
-    )
+    lobes = sorted(_lobes(theta / DEGREE, (lift - np.min(lift)) / np.ptp(lift)))
+    marks = []
+    for (start, reach, leave, end), after in zip(lobes, (*lobes[1:], tuple(x + 360.0 for x in lobes[0])), strict=True):
+        marks += [("forward stroke", start, reach), ("top", reach, leave), ("return stroke", leave, end),
+                  ("base circle", end, after[0])]  # fmt: skip
     return tuple(
         sorted(
             (span for name, low, high in marks if high > low for span in _within_turn(name, low, high)),
             key=lambda span: span.low,
         )
     )
+
+
+def _lobes(angle: Array, share: Array) -> list[tuple[float, ...]]:
+    """Return where each lobe starts, reaches and leaves its top, and ends [deg]; ``share`` of the lift, (n,)."""
+    found, left, step = [], share.copy(), 360.0 / share.size
+    while np.max(left) > LEAST_LOBE:
+        top = int(np.argmax(left))
+        after = np.roll(share, -top)
+        before = after[::-1]
+        leave, reach = (_first(side, (1.0 - ENDS) * share[top]) for side in (after, before))
+        down, start = (_first(side, ENDS) for side in (after, before))
+        left[np.arange(top - start, top + down) % share.size] = 0.0
+        if (leave + reach) * step < SHORTEST_DEG:
+            leave = reach = 0
+        found.append(tuple(float(angle[top] + place * step) for place in (-start, -reach, leave, down)))
+    return found
 
 
 def strokes(theta: Array, lift: Array) -> tuple[Span, ...]:
