@@ -203,14 +203,16 @@ def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:
     """
     looked = np.flatnonzero(ordinary(table) & ~table.slipped)
     far = np.flatnonzero(_outlier(table)[looked])
-    begin, end = (short(float(time[looked[k]]), 4) for k in (far[0], far[-1])) if far.size else ("", "")
-    if far.size >= STRETCH and np.ptp(far) + 1 == far.size:
+    if far.size < STRETCH:
+        return ()
+    begin, end = (short(float(time[looked[k]]), 4) for k in (far[0], far[-1]))
+    if np.ptp(far) + 1 == far.size:
         text = (
             f"{far.size} of {looked.size} cycles, those from {begin} s to {end} s, are outliers and no other is: load, "
             "speed or state changed there; this report is of the rest; record each running by itself"
         )
         return (Finding("running_changes", "warning", text, "cut-flow"),)
-    if far.size >= max(STRETCH, OTHER_WAY * looked.size):
+    if far.size >= OTHER_WAY * looked.size:
         text = (
             f"{far.size} of {looked.size} cycles, here and there between {begin} s and {end} s, are outliers: the pump "
             "runs in more than one way, as where what is left in the line differs from stroke to stroke; this report "

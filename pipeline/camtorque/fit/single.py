@@ -198,7 +198,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     best = prepared.candidates[0]
     problem, solution = best.problem, best.solution
     careful = covariance(problem, solution)
-    # by the weights as they are: a structure with more parameters always leaves less
+    # the inflation by the weights alone: a structure with more parameters always leaves less
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)

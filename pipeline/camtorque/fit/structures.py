@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.evidence import NEEDED, NOT_NEEDED, laplace, strength
 from camtorque.fit.minima import Candidate, attempted
@@ -27,7 +26,9 @@ def structure_probabilities(candidates: Sequence[Candidate], inflation: float) -
     by_weights = shares(chi)
     names = np.array([item.data.structure for item in candidates])
     near = [str(name) for name in dict.fromkeys(names[chi < np.min(chi) + COMPARED]) if name != "line"]
-    logarithms = [_evidence(candidates, names == name, inflation) for name in near] if len(near) > 1 else [None]
+    if len(near) < 2:
+        return tuple(by_weights.tolist())
+    logarithms = [_evidence(candidates, name, inflation) for name in near]
     if None in logarithms:
         return tuple(by_weights.tolist())
     by_evidence = by_weights.copy()
@@ -37,9 +38,16 @@ def structure_probabilities(candidates: Sequence[Candidate], inflation: float) -
     return tuple((0.5 * (by_weights + by_evidence)).tolist())
 
 
-def _evidence(candidates: Sequence[Candidate], own: NDArray[np.bool_], inflation: float) -> float | None:
+def _best(candidates: Sequence[Candidate], *structures: str) -> Candidate | None:
+    """Return the best minimum of some structures, None where they have none."""
+    return min((item for item in candidates if item.data.structure in structures), key=lambda item: item.value,
+               default=None)  # fmt: skip
+
+
+def _evidence(candidates: Sequence[Candidate], structure: str, inflation: float) -> float | None:
     """Return -2 ln Z of a structure's best minimum, None where its matrices overflow."""
-    best = min((item for item, its in zip(candidates, own, strict=True) if its), key=lambda item: item.value)
+    best = _best(candidates, structure)
+    assert best is not None
     found = attempted(laplace, best.problem, best.solution, inflation)
     return None if found is None else found + (best.value - best.solution.chi_square) / inflation
 
@@ -75,12 +83,7 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
 
     One that moves the torque by less than all laws are trusted to is not needed, however much chi-square it gains.
     """
-
-    def least(kinds: tuple[str, ...]) -> Candidate | None:
-        found = [item for item in candidates if item.data.structure in kinds]
-        return min(found, key=lambda item: item.value) if found else None
-
-    line, chamber = least(("line",)), least(("land", "spill", "open"))
+    line, chamber = _best(candidates, "line"), _best(candidates, "land", "spill", "open")
     if line is None or chamber is None:
         return LossEvidence("chamber", np.nan, "cannot tell", False, np.nan, (np.nan, np.nan), "N m", "not compared")
     factor = (line.value - chamber.value) / inflation - np.log(INDEPENDENT) * 4.0

@@ -10,12 +10,12 @@ import numpy as np
 
 from camtorque.config.tables import what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, grouped, split_row, utf16
+from camtorque.ingest.formats import UNREADABLE
 from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows
 from camtorque.records import Array, Refusal
 from camtorque.units import did_you_mean, is_known_unit
 
-GZIP_MAGIC = b"\x1f\x8b"
 LARGEST_FILE = 4 * 2**20
 """Ten columns of 36 000 rows [bytes]."""
 
@@ -142,7 +142,7 @@ def _checked_head(path: Path, what: str) -> bytes:
             raise Refusal(f"{path}: {size} bytes, {what} has at most {LARGEST_FILE}; is it the right file?")
         with path.open("rb") as file:
             head = file.read(8)
-        if head.startswith(GZIP_MAGIC):
+        if UNREADABLE["gzip"](head):
             raise Refusal(f"{path}: the content is gzip, expected {what} as text or a workbook: unpack it")
         return head
     except (OSError, ValueError) as error:

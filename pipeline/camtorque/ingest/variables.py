@@ -118,13 +118,13 @@ def channel_of(
 
 def _times(members: Members, spec: ChannelSpec, n_samples: int, specs: tuple[ChannelSpec, ...]) -> str:
     """Return the name of the times that stand beside a channel, "" where there are none."""
-    beside = {
+    same = {
         name: value
         for (group, name), value in members.items()
         if group == spec.group and np.size(value) == n_samples and np.asarray(value).dtype.kind in hdf5.KINDS
     }
     taken = {other.channel for other in specs if other.group == spec.group}
-    return time_beside(beside, taken, lambda name: ArraySource(np.asarray(beside[name]).ravel()))
+    return time_beside(same, taken, lambda name: ArraySource(np.asarray(same[name]).ravel()))
 
 
 def _numbers(path: Path, members: Members, place: tuple[str, str], names: tuple[str, ...]) -> np.ndarray:
