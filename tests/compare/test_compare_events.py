@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -25,9 +27,11 @@ from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_
 from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.verdicts import parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
+from camtorque.process.second_process import Second, second_process
 from camtorque.units import DEGREE
 from compare_pair import made_pair
 
+BEGIN = Second.begin
 LEAK, TURNED, SPRING = 3e-15, 0.3 * DEGREE, -0.06
 RINGING = 1.5 * np.cos(90.0 * angle_grid(BINS)) * np.exp(-angle_grid(BINS))
 
@@ -45,6 +49,20 @@ def told(leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: floa
 ])  # fmt: skip
 def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
     assert told(**truth)[0].best == found
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a fork beside threads is safe on Linux alone")
+def test_two_processes_find_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone, _ = told(leak=LEAK)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    begun = []
+    monkeypatch.setattr(Second, "begin", lambda self: begun.append(self) or BEGIN(self))
+    with second_process():
+        both, _ = attribution(made_pair({"leakage": LEAK}))
+    assert begun
+    assert both.probabilities == alone.probabilities
+    assert np.array_equal(both.covariance, alone.covariance)
+    assert np.array_equal(both.free_std, alone.free_std)
 
 
 def test_differences_cover_what_was_changed() -> None:
@@ -85,9 +103,11 @@ def test_a_minimum_that_says_nothing_of_the_difference_is_left_for_one_a_little_
 ) -> None:
     roots = [np.eye(BINS) * np.exp(louder * 100.0 / BINS), np.eye(BINS)]
     starts = [SimpleNamespace(value=300.0), SimpleNamespace(value=300.0 + worse)]
-    pairs = [SimpleNamespace(difference_root=root) for root in roots]
-    monkeypatch.setattr(pair_module, "pair_of", lambda before, after, start: pairs[starts.index(start)])
-    assert best_pair(SimpleNamespace(candidates=starts), None) is pairs[kept]  # type: ignore[arg-type]
+    pair = made_pair({})
+    monkeypatch.setattr(pair_module, "pair_of", lambda before, after, start: pair)
+    monkeypatch.setattr(pair_module, "_weights", lambda bare: {"difference_root": roots[starts.index(bare[1])]})
+    found = best_pair(SimpleNamespace(candidates=starts), None)  # type: ignore[arg-type]
+    assert np.array_equal(found.difference_root, roots[kept])
 
 
 def test_a_change_is_never_called_unchanged_above_the_smallest_stated() -> None:
@@ -133,8 +153,8 @@ def test_evidence_of_a_small_change_is_that_foreseen() -> None:
     pair = made_pair({"leakage": 5e-18})
     values = np.array([pair.fixed[name] for name in pair.names])
     start = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(len(pair.own)))
-    none = fitted(pair, start, (), 20)
-    both = fitted(pair, minimised(pair, none.state, 5), ("leakage",), 20)
+    none = fitted(pair, (start, (), 20))
+    both = fitted(pair, (minimised(pair, none.state, 5), ("leakage",), 20))
     assert evidence_with(pair, none, "leakage") == pytest.approx(both.two_ln_evidence, abs=0.3)
 
 

@@ -9,12 +9,14 @@ from typing import Any
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import loud_findings
 from camtorque.compare import compare
+from camtorque.process.second_process import second_process
 from camtorque.report.compare_page import compare_cautions, compare_events, compare_rows, left_out
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write the comparison of two recordings."""
-    doc = compare(arguments.before, arguments.after, arguments.out, progress=tell)
+    with second_process():
+        doc = compare(arguments.before, arguments.after, arguments.out, progress=tell)
     page = arguments.out / "compare.html"
     return Outcome(f"{compare_table(doc)}\n\n{page}", {**doc, "report": str(page)})
 

@@ -10,6 +10,7 @@ import lmfit
 from camtorque.commands import Outcome, Tell
 from camtorque.jsonable import jsonable
 from camtorque.lmfit_fit import changed, own_fit, read_changes
+from camtorque.process.second_process import second_process
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
 
@@ -18,7 +19,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Fit and tell what lmfit tells."""
     changes = {} if arguments.parameters is None else read_changes(arguments.parameters)
     tell(f"looking for the best minimum of {arguments.recording}")
-    own = own_fit(arguments.recording)
+    with second_process():
+        own = own_fit(arguments.recording)
     parameters = changed(own.parameters(), changes)
     _refuse_unknown(arguments.intervals, parameters)
     tell("fitting by lmfit")

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import partial
+from itertools import combinations, product
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from camtorque.fit.difference import (
 )
 from camtorque.fit.pair import OWN_NAMES, Pair
 from camtorque.laws.fuels import shares_per_kelvin
+from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
 CHANGES: dict[str, tuple[str, ...]] = {
@@ -172,8 +174,14 @@ def marginal(matrix: Array, vector: Array, k: int) -> tuple[Array, Array]:
     return matrix[k:, k:] - matrix[k:, :k] @ gain[:, :-1], vector[k:] - matrix[k:, :k] @ gain[:, -1]
 
 
-def fitted(pair: Pair, state: PairState, groups: tuple[str, ...], iterations: int) -> Fitted:
-    """Return a set of groups at its minimum, starting at the state of a smaller set."""
+def fitted(pair: Pair, start: tuple[PairState, tuple[str, ...], int]) -> Fitted:
+    """Return a set of groups at its minimum.
+
+    Parameters
+    ----------
+    start : state of a smaller set to begin at, groups, iterations at most
+    """
+    state, groups, iterations = start
     state = minimised(pair, along(pair, state, basis_of(pair, state.before, groups)), iterations)
     matrix, vector = normal_equations(pair, state, state.basis.columns, state.moved)
     apart, _ = marginal(matrix, vector, len(pair.names))
@@ -214,20 +222,19 @@ def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Se
     states : near the minimum of no event and of each single one
     """
     lost = ruled_out({chosen: objective(pair, state) for chosen, state in states.items()})
-    found = {
-        chosen: fitted(pair, state, chosen, 0 if chosen in lost else ITERATIONS) for chosen, state in states.items()
-    }
+    starts = [(state, chosen, 0 if chosen in lost else ITERATIONS) for chosen, state in states.items()]
+    found = dict(zip(states, in_two(partial(fitted, pair), starts), strict=True))
     for size in range(1, MOST_CHANGES):
         best = max(item.two_ln_evidence for item in found.values())
         smaller = sorted((item for item in found.values() if len(item.groups) == size),
                          key=lambda item: -item.two_ln_evidence)[:EXTENDED]  # fmt: skip
-        for item in smaller:
-            for group in groups:
-                chosen = tuple(sorted((*item.groups, group), key=list(CHANGES).index))
-                if group in item.groups or chosen in found:
-                    continue
-                if evidence_with(pair, item, group) > best - WORTH:
-                    found[chosen] = fitted(pair, item.state, chosen, 12)
+        larger: dict[tuple[str, ...], PairState] = {}
+        for item, group in product(smaller, groups):
+            chosen = tuple(sorted((*item.groups, group), key=list(CHANGES).index))
+            if group not in item.groups and chosen not in larger and evidence_with(pair, item, group) > best - WORTH:
+                larger[chosen] = item.state
+        starts = [(state, chosen, 12) for chosen, state in larger.items()]
+        found |= zip(larger, in_two(partial(fitted, pair), starts), strict=True)
     return tuple(sorted(found.values(), key=lambda item: -item.two_ln_evidence))
 
 
@@ -238,7 +245,8 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     own = basis_of(pair, values, ())
     here = evaluated(pair, values, own, np.zeros(len(own.labels)))
     sets = [(), *((group,) for group in groups)]
-    states = {chosen: near_minimum(pair, here, basis_of(pair, values, chosen)) for chosen in sets}
+    bases = [basis_of(pair, values, chosen) for chosen in sets]
+    states = dict(zip(sets, in_two(partial(near_minimum, pair, here), bases), strict=True))
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
     pair = with_updated_covariance(pair, min(states.values(), key=lambda state: objective(pair, state)))
     states = nested(pair, polished(pair, states))
@@ -266,7 +274,9 @@ def ruled_out(values: Mapping[tuple[str, ...], float]) -> set[tuple[str, ...]]:
 def polished(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
     """Return every set that may still be the one at its minimum, and the others as they are."""
     lost = ruled_out({chosen: objective(pair, state) for chosen, state in states.items()})
-    return {chosen: state if chosen in lost else minimised(pair, state, ITERATIONS) for chosen, state in states.items()}
+    kept = {chosen: state for chosen, state in states.items() if chosen not in lost}
+    ends = in_two(partial(minimised, pair, iterations=ITERATIONS), list(kept.values()))
+    return {**states, **dict(zip(kept, ends, strict=True))}
 
 
 def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:

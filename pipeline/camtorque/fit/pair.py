@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at
 from camtorque.laws import ripple
 from camtorque.laws.chain import BINS, COLUMN_NAMES, coefficients_of, derivative_by, evaluate
+from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, ReadOnly, Refusal
 
 SAME_SPEED = 0.02
@@ -129,14 +131,16 @@ def best_pair(before: Prepared, after: Prepared) -> Pair:
     """
     least = before.candidates[0].value
     near = [start for start in before.candidates if start.value < least + MOST_WORSE]
-    pairs = [pair_of(before, after, start) for start in near]
+    bare = [pair_of(before, after, start) for start in near]
+    weights = in_two(_weights, list(zip(bare, near, strict=True)))
+    pairs = [replace(pair, **one) for pair, one in zip(bare, weights, strict=True)]
     cost = [start.value + 2.0 * float(np.sum(np.log(np.diag(pair.difference_root))))
             for start, pair in zip(near, pairs, strict=True)]  # fmt: skip
     return pairs[int(np.argmin(cost))]
 
 
 def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
-    """Return two recordings in the structure of one of the minima of the first.
+    """Return two recordings in the structure of one of the minima of the first, not weighed yet.
 
     Raises
     ------
@@ -157,10 +161,15 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
     values, coefficients = problem.values(start.solution.z, 0)
     fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
     none = np.eye(BINS)
-    pair = Pair(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
-    pair = with_difference(pair, fixed, np.zeros(BINS))
-    noise = scatter_of_both(pair, fixed)
-    return replace(pair, mean_root=root_of(mean_covariance(items[0], start) + noise / 4.0))
+    return Pair(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
+
+
+def _weights(bare: tuple[Pair, Candidate]) -> dict[str, Any]:
+    """Return what a pair lacks until it is weighed, by the minimum of the first recording that it stands at."""
+    pair, start = bare
+    noise = scatter_of_both(pair, pair.fixed)
+    mean_root = root_of(mean_covariance(pair.items[0], start) + noise / 4.0)
+    return {"mean_root": mean_root, **_difference_weights(pair, pair.fixed, noise, np.zeros(BINS))}
 
 
 def with_difference(pair: Pair, values: Mapping[str, float], left: Array) -> Pair:
@@ -170,8 +179,13 @@ def with_difference(pair: Pair, values: Mapping[str, float], left: Array) -> Pai
     ----------
     left : (BINS,) what the laws leave [N m]; a share of its size is not common to both
     """
+    return replace(pair, **_difference_weights(pair, values, scatter_of_both(pair, values), left))
+
+
+def _difference_weights(pair: Pair, values: Mapping[str, float], noise: Array, left: Array) -> dict[str, Any]:
+    """Return difference_root and expected for a covariance of the scatter; see `with_difference`."""
     item = pair.items[0]
-    known = scatter_of_both(pair, values) + shift_covariance(pair, values)
+    known = noise + shift_covariance(pair, values)
     peak = float(np.max(np.abs(item.torque)))
     reach = np.full(2 * RESIDUAL_REACH + 1, 1.0 / (2 * RESIDUAL_REACH + 1))
     size = np.convolve(np.pad(left**2, RESIDUAL_REACH, "wrap"), reach, "valid")
@@ -180,7 +194,7 @@ def with_difference(pair: Pair, values: Mapping[str, float], left: Array) -> Pai
     # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than
     # it is, so that chi-square falls short of the number of bins
     expected = float(np.trace(np.linalg.solve(weighed, known + np.diag(error))))
-    return replace(pair, difference_root=root_of(weighed), expected=expected)
+    return {"difference_root": root_of(weighed), "expected": expected}
 
 
 def scatter_of_both(pair: Pair, values: Mapping[str, float]) -> Array:
