@@ -12,7 +12,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
-from camtorque.fit.changes import Attribution, attribution
+from camtorque.fit.changes import TOLD, Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import MeanCycles, mean_cycles
 from camtorque.fit.several_pairs import common_attributions
@@ -63,10 +63,12 @@ class Compared:
         return tuple(row.name for row in (*self.parameters, *self.losses) if row.verdict == "changed")
 
 
-def whole_verdict(rows: Sequence[Difference]) -> str:
-    """Return the verdict on the whole list."""
+def whole_verdict(rows: Sequence[Difference], found: Attribution) -> str:
+    """Return the verdict on the whole list: that something changed can be sure where none of the names is."""
     kinds = {row.verdict for row in rows}
-    return "changed" if "changed" in kinds else "not changed" if kinds == {"not changed"} else "cannot tell"
+    if "changed" in kinds or found.unchanged < 1.0 - TOLD:
+        return "changed"
+    return "not changed" if kinds == {"not changed"} else "cannot tell"
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,7 @@ def compare_document(
         "schema": SCHEMA, "version": __version__, "created": now(),
         "before": _side([item.before for item in compared], names[0], alone[0]),
         "after": _side([item.after for item in compared], names[1], alone[1]),
-        "verdict": whole_verdict(rows), "changed": [row.name for row in rows if row.verdict == "changed"],
+        "verdict": whole_verdict(rows, found), "changed": [row.name for row in rows if row.verdict == "changed"],
         "events": [
             {"groups": list(item.groups), "probability": probability}
             for item, probability in zip(found.hypotheses, found.probabilities, strict=True) if probability > 0.01

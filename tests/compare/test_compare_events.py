@@ -49,6 +49,7 @@ def told(leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: floa
 ])  # fmt: skip
 def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
     assert told(**truth)[0].best == found
+    assert (told(**truth)[0].unchanged > 0.5) == (not found)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a fork beside threads is safe on Linux alone")

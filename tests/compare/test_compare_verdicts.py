@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
-from camtorque.compare import left_out_rows, matched, recording_path, refuse_same, torque_ratio
+from camtorque.compare import left_out_rows, matched, recording_path, refuse_same, torque_ratio, whole_verdict
 from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
@@ -26,6 +26,19 @@ def test_not_changed_asks_for_a_small_interval() -> None:
     assert verdict(False, (0.05, 0.1), 1.0) == "not changed"
     assert verdict(False, (0.2, 0.1), 1.0) == "cannot tell"
     assert verdict(False, (0.0, 0.3), 1.0) == "cannot tell"
+
+
+@pytest.mark.parametrize(("unchanged", "verdicts", "whole"), [
+    (0.95, ("cannot tell", "not changed"), "cannot tell"), (0.95, ("not changed",), "not changed"),
+    (0.95, ("changed", "cannot tell"), "changed"),
+    # three events share the probability, and none of the names has enough of it
+    (0.001, ("cannot tell", "not changed"), "changed"),
+])  # fmt: skip
+def test_something_changed_where_that_nothing_did_is_improbable(
+    unchanged: float, verdicts: tuple[str, ...], whole: str
+) -> None:
+    rows = [SimpleNamespace(verdict=name) for name in verdicts]
+    assert whole_verdict(rows, SimpleNamespace(unchanged=unchanged)) == whole  # type: ignore[arg-type]
 
 
 def test_the_interval_of_a_change_that_is_told_has_its_sign() -> None:

@@ -85,6 +85,12 @@ def test_every_verdict_has_its_sentence(verdict: str) -> None:
     assert "0.41 N m RMS" in compare_answer(document(verdict))
 
 
+def test_a_change_without_a_name_is_one_of_those_that_are_possible() -> None:
+    events = [{"groups": ["fluid"], "probability": 0.6}, {"groups": ["dead_volume"], "probability": 0.39}]
+    told = compare_answer({**document(), "changed": [], "events": events})
+    assert told.startswith("something of the pump, but the data cannot tell what: bulk modulus of the fluid (60 %), ")
+
+
 def test_difference_is_after_minus_before() -> None:
     overlay = compare_drawings(document(), [pair(False)])[0]
     torque, difference, pressure, _ = overlay.chart.panels  # type: ignore[union-attr]

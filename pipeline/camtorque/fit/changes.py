@@ -117,6 +117,11 @@ class Attribution:
         return float(sum(p for item, p in pairs if any(name in CHANGES[g] for g in item.groups for name in names)))
 
     @property
+    def unchanged(self) -> float:
+        """Probability that no event happened."""
+        return float(sum(p for item, p in zip(self.hypotheses, self.probabilities, strict=True) if not item.groups))
+
+    @property
     def best(self) -> tuple[str, ...]:
         """Groups of the best hypothesis."""
         return self.hypotheses[0].groups

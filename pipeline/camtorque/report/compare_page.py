@@ -104,7 +104,7 @@ def compare_answer(document: Mapping[str, Any]) -> str:
     torque = document["torque"]
     repeat = f"; odd and even cycles of one recording differ by {significant(torque['odd_even_rms_nm'], 2)} N m"
     text = {
-        "changed": f"{', '.join(named) or 'the torque'}.",
+        "changed": f"{', '.join(named) or _unnamed(document)}.",
         "not changed": "no loss and no parameter moved by more than the smallest change that would have been seen.",
         "cannot tell": "no change of the pump is established; load, end of delivery and zero are each recording's own.",
     }[document["verdict"]]
@@ -113,6 +113,12 @@ def compare_answer(document: Mapping[str, Any]) -> str:
         f"{significant(torque['max_difference_nm'], 2)} N m at most"
         f"{repeat if torque['odd_even_rms_nm'] is not None else ''}."
     )
+
+
+def _unnamed(document: Mapping[str, Any]) -> str:
+    """Return what may have happened where it is sure that something did."""
+    events = ", ".join(f"{event} ({probability})" for event, probability in compare_events(document))
+    return f"something of the pump, but the data cannot tell what: {events}"
 
 
 def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
