@@ -60,6 +60,23 @@ def test_levels_that_drift_and_clocks_that_wander_widen_zeros_and_delay():
     assert still["torque_zero"].prior[1] == pytest.approx(max(sheets[0].zero_std, 1e-4))
 
 
+@pytest.mark.parametrize(
+    ("name", "quantity", "stated"),
+    [("delay_error", "torque", {"delay_std": 289.0e-6}), ("gain_error", "torque", {"gain_relative_std": 0.05}),
+     ("torque_zero", "torque", {"zero_std": 30.0}), ("pressure_zero", "pressure", {"zero_std": 12.0e5})],
+)  # fmt: skip
+def test_what_a_sheet_leaves_open_is_not_cut_off(name, quantity, stated):
+    recording, cycles, _ = bridged(KEY)
+    sheets = {one: recording.of(one)[0].calibration for one in ("torque", "pressure")}
+    sheets[quantity] = replace(sheets[quantity], **stated)
+    row = rig_rows(recording.config, spectral_law(recording.cam_table), sheets["torque"], sheets["pressure"], cycles)[
+        name
+    ]
+    (std,) = stated.values()
+    assert row.prior == pytest.approx((0.0, std))
+    assert row.lower <= -3.0 * std < 3.0 * std <= row.upper
+
+
 def test_a_warmer_fuel_is_softer_and_thinner():
     _, cycles, _ = bridged(KEY)
     stated = rows_of(FluidSpec(temperature=ZERO + 80.0))

@@ -45,7 +45,6 @@ def rig_rows(
     trigger, pump = config.trigger, config.pump
     tolerance = max(trigger.installation_tolerance, 1e-4)
     _set(rows, "trigger_offset", prior=(0.0, tolerance / np.sqrt(3.0)), lower=-2.5 * tolerance, upper=2.5 * tolerance)
-    _set(rows, "gain_error", prior=(0.0, max(torque.gain_relative_std, 1e-5)))
     _set_measured(rows, torque, pressure, cycles)
     _set_bridge(rows, torque)
     _set_filter(rows, torque)
@@ -71,18 +70,21 @@ def rig_rows(
 def _set_measured(
     rows: dict[str, ParameterRow], torque: SensorCalibration, pressure: SensorCalibration, cycles: CamCycles
 ) -> None:
-    """Take zeros and delay from the certificates, as unsure as levels that drift and clocks that wander make them."""
+    """Take gain, zeros and delay from the certificates, as unsure as drifting levels and wandering clocks make them.
+
+    What a sheet leaves open is not cut off: the bounds hold three standard deviations.
+    """
     half = {quantity: 0.5 * drift for quantity, drift in cycles.level_drifts.items()}
     late = wandered_std(cycles.angle_errors, "torque") / cycles.mean_speed
     for name, sheet, beside, least in (
         ("torque_zero", torque.zero_std, half.get("torque", 0.0), 1e-4),
         ("pressure_zero", pressure.zero_std, half.get("pressure", 0.0), 1e3),
         ("delay_error", torque.delay_std, late, 1e-7),
+        ("gain_error", torque.gain_relative_std, 0.0, 1e-5),
     ):
         std = max(float(np.hypot(sheet, beside)), least)
-        reach = 3.0 * std if beside else 0.0
         row = rows[name]
-        _set(rows, name, prior=(0.0, std), lower=min(row.lower, -reach), upper=max(row.upper, reach))
+        _set(rows, name, prior=(0.0, std), lower=min(row.lower, -3.0 * std), upper=max(row.upper, 3.0 * std))
 
 
 def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
