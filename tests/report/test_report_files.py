@@ -13,11 +13,13 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.fit.metrics import metrics, parts_of_gap
+from camtorque.fit.uncertainty import BudgetRow
 from camtorque.records import Refusal
 from camtorque.report import page
 from camtorque.report.alignment import write_alignment
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
+from camtorque.report.document import uncertainty_document
 from camtorque.report.figures import FIGURES
 from camtorque.report.folder import output_folder
 from camtorque.report.gaps import gap_curves
@@ -96,6 +98,16 @@ def test_undetermined_is_null_and_units_are_those_of_the_key(written: Path) -> N
     assert doc["chamber"]["peak_bar"]["value"] == pytest.approx(1100.0)
     assert doc["alignment"]["trigger_angle_deg"]["value"] == pytest.approx(math.degrees(0.36))
     assert doc["recording"]["speed_rpm"] == pytest.approx(105.0 * 30.0 / math.pi)
+
+
+def test_the_budget_is_in_the_units_of_the_parameters() -> None:
+    stated = {"dead_volume": (3.0e-8, 4.0e-8), "trigger_offset": (math.radians(0.3), math.radians(0.4))}
+    rows = tuple(
+        BudgetRow(name, math.hypot(*parts), dict(zip("ab", parts, strict=True))) for name, parts in stated.items()
+    )
+    budget = uncertainty_document(replace(run_result().fitted, details={"budget": rows}))["budget"]
+    assert budget["dead_volume"] == pytest.approx({"a": 30.0, "b": 40.0})
+    assert budget["trigger_offset"] == pytest.approx({"a": 0.3, "b": 0.4})
 
 
 def test_without_chamber_the_contract_says_null(tmp_path: Path) -> None:

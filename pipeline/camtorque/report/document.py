@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.jsonable import jsonable
+from camtorque.laws import ROWS
 from camtorque.laws.fuels import fuel_temperature
 from camtorque.limits import judge, limits_document
 from camtorque.records import Alternative, Estimate, FittedTorque, LossEvidence, ParameterEstimate, ResidualBump
@@ -120,11 +121,12 @@ def _accuracy(fitted: FittedTorque) -> dict[str, Any]:
 
 def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
     """Return the budget of a fit by parameter, in the units of the parameters."""
-    budget = {
-        row.name.split("__")[0]: {typeset(source): value for source, value in row.contributions.items()}
-        for row in fitted.details.get("budget", ())
+    return {
+        "budget": {
+            row.name: {typeset(source): value / ROWS[row.name].per_unit for source, value in row.contributions.items()}
+            for row in fitted.details.get("budget", ())
+        }
     }
-    return {"budget": budget}
 
 
 def _recording(result: RunResult) -> dict[str, Any]:
