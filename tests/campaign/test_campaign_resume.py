@@ -153,6 +153,28 @@ def test_the_key_holds_every_file_that_a_recording_names(tmp_path: Path) -> None
     assert first != key.recording_key("b", examples / "A_1250rpm", OPTIONS), "equal recordings do not share a folder"
 
 
+def test_the_key_holds_the_certificate_of_a_bridge(tmp_path: Path) -> None:
+    """Its points are in mV/V, which no channel in volts may use."""
+    recording, sheet, certificate = (tmp_path / name for name in ("recording.toml", "sheet.toml", "points.csv"))
+    recording.write_text(
+        'schema = "fip-bench-recording/1"\n[recording]\nid = "a"\nnominal_speed_rpm = 500\n'
+        "[trigger]\nnominal_angle_deg = 20\ninstallation_tolerance_deg = 1\n"
+        "[sensors.torque]\ncalibration = 'sheet.toml'\n"
+        + "".join(
+            f'[[channels]]\nquantity = "{quantity}"\nfile = "log.csv"\nchannel = "{quantity}"\nunit = "{unit}"\n'
+            "sample_rate_hz = 20000\n"
+            for quantity, unit in (("torque", "mV/V"), ("trigger", "V"))
+        )
+    )
+    sheet.write_text('[sensor]\nserial = "B-1"\nquantity = "torque"\nunit = "N m"\ncertificate = "points.csv"\n')
+    keys = set()
+    for full in (1.5, 1.6):
+        certificate.write_text(f"applied_torque_Nm,output_mV_per_V\n0,0\n50,{full / 2}\n100,{full}\n")
+        keys.add(key.recording_key("a", tmp_path, OPTIONS))
+    assert certificate in key.input_paths(tmp_path)
+    assert len(keys) == 2
+
+
 def test_a_recording_without_a_pump_stops_no_campaign(tmp_path: Path) -> None:
     whole = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1250rpm" / "recording.toml"
     text, count = re.subn(r"\[pump\]\n[^\[]*", "", whole.read_text(encoding="utf-8"))

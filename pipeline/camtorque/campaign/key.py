@@ -11,7 +11,7 @@ from pathlib import Path
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest
-from camtorque.ingest.sensors import read_sensor
+from camtorque.ingest.sheet import read_sheet
 from camtorque.records import Refusal
 from camtorque.run import RunOptions
 from camtorque.version import __version__
@@ -54,7 +54,7 @@ def input_paths(path: Path) -> tuple[Path, ...]:
     files = [config.path, *(() if config.pump_sheet is None else (config.pump_sheet.cam_table_path,))]
     for reference in config.sensors.values():
         try:
-            files += read_sensor(reference).files
+            files += read_sheet(reference).files
         except Refusal:
             files += [path for path in (reference.calibration_path,) if path is not None]
     return tuple(dict.fromkeys([*files, *(spec.path for spec in config.channels)]))
