@@ -23,7 +23,7 @@ NUMERICS = {
     "WINDOW_PERIODS", "USUAL_DISTANCE", "LEAST_STARTS", "POOLED_WINDOWS", "NEIGHBOUR_WINDOWS", "NOISE_PAIRS", "BLOCK",
     "OVERLAP", "LEAST_SWING_VOLTS", "TURN", "STAIRS_FROM", "STAIR_FACTOR", "LINEAR", "CUBIC", "AVERAGE", "BAR",
     "DEGREE", "RPM", "CACHED_WINDOWS", "LEAST_ORDERS", "LOBES",
-    "LINES", "ROWS", "PIECE", "COMPILED_FROM", "LOADED_FROM", "PART", "BENT", "LOOSELY", "LISTED",
+    "LINES", "ROWS", "PIECE", "COMPILED_FROM", "LOADED_FROM", "PART", "BENT", "LOOSELY", "LISTED", "NOISELESS",
 }  # fmt: skip
 """Sizes of windows, grids and loops: they cost time or a little accuracy, and reject nothing."""
 

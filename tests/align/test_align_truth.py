@@ -169,6 +169,19 @@ def test_a_pulse_that_two_loggers_saw_has_the_noise_of_their_mean() -> None:
     assert base.edge_noise < min(one, other)
 
 
+def test_two_loggers_without_any_noise_are_fused() -> None:
+    recording = make(Rig(clock_kind="independent", trigger_noise=0.0, flank=3e-4))
+    quiet = tuple(
+        replace(c, source=Samples(np.round(c.source.values - 0.06, 6))) if c.quantity == "trigger" else c
+        for c in recording.channels
+    )
+    recording = replace(recording, channels=quiet)
+    base = time_base(recording, "A", AlignOptions())
+    assert [base.triggers[logger].edges.noise for logger in ("A", "B")] == [0.0, 0.0]
+    assert base.edge_noise < 1e-9
+    assert np.max(np.abs(angle_errors(align(recording)))) < ANGLE_DEG
+
+
 def test_a_pulse_that_one_logger_missed_is_where_the_other_saw_it() -> None:
     rig = replace(NOISY, clock_kind="independent", clocks={"B": LogClock(0.1, 20e-6)}, duration=6.0, edge_jitter=2e-4)
     recording = make(rig)

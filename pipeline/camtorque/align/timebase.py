@@ -20,6 +20,8 @@ from camtorque.units import TURN
 
 PHYSICAL = ("torque", "pressure")
 """Quantities that tie a logger without a trigger to the others."""
+NOISELESS = 1.0e-9
+"""Standard error that an edge has at least when it is weighed against another one [s]: made signals have none."""
 
 
 @dataclass(frozen=True)
@@ -169,8 +171,9 @@ def _fused(
         same = (np.abs(time[nearest] - train.time) < 0.01 * np.median(np.diff(train.time))) & ~other.train.repaired[
             nearest
         ]
-        weight = np.where(train.repaired, 1.0, noise**2 / (noise**2 + other.edges.noise**2))
+        noise, noise_there = max(noise, NOISELESS), max(other.edges.noise, NOISELESS)
+        weight = np.where(train.repaired, 1.0, noise**2 / (noise**2 + noise_there**2))
         fused = np.where(same, (1.0 - weight) * train.time + weight * time[nearest], train.time)
         train = replace(train, time=fused, repaired=train.repaired & ~same)
-        noise = 1.0 / np.hypot(1.0 / noise, 1.0 / other.edges.noise)
+        noise = 1.0 / np.hypot(1.0 / noise, 1.0 / noise_there)
     return train, float(noise)
