@@ -651,10 +651,18 @@ def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):
     row = one.alone["dead_volume"]
     moved = {**one.alone, "dead_volume": replace(row, value=row.value + 12.0 * row.std)}
     other = replace(one, alone=moved, data=replace(one.data, name="after"))
-    with pytest.raises(Refusal, match=r"and after run at one speed but differ in dead volume .* own `group`"):
+    with pytest.raises(Refusal, match=r"and after run at one speed but differ in dead volume .* campaign of each"):
         refuse_two_states([one, other])
     faster = replace(other, data=replace(other.data, chain=replace(other.data.chain, speed=100.0)))
     refuse_two_states([one, faster])
+
+
+def test_a_group_of_recordings_counts_as_a_pump_of_its_own():
+    before = quick_prepared(*FAMILY, SPEEDS[0])
+    config = replace(before.recording.config, group="after")
+    after = replace(before, recording=replace(before.recording, config=config))
+    assert joint_input(before).pump_id == config.pump_id
+    assert joint_input(after).pump_id == f"{config.pump_id} (after)"
 
 
 def test_what_is_the_same_is_held_once(prepared):

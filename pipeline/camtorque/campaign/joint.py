@@ -17,7 +17,7 @@ from camtorque.units import counted
 def joint_fit(
     count: int, read: Callable[[int], JointInput], threads: int
 ) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
-    """Return the joint fit; recordings of different pumps or ids that repeat cannot be fitted together.
+    """Return the joint fit; recordings of different pumps or groups, or of ids that repeat, cannot be fitted together.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def joint_fit(
         what = f"pumps {', '.join(sorted(pumps))}"
         if len(pumps) == 1:
             what = f"recording ids that repeat: {', '.join(repeated)}"
-        return _none(f"no joint fit: found {what}, expected one pump and one id per recording")
+        return _none(f"no joint fit: found {what}, expected one pump, one group and one id per recording")
     apart = differences({item.name: item.stated for item in known})
     pump = "; ".join(f"{name} {text}" for name, text in apart.items() if name in DIMENSIONS)
     if pump:

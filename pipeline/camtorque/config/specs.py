@@ -187,6 +187,11 @@ class RecordingConfig:
         return self.pump_sheet
 
     @property
+    def pump_state(self) -> str:
+        """The pump, and the group that the recording names: recordings of one such state may be fitted together."""
+        return f"{self.pump_id} ({self.group})" if self.group else self.pump_id
+
+    @property
     def own_clocks(self) -> frozenset[str]:
         """The loggers whose clock is their own; all others share one."""
         return frozenset(logger.id for logger in self.loggers if logger.clock == "independent")

@@ -270,8 +270,7 @@ def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise Refusal(
             f"joint fit of {len(known)} recordings: every start runs to where the model overflows ({error}), expected "
-            "a minimum near those of the single fits; leave out the recording whose page is least like the "
-            "others', or give it a `group` of its own in [recording]"
+            "a minimum near those of the single fits; leave out the recording whose page is least like the others'"
         ) from error
 
 

@@ -45,7 +45,7 @@ class Known:
 
     Attributes
     ----------
-    pump_id : recordings of different pumps are not fitted together
+    pump_id : with its group; recordings of different pumps or groups are not fitted together
     data : the recording in its best structure, started at its own minimum
     switching_std : of the trigger's switching delay as an angle at this speed [rad]
     alone : shared parameter -> as this recording alone tells it
@@ -95,7 +95,7 @@ def joint_input(prepared: Prepared) -> JointInput:
     }
     means, rigid = prepared.means, prepared.rigid
     return JointInput(
-        prepared.recording.config.pump_id, best.data, switching_std(prepared.cycles), alone, found.inflation,
+        prepared.recording.config.pump_state, best.data, switching_std(prepared.cycles), alone, found.inflation,
         stated(prepared.recording), replace(means, pressure_all=np.zeros(0)), rigid.torque, rigid.lift,
         rigid.lift_velocity, prepared.measured,
     )  # fmt: skip
@@ -149,5 +149,5 @@ def _two_states(other: Known, one: Known, name: str) -> Refusal:
     return Refusal(
         f"joint fit: {other.name} and {one.name} run at one speed but differ in {name.replace('_', ' ')} "
         f"({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {first.unit}): they are not one pump in one state and are not "
-        "averaged; give each state its own `group` in [recording], or use `camtorque compare`"
+        "averaged; run a campaign of each state by itself, or use `camtorque compare`"
     )
