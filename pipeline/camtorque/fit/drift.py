@@ -85,7 +85,7 @@ def contradiction(inflation: float, alone: Sequence[float]) -> float:
 
 
 def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift], contradicted: float) -> Array:
-    """Return how far the joint value of each parameter lies off the mean of the single ones, (k,) [SI].
+    """Return how far the mean of the single values lies off the joint one of each parameter, with its sign, (k,) [SI].
 
     All of that counts where the parameter drifts. Where the recordings contradict one another it counts for all of
     them, as far as they do: what a missing law shifts is then one thing in each and another in all together.
@@ -96,7 +96,7 @@ def drift_spread(problem: Problem, z: Array, drifts: Sequence[Drift], contradict
         if k >= 0:
             weight = 1.0 / np.array(drift.stderrs) ** 2
             mean = float(np.sum(weight * np.array(drift.values)) / np.sum(weight)) * problem.parameters[k].row.per_unit
-            spread[k] = abs(mean - z[k]) * (1.0 if drift.significant else contradicted)
+            spread[k] = (mean - z[k]) * (1.0 if drift.significant else contradicted)
     return spread
 
 
