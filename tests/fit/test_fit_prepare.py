@@ -77,6 +77,12 @@ def test_what_a_sheet_leaves_open_is_not_cut_off(name, quantity, stated):
     assert row.lower <= -3.0 * std < 3.0 * std <= row.upper
 
 
+def test_a_transducer_of_one_direction_turns_with_its_whole_range():
+    both, one = (rows_of(torque={"range_min": -200.0, "range_max": top}) for top in (200.0, 0.0))
+    assert one["turning_cosine"] == both["turning_cosine"]
+    assert one["turning_cosine"].prior[1] > 0.0
+
+
 def test_a_warmer_fuel_is_softer_and_thinner():
     _, cycles, _ = bridged(KEY)
     stated = rows_of(FluidSpec(temperature=ZERO + 80.0))

@@ -102,7 +102,7 @@ def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
 
 def _set_bridge(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
     """Take what turns with the transducer as a share of its nominal torque."""
-    nominal = torque.range_max
+    nominal = torque.largest_reading
     if np.isfinite(nominal):
         for name in ("turning_cosine", "turning_sine"):
             _set(rows, name, prior=(0.0, TURNING_SHARE * nominal), step=0.3 * TURNING_SHARE * nominal,
