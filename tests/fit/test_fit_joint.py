@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
-from camtorque.fit.arrow import Arrow, arrow_inverse
+from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.descent import Effort
 from camtorque.fit.drift import (
     Drift,
@@ -97,6 +97,13 @@ def campaign(prepared, solved):
 @pytest.fixture(scope="module")
 def joint(prepared, solved):
     return joint_fit_of(prepared, *solved)
+
+
+def test_a_recording_has_its_own_parameters_whatever_another_is_called():
+    names = ("leakage", "torque_zero__700rpm", "torque_zero__B__700rpm")
+    known = KnownFit(names, np.zeros(3), ArrowCovariance.whole(np.eye(3)), ())
+    assert known.own("700rpm") == {"leakage": 0, "torque_zero": 1}
+    assert known.own("B__700rpm") == {"leakage": 0, "torque_zero": 2}
 
 
 def test_one_switch_is_late_in_all_recordings_alike(prepared, solved):

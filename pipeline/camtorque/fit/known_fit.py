@@ -74,8 +74,9 @@ class KnownFit(ReadOnly):
 
     def own(self, recording: str) -> dict[str, int]:
         """Return the place of every parameter that acts in a recording: shared ones and its own."""
-        plain = {name: k for k, name in enumerate(self.names) if SEPARATOR not in name}
-        mine = {n.split(SEPARATOR)[0]: k for k, n in enumerate(self.names) if n.endswith(f"{SEPARATOR}{recording}")}
+        parts = [name.partition(SEPARATOR) for name in self.names]
+        plain = {name: k for k, (name, separator, _) in enumerate(parts) if not separator}
+        mine = {name: k for k, (name, separator, whose) in enumerate(parts) if separator and whose == recording}
         return {**plain, **mine}
 
     def only(self, recordings: Sequence[str]) -> KnownFit:
