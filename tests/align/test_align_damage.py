@@ -13,7 +13,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.align.quality import CUTS
 from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Recording, Refusal
-from camtorque.signal.damage import clipped_samples, damage_of, damage_of_each
+from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
 PULSES = RIG.pulse_times()
@@ -217,6 +217,27 @@ def test_end_of_the_output_range_is_clipping() -> None:
     recording = replace(recording, channels=(recording.channels[0], tight, recording.channels[2]))
     with pytest.raises(Refusal, match="pressure_clipped"):
         align(recording)
+
+
+@pytest.mark.parametrize(("zero", "ends"), [(0.0, (-5.0, 5.0)), (5.0, (0.0, 10.0))])
+def test_a_torque_clips_below_wherever_its_zero_lies(zero: float, ends: tuple[float, float]) -> None:
+    recording = make(replace(RIG, torque_law=lambda theta: 0.5 * torque_of(theta) - 20.0))
+    torque = recording.channels[0]
+    stretch = 6.0 / -float(np.min(torque.source.values))
+    sheet = replace(
+        torque.calibration, gain=torque.calibration.gain / stretch, zero_volts=zero, output_min_volts=ends[0],
+        output_max_volts=ends[1],
+    )  # fmt: skip
+    volts = np.clip(zero + stretch * torque.source.values, *ends)
+    clipped = replace(torque, source=Samples(volts), calibration=sheet)
+    with pytest.raises(Refusal, match="torque_clipped"):
+        align(replace(recording, channels=(clipped, *recording.channels[1:])))
+
+
+def test_a_pressure_that_rests_at_the_end_of_its_output_is_not_clipped() -> None:
+    sheet = calibration("pressure", 4e-6)
+    assert not clips_below(replace(sheet, output_min_volts=0.5, output_max_volts=4.5, zero_volts=0.52))
+    assert not clips_below(None)
 
 
 def test_coarse_converter_is_not_clipping() -> None:

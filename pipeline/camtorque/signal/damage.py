@@ -24,6 +24,10 @@ STEPS_BESIDE_FLAT = Threshold(
 )  # fmt: skip
 
 
+ZERO_ABOVE = Threshold(
+    0.1, "1", "convention",
+    "A sensor whose zero lies this part of its output above the lower end goes below it: a torque of 0 to 10 V does."
+)  # fmt: skip
 NO_VOLTAGE = Threshold(
     1.0e10, "unit of the file", "physics",
     "No logger delivers a larger number in any unit (1000 bar are 1e8 Pa): nan, infinite and absurd ones are missing."
@@ -106,8 +110,11 @@ def _least_fall(volts: Array, run: int, end: int) -> float:
 
 
 def clips_below(calibration: SensorCalibration | None) -> bool:
-    """Tell whether the lower end of a sensor's output clips: one with an output from zero upward rests there."""
-    return calibration is not None and calibration.output_min_volts < 0.0
+    """Tell whether the lower end of a sensor's output clips: one whose zero lies there rests there."""
+    if calibration is None or calibration.output_min_volts < 0.0:
+        return calibration is not None
+    span = calibration.output_max_volts - calibration.output_min_volts
+    return calibration.zero_volts - calibration.output_min_volts > ZERO_ABOVE * span
 
 
 def clipped_samples(volts: Array, extreme: float) -> int:
