@@ -23,7 +23,7 @@ from camtorque.fit.end_shape import Curve
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.planning import TargetQuantity, plan, point_of
+from camtorque.fit.planning import Measuring, TargetQuantity, plan, point_of
 from camtorque.fit.single import Prepared, prepare
 from camtorque.plan import SPEED_FACTORS
 from camtorque.units import RPM
@@ -104,10 +104,19 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
         source = next(one for one in known.recordings if one.id == item.recording.config.id)
         assert item.cycles.torque is not None
         scatter = float(np.sqrt(np.mean(np.var(item.cycles.torque, axis=0, ddof=1))))
+        own = {
+            name: row.prior[1] for name, row in item.candidates[0].data.rows.items() if row.role == "own" and row.prior
+        }
         loads[source.id] = run[1]
         for share in SPEED_FACTORS:
             points.append(
-                point_of(known, chain_of(rig_of(item), MIDDLE * share * RPM, curve), source, source.id, scatter)
+                point_of(
+                    known,
+                    chain_of(rig_of(item), MIDDLE * share * RPM, curve),
+                    source,
+                    source.id,
+                    Measuring(scatter, own),
+                )
             )
     gradient = np.eye(len(known.names))[known.names.index(target)]
     steps = plan(known, TargetQuantity(gradient), 0.0, points, (DURATION,), teeth=(False,))

@@ -13,6 +13,9 @@ import pytest
 from camtorque import cli
 from camtorque.campaign.find import search
 from camtorque.fit.metrics import metrics
+from camtorque.fit.planning import Measuring
+from camtorque.laws import ROWS
+from camtorque.plan import measuring_of
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.figures import FIGURES
@@ -95,3 +98,13 @@ def test_recordings_are_found_at_and_below_a_folder(tmp_path: Path) -> None:
     assert list(search(tmp_path / "a")[0]) == ["a"]
     with pytest.raises(Refusal, match="no such folder"):
         search(tmp_path / "c")
+
+
+@pytest.mark.slow
+def test_another_run_has_a_zero_as_unsure_as_the_transducers(report: Path) -> None:
+    """The literature's ±0.1 N m had promised twice what a run brings where standstill tells the zero to 1 N m."""
+    measuring = measuring_of(report)
+    _, std = document(report)["parameters"]["torque_zero"]["prior"]
+    assert measuring.spread("torque_zero") == pytest.approx(std)
+    assert measuring.spread("torque_zero") > ROWS["torque_zero"].prior[1]
+    assert Measuring(0.1, {}).spread("torque_zero") == ROWS["torque_zero"].prior[1]

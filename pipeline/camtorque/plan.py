@@ -17,6 +17,7 @@ from camtorque.fit.planning import (
     AS_GOOD,
     SETUP_MINUTES,
     TOOTH_MINUTES,
+    Measuring,
     Offer,
     Step,
     TargetQuantity,
@@ -108,9 +109,10 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     points = []
     for item in loads:
         rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
+        measuring = measuring_of(reports[item.id])
         for speed in speeds:
             chain = chain_of(rig, speed, curve)
-            points.append(point_of(known, chain, item, item.id, _scatter(reports[item.id])))
+            points.append(point_of(known, chain, item, item.id, measuring))
     teeth = (False, True) if tooth else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
     alone = weighed(known, goal.number, [(p, Offer(p.speed, p.load, DURATIONS[0], t)) for t in teeth for p in points])
@@ -127,10 +129,13 @@ def _loads(known: KnownFit) -> list[FittedAt]:
     return [ordered[k] for k in places[:MOST_LOADS]]
 
 
-def _scatter(report: Path) -> float:
-    """Return the standard deviation of one cycle's torque [N m]."""
+def measuring_of(report: Path) -> Measuring:
+    """Return what the report of one recording says of how well its bench measures."""
     with h5py.File(report / CYCLES) as file:
-        return float(np.sqrt(np.mean(np.asarray(file["mean/torque_std"]) ** 2)))
+        scatter = float(np.sqrt(np.mean(np.asarray(file["mean/torque_std"]) ** 2)))
+    rows = read_result(report / NAME)["parameters"].items()
+    own = {name: row["prior"][1] for name, row in rows if row["role"] == "own" and row["prior"]}
+    return Measuring(scatter, {name: std * ROWS[name].per_unit for name, std in own.items()})
 
 
 def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: tuple[str, float, bool]) -> Target:

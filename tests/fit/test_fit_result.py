@@ -21,7 +21,14 @@ from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
-from camtorque.fit.result import alternatives, fitted_torque, model_on_grid, modelled, parameter_estimates
+from camtorque.fit.result import (
+    alternatives,
+    fitted_torque,
+    model_on_grid,
+    modelled,
+    parameter_estimates,
+    return_start,
+)
 from camtorque.fit.search import Found
 from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std
 from camtorque.fit.solver import no_lift
@@ -49,6 +56,20 @@ def test_budget_splits_the_whole_variance(fit):
     for row, std in zip(rows, np.sqrt(np.diag(fit.deviation)), strict=True):
         assert row.total**2 == pytest.approx(sum(part**2 for part in row.contributions.values()), rel=1e-6)
         assert row.total**2 == pytest.approx(std**2 + 1e-18, rel=2e-2)
+
+
+@pytest.mark.parametrize("turned", [0.0, 2.0, 4.0])  # the return may go through the seam
+@pytest.mark.parametrize("n_theta", [600, 601, 20000])
+def test_where_the_return_starts_does_not_hang_on_the_grid(n_theta: int, turned: float) -> None:
+    theta = np.arange(n_theta) * 2.0 * np.pi / n_theta
+    output = SimpleNamespace(
+        pressure=1e8 + 2e7 * np.cos(theta - turned),
+        motion=SimpleNamespace(lift=[4e-3 * (1.0 + np.cos(theta - turned))]),
+    )
+    found = return_start(SimpleNamespace(output=output), np.full(n_theta, 1e5))  # type: ignore[arg-type]
+    assert found is not None
+    assert found.value == pytest.approx(1e8 + 2e7 * 0.9, rel=1e-5)  # cos is 0.9 at 95 % of the lift
+    assert found.stderr == pytest.approx(1e5)
 
 
 def test_work_and_torque_by_cause_scatter_as_stated(fit):

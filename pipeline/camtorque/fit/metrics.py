@@ -7,11 +7,14 @@ from numpy.typing import NDArray
 
 from camtorque.records import Array, Metrics, RigidTorque
 
+STROKE = (0.05, 0.95)
+"""Shares of the lift between which a stroke counts."""
+
 
 def stroke_masks(lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return where the lift rises and where it falls between 5 and 95 % of its range, each (n_theta,)."""
     share = (lift - np.min(lift)) / np.ptp(lift)
-    inside = (share >= 0.05) & (share <= 0.95)
+    inside = (share >= STROKE[0]) & (share <= STROKE[1])
     return inside & (velocity > 0.0), inside & (velocity < 0.0)
 
 

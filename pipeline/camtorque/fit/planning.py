@@ -87,14 +87,32 @@ class Step:
     std: float
 
 
-def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, scatter: float) -> Point:
+@dataclass(frozen=True)
+class Measuring:
+    """How well a bench measures.
+
+    Attributes
+    ----------
+    scatter : standard deviation of one cycle's torque [N m]
+    own_std : own parameter of a run, such as its zero -> standard uncertainty beforehand [SI]
+    """
+
+    scatter: float
+    own_std: Mapping[str, float]
+
+    def spread(self, name: str) -> float:
+        """Return how well an own parameter of another run is known beforehand [SI]."""
+        row = ROWS[name]
+        return self.own_std.get(name, row.prior[1] if row.prior else (row.upper - row.lower) / np.sqrt(12.0))
+
+
+def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring) -> Point:
     """Return one speed and load.
 
     Parameters
     ----------
     chain : pump, cam, speed, line pressure
     source : recording whose own parameters stand in
-    scatter : standard deviation of one cycle's torque [N m]
     """
     places = known.own(source.id)
     values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
@@ -106,22 +124,17 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, sc
     turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):
         if ROWS[name].role == "own":
-            own.append(by[:, at] * _spread(name))
+            own.append(by[:, at] * measuring.spread(name))
             continue
         shared[:, k] = by[:, at]
         tooth[k] = turned.get(name, 0.0)
     torque = output.torque + output.linear @ coefficients_of(values)
-    return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, scatter)
+    return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter)
 
 
 def evaluated(chain: ChainInput, values: Mapping[str, float]) -> ChainOutput:
     """Return the chain with its derivatives."""
     return evaluate(chain, values, coefficients_of(values), tangents=True)
-
-
-def _spread(name: str) -> float:
-    row = ROWS[name]
-    return row.prior[1] if row.prior else (row.upper - row.lower) / np.sqrt(12.0)
 
 
 def information(point: Point, offer: Offer, runs: int) -> Array:

@@ -16,7 +16,7 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.metrics import metrics, stroke_masks
+from camtorque.fit.metrics import STROKE, metrics
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles, on_grid
 from camtorque.fit.problem import SEPARATOR, STRUCTURES, Problem
@@ -188,7 +188,7 @@ def fitted_torque(
         correlation_names=fit.problem.names,
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
-        chamber_return_start=_return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
+        chamber_return_start=return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, fitted, means),
         losses_stderr=sure.work, gap_stderr=sure.gap,
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
@@ -302,13 +302,18 @@ def _chamber_peak(fitted: Modelled, std: Array | None) -> Estimate | None:
     return Estimate(float(fitted.output.pressure[top]), float(std[top]))
 
 
-def _return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
-    """Return the chamber pressure where the lift has fallen to 95 %."""
+def return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
+    """Return the chamber pressure where the lift has fallen to 95 %, whatever the grid."""
     if std is None:
         return None
-    lift, velocity = fitted.output.motion.lift[0], fitted.output.motion.lift[1]
-    start = int(np.flatnonzero(stroke_masks(lift, velocity)[1])[0])
-    return Estimate(float(fitted.output.pressure[start]), float(std[start]))
+    lift = fitted.output.motion.lift[0]
+    above = (lift - np.min(lift)) / np.ptp(lift) - STROKE[1]
+    after = np.roll(above, -1)
+    start = int(np.flatnonzero((above >= 0.0) & (after < 0.0))[0])
+    part = above[start] / (above[start] - after[start])
+    places = [start, (start + 1) % lift.size]
+    pressure, sure = (values[places] @ [1.0 - part, part] for values in (fitted.output.pressure, std))
+    return Estimate(float(pressure), float(sure))
 
 
 def _moved(nominal: float, row: ParameterEstimate, unit: float) -> Estimate:
