@@ -83,6 +83,13 @@ def test_a_transducer_of_one_direction_turns_with_its_whole_range():
     assert one["turning_cosine"].prior[1] > 0.0
 
 
+def test_the_drive_of_a_large_bench_may_repeat_more():
+    small, large = (rows_of(torque={"range_min": -top, "range_max": top})["ripple_sine"] for top in (50.0, 2000.0))
+    assert small.prior == ROWS["ripple_sine"].prior
+    assert large.prior == (0.0, 40.0)
+    assert large.upper == 200.0
+
+
 def test_a_warmer_fuel_is_softer_and_thinner():
     _, cycles, _ = bridged(KEY)
     stated = rows_of(FluidSpec(temperature=ZERO + 80.0))

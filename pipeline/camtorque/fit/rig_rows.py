@@ -8,7 +8,7 @@ import numpy as np
 
 from camtorque.align.budget import wandered_std
 from camtorque.config import FluidSpec, PumpData, RecordingConfig
-from camtorque.laws import ROWS
+from camtorque.laws import ROWS, ripple
 from camtorque.laws.fuels import fuel_temperature, modulus_prior, viscosity_ratio
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
@@ -27,6 +27,8 @@ NO_INERTIA = 1.0e-9
 TURNING_SHARE = 1.5e-3
 """Torque that turns with the transducer, over its nominal torque: bending and shear within their limits show as up to
 0.3 %, say mounting instructions of torque transducers."""
+RIPPLE_SHARE = 0.02
+"""Torque that teeth or poles of a drive repeat, over the transducer's nominal torque, where that is a large one's."""
 USUAL_PLUNGER, USUAL_CAM = (0.007, 0.011), (0.015, 0.03)
 """Diameters and base circle radii of the pumps that the literature of the rows speaks of [m]."""
 USUAL_TWIST, COUPLING_TWIST = 5.0e-3, 15.0e-3
@@ -101,12 +103,16 @@ def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
 
 
 def _set_bridge(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
-    """Take what turns with the transducer as a share of its nominal torque."""
+    """Take what turns with the transducer, and what a large drive repeats, as a share of the nominal torque."""
     nominal = torque.largest_reading
     if np.isfinite(nominal):
         for name in ("turning_cosine", "turning_sine"):
             _set(rows, name, prior=(0.0, TURNING_SHARE * nominal), step=0.3 * TURNING_SHARE * nominal,
                  lower=-0.05 * nominal, upper=0.05 * nominal)  # fmt: skip
+        for name in ripple.NAMES:
+            row, std = rows[name], RIPPLE_SHARE * nominal
+            if row.prior and std > row.prior[1]:
+                _set(rows, name, prior=(0.0, std), lower=min(row.lower, -5.0 * std), upper=max(row.upper, 5.0 * std))
 
 
 def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:
