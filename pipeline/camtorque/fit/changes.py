@@ -180,12 +180,7 @@ def marginal(matrix: Array, vector: Array, k: int) -> tuple[Array, Array]:
 
 
 def fitted(pair: Pair, start: tuple[PairState, tuple[str, ...], int]) -> Fitted:
-    """Return a set of groups at its minimum.
-
-    Parameters
-    ----------
-    start : state of a smaller set to begin at, groups, iterations at most
-    """
+    """Return a set at its minimum; ``start``: state of a smaller set, the groups, iterations at most."""
     state, groups, iterations = start
     state = minimised(pair, along(pair, state, basis_of(pair, state.before, groups)), iterations)
     matrix, vector = normal_equations(pair, state, state.basis.columns, state.moved)
