@@ -95,7 +95,7 @@ PUMP_RATIOS: dict[str, Ratio] = {
                           (0.6, 1.5), (0.1, 6.0), (0.02, 20.0), "roller_width_m, roller_radius_m"),
     "size": Ratio("mean of largest lift and plunger diameter over base circle radius",
                   lambda p, t: _mean(float(np.ptp(t.lift)), p.plunger_diameter) / p.base_circle_radius,
-                  (0.25, 0.54), (0.24, 0.85), (0.02, 3.0),
+                  (0.22, 0.54), (0.21, 0.85), (0.02, 3.0),
                   "base_circle_radius_m (is it the diameter?), the lift table, plunger_diameter_m (is it the radius?)"),
     "roller_size": Ratio("roller radius over the mean of largest lift, plunger diameter and 0.4 base circle radii",
                          lambda p, t: p.roller_radius / _mean(float(np.ptp(t.lift)), p.plunger_diameter,
