@@ -143,6 +143,15 @@ def test_turned_trigger_keeps_its_leading_edge(change: Callable[[np.ndarray], np
     check_angle(cycles)
 
 
+def test_a_bounce_before_every_pulse_does_not_turn_the_trigger() -> None:
+    def bounced(volts: np.ndarray) -> np.ndarray:
+        for edge in np.flatnonzero(np.diff(volts > 2.5) & (volts[1:] > 2.5)):
+            volts[max(edge - 12, 0) : max(edge - 8, 0)] = 5.0
+        return volts
+
+    assert codes(align(edited("trigger", bounced))) == {"trigger_bounced"}
+
+
 def test_declared_falling_edge_is_taken() -> None:
     cycles = align(make(replace(RIG, edge="falling")))
     # The trailing edge passes one pulse width (0.11 rad) later, at the nominal angle.

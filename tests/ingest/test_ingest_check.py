@@ -57,6 +57,16 @@ def test_a_glitch_is_told_in_the_first_and_last_turns_too(tmp_path: Path, turn):
     assert "isolated_samples" in {row.code for row in summarise(recording).findings}
 
 
+def test_a_contact_that_bounces_at_every_pulse_is_not_two_marks(tmp_path: Path):
+    log = clean_log(revolutions=9.9)
+    volts = log.volts["trigger"].copy()
+    for edge in np.flatnonzero((volts[:-1] <= 2.5) & (volts[1:] > 2.5)):
+        volts[edge + 25 : edge + 28] = 5.0
+    found = summarise(read_recording(write_folder(tmp_path, [log.with_volts("trigger", volts)], Plan("hdf5"))))
+    assert not {row.code for row in found.findings} & {"pulses_irregular", "speed_off_nominal"}
+    assert found.speed_rpm == pytest.approx(600.0, rel=0.02)
+
+
 def test_edges_of_pulses_are_not_isolated_samples():
     square = (np.arange(10_000) % 500 < 40).astype(float) + 1e-3 * np.random.default_rng(6).standard_normal(10_000)
     assert isolated_samples(square, False).size == 0

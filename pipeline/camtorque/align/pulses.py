@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.records import Array, Finding
+from camtorque.signal.bounces import without_bounces
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 
-BOUNCE_PERIODS = Threshold(
-    0.1, "periods", "physics",
-    "An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."
-)  # fmt: skip
 SAME_PERIOD = Threshold(
     0.15, "1", "simulated rigs", "Relative difference within which two gaps together count as one period."
 )
@@ -62,31 +59,13 @@ class PulseTrain:
 
 def clean_pulses(time: Array) -> PulseTrain:
     """Remove bounced and doubled pulses of an evenly divided shaft and put in missed ones; edge times in seconds."""
-    kept, n_bounced = _without_bounces(time)
+    kept, n_bounced = without_bounces(time)
     kept, n_doubled = _without_extras(kept)
     return _with_missed(kept, n_bounced, n_doubled)
 
 
 def _local_period(time: Array) -> Array:
     return running_median(np.diff(time), LOCAL_PERIODS)
-
-
-def _without_bounces(time: Array) -> tuple[Array, int]:
-    """Keep the first edge of a burst: the contact closes first and bounces afterwards."""
-    if time.size < 3:
-        return time, 0
-    gaps = np.diff(time)
-    shortest = BOUNCE_PERIODS * np.median(gaps[gaps >= 0.5 * np.percentile(gaps, 75)])
-    if gaps.min() >= shortest:
-        return time, 0
-    keep = np.ones(time.size, dtype=bool)
-    last = time[0]
-    for i in range(1, time.size):
-        if time[i] - last < shortest:
-            keep[i] = False
-        else:
-            last = time[i]
-    return time[keep], int(np.sum(~keep))
 
 
 def _without_extras(time: Array) -> tuple[Array, int]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from camtorque.config import RecordingConfig
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.signal.bounces import without_bounces
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.marks import uneven_marks
 from camtorque.signal.pickup import find_pulses
@@ -92,6 +93,8 @@ def _pulses(channel: Channel, config: RecordingConfig, known: Array | None) -> t
         times = find_pulses(channel, config.trigger.sensor, config.trigger.edge).time if known is None else known
     except Refusal as refusal:
         return np.empty(0), [Finding("few_pulses", "error", str(refusal))]
+    if config.trigger.pulses_per_rev == 1 and not config.trigger.double_tooth:
+        times, _ = without_bounces(times)
     return times, _pulse_findings(channel, times, config)
 
 

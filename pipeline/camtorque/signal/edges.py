@@ -29,6 +29,10 @@ REST_HIGH = Threshold(
     0.65, "1", "convention",
     "A signal that is high for longer than this part of a usual period rests high: its pulses point down."
 )  # fmt: skip
+LONGEST_USUAL = Threshold(
+    3.0, "1", "convention",
+    "In a period of so many times what three quarters do not exceed the shaft stands still: it is no usual one."
+)  # fmt: skip
 BUNDLE = 4096
 """Edges worked off at once."""
 MIN_HEIGHT_TO_NOISE = Threshold(
@@ -270,10 +274,13 @@ def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
 
 
 def _high_fraction(rising: NDArray[np.int64], falling: NDArray[np.int64]) -> float:
-    """Return the part of a usual period that the signal is high: a shaft that stands still does not count."""
-    if rising.size < 2 or not falling.size:
+    """Return the part of the usual periods that the signal is high: a shaft that stands still does not count."""
+    periods = np.diff(rising)
+    after = np.searchsorted(falling, rising[:-1])
+    if not periods.size or after[-1] >= falling.size:
         return 0.0
-    return _pulse_width(rising.astype(np.float64), falling) / _median(np.diff(rising))
+    usual = periods <= LONGEST_USUAL * np.percentile(periods, 75.0)
+    return float(np.sum((falling[after] - rising[:-1])[usual]) / np.sum(periods[usual]))
 
 
 def _median(values: Array) -> float:
