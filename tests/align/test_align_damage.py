@@ -178,6 +178,12 @@ def test_drop_outs_cost_their_cycles(quantity: str, change: Callable[[np.ndarray
     check_angle(cycles)
 
 
+def test_a_torque_that_stands_still_for_a_while_is_no_other_running() -> None:
+    cycles = align(edited("torque", part(0.2, 0.5)))
+    assert lost(cycles).keys() == {"drop_out"}
+    assert "running_changes" not in codes(cycles)
+
+
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])
 def test_constant_channel_is_refused(quantity: str) -> None:
     with pytest.raises(

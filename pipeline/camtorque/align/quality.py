@@ -140,7 +140,7 @@ def _misfire(table: CycleTable) -> Mask:
 def ordinary(table: CycleTable) -> Mask:
     """Return the complete cycles that nothing is wrong with but, maybe, their shape or place."""
     found = table.undamaged & ~_misfire(table) & ~_start_stop(table) & ~_speed_outlier(table)
-    found &= ~table.unproven & ~table.clock_jump
+    found &= ~table.unproven & ~table.clock_jump & ~_drop_out(table)
     for quantity in table.damage:
         found &= ~_clipped(quantity)(table)
     return found
