@@ -84,6 +84,8 @@ def test_arrays_in_another_unit_and_sensors_of_another_name_are_told(
             recording(pump_file, {**arrays, "pressure": factor * arrays["pressure"]})
     low = recording(pump_file, {**arrays, "pressure": 3e-5 * arrays["pressure"]})
     assert [row.severity for row in low.findings if row.code == "torque_without_pressure"] == ["error"]
+    volts = recording(pump_file, {**arrays, "pressure": 5e-8 * arrays["pressure"], "torque": 0.025 * arrays["torque"]})
+    assert "pressure_weak" in {row.code for row in volts.findings}
     with pytest.raises(camtorque.Refusal, match="predict: found a pressure of type list, expected a CSV file"):
         camtorque.predict(ROOT / "calibration" / "paper_pump.toml", 500.0, pressure=[1e5, 2e5])  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="sensors: found 'Torque', expected 'torque' and 'pressure'"):

@@ -16,7 +16,8 @@ import numpy as np
 from camtorque.config import PumpData
 from camtorque.config.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
 from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
-from camtorque.records import Array, CamTable, ReadOnly, Refusal
+from camtorque.records import Array, CamTable, Finding, ReadOnly, Refusal
+from camtorque.units import BAR, short
 
 ONCE = ("pump", "cam", "mounting", "shaft", "friction")
 """Tables that are there once or not at all."""
@@ -79,6 +80,21 @@ class PressureCurve(ReadOnly):
         for name in ("theta", "pressure"):  # copies: those of the caller stay his to write
             object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
         super().__post_init__()
+
+
+def weak_pressure(pump: PumpData, peak: float, where: str = "") -> tuple[Finding, ...]:
+    """Return a warning where the largest pressure [Pa] presses less than the spring of the follower.
+
+    No pump is built for that.
+    """
+    force = pump.plunger_area * peak
+    if not 0.0 < force < pump.spring_preload:
+        return ()
+    text = (
+        f"the largest pressure of {short(peak / BAR)} bar presses the plunger with {short(force)} N, less than the "
+        f"spring with {short(pump.spring_preload)} N: is the pressure in its unit?"
+    )
+    return (Finding("pressure_weak", "warning", text, where),)
 
 
 def load_pump_config(path: Path | str) -> PumpConfig:

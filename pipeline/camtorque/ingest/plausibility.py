@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
+from camtorque.config.pump import weak_pressure
 from camtorque.config.tables import Problems
 from camtorque.ingest.largest import largest, marked_missing, overload_findings
 from camtorque.ingest.outliers import outliers_text
@@ -267,7 +268,7 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
     if not peak > 0.0:
         return []
     is_loaded = peak > LOADED
-    findings = _contact(pump, pump.plunger_area * peak, where) if is_loaded else []
+    findings = _contact(pump, pump.plunger_area * peak, where) if is_loaded else [*weak_pressure(pump, peak, where)]
     measured = peaks.get("torque", math.nan)
     if math.isnan(measured):
         return findings
@@ -286,7 +287,8 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
         beyond = low > LOAD_POSSIBLE[1]
         if beyond and (slip := _other_unit("pressure", PRESSURE_SLIPS, high)):
             raise Refusal(f"{where}: {text}; {slip}; else {_implied(pump, slope, high)}")
-        return [Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)] * beyond
+        impossible = Finding("torque_without_pressure", "error", f"{text}; {_implied(pump, slope, high)}", where)
+        return [impossible] if beyond else findings
     if high < LOAD_POSSIBLE[0] or low > LOAD_POSSIBLE[1]:
         slip = _other_unit("torque", TORQUE_SLIPS, high)
         implied = f"{slip}; else {_implied(pump, slope, high)}" if slip else _implied(pump, slope, high)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from camtorque.config.pump import PressureCurve, PumpConfig
+from camtorque.config.pump import PressureCurve, PumpConfig, weak_pressure
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.elastic import solve_elastic
@@ -18,7 +18,7 @@ from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
-from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings, load_findings
+from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings
 from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
@@ -146,7 +146,7 @@ def predict(
     pumps, torque, flights = zip(*(at(value) for value in speed), strict=True)
     roller = assumed_roller(config.pump)
     findings = (
-        *curve_findings(pressure), *load_findings(pressure, config.pump),
+        *curve_findings(pressure), *weak_pressure(config.pump, float(np.max(curve.pressure))),
         *cam_findings(tables.kinematics, law, roller, pressure is None),
         *flight_findings(flights, speed),
     )  # fmt: skip

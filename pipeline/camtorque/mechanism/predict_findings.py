@@ -5,28 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from camtorque.config.pump import PressureCurve
-from camtorque.config.specs import PumpData
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.flight import Flight
 from camtorque.mechanism.friction import jamming_friction
 from camtorque.mechanism.kinematics import Kinematics
 from camtorque.mechanism.mounting import Roller
 from camtorque.records import Array, Finding
-from camtorque.units import BAR, DEGREE, RPM, TURN, short
+from camtorque.units import DEGREE, RPM, TURN
 
 WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
 """Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
-
-
-def load_findings(curve: PressureCurve | None, pump: PumpData) -> tuple[Finding, ...]:
-    """Return a warning where the pressure presses less than the spring of the follower: no pump is built for that."""
-    if curve is None or not 0.0 < (force := pump.plunger_area * float(np.max(curve.pressure))) < pump.spring_preload:
-        return ()
-    text = (
-        f"the largest pressure of {short(float(np.max(curve.pressure)) / BAR)} bar presses the plunger with "
-        f"{short(force)} N, less than the spring with {short(pump.spring_preload)} N: is the pressure in its unit?"
-    )
-    return (Finding("pressure_weak", "warning", text),)
 
 
 def curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
