@@ -40,11 +40,11 @@ UNITS: dict[str, dict[str, float]] = {
     "voltage": {"V": 1.0, "mV": 1.0e-3, "uV": 1.0e-6, "kV": 1.0e3},
     "bridge output": {"mV/V": 1.0, "uV/V": 1.0e-3, "V/V": 1.0e3},
     "pressure": {"Pa": 1.0, "kPa": 1.0e3, "MPa": 1.0e6, "GPa": 1.0e9, "hPa": 1.0e2, "bar": BAR, "mbar": 1.0e-3 * BAR,
-                 "kbar": 1.0e3 * BAR, "psi": POUND_FORCE / INCH**2, "N/mm2": 1.0e6, "atm": ATMOSPHERE,
-                 "kgf/cm2": 1.0e4 * KILOPOND},
-    "torque": {"N m": 1.0, "kN m": 1.0e3, "mN m": 1.0e-3, "N cm": 1.0e-2, "N mm": 1.0e-3, "lbf in": POUND_FORCE * INCH,
-               "lbf ft": POUND_FORCE * 12.0 * INCH, "ozf in": POUND_FORCE / 16.0 * INCH, "kgf m": KILOPOND,
-               "kgf cm": 1.0e-2 * KILOPOND},
+                 "kbar": 1.0e3 * BAR, "psi": POUND_FORCE / INCH**2, "ksi": 1.0e3 * POUND_FORCE / INCH**2,
+                 "N/mm2": 1.0e6, "atm": ATMOSPHERE, "kgf/cm2": 1.0e4 * KILOPOND},
+    "torque": {"N m": 1.0, "kN m": 1.0e3, "daN m": 10.0, "mN m": 1.0e-3, "N cm": 1.0e-2, "N mm": 1.0e-3,
+               "lbf in": POUND_FORCE * INCH, "lbf ft": POUND_FORCE * 12.0 * INCH,
+               "ozf in": POUND_FORCE / 16.0 * INCH, "kgf m": KILOPOND, "kgf cm": 1.0e-2 * KILOPOND},
     "time": {"s": 1.0, "ms": 1.0e-3, "us": 1.0e-6, "ns": 1.0e-9, "min": 60.0, "h": 3600.0},
     "length": {"m": 1.0, "mm": 1.0e-3, "um": 1.0e-6, "nm": 1.0e-9, "in": INCH},
     "angle": {"rad": 1.0, "deg": DEGREE, "rev": TURN},
@@ -69,15 +69,18 @@ SPELLINGS: dict[str, str] = {spelling: unit for unit, spellings in {
     "ozf in": ("in oz", "in-oz", "oz in", "oz-in", "ozf.in", "ozf*in"),
     "kgf/cm2": ("kgf/cm^2", "kgf/cm²", "kg/cm2", "kg/cm^2", "kg/cm²", "kp/cm2", "kp/cm²"),
     "kgf m": ("kgfm", "kgf.m", "kgf*m", "kp m", "kpm"), "kgf cm": ("kgfcm", "kgf.cm", "kgf*cm", "kp cm"),
-    "N m": ("Nm", "NM", "N-m", "Newton-meter", "Newton-meters", "N*m", "N.m"), "kN m": ("kNm",), "mN m": ("mNm",),
+    "N m": ("Nm", "NM", "N-m", "Newton-meter", "Newton-meters", "Newton meter", "Newton meters", "N*m", "N.m"),
+    "kN m": ("kNm",), "daN m": ("daNm",), "mN m": ("mNm",),
     "N cm": ("Ncm",), "N mm": ("Nmm",), "N/mm2": ("N/mm^2", "N/mm²"), "V": ("Volt", "volt", "Volts", "volts", "VDC"),
-    "s": ("sec", "second", "seconds", "Sekunden"), "ms": ("msec",), "us": ("usec",), "psi": ("PSI", "psig", "psi g"),
-    "bar": ("barg", "bar g", "Bar", "BAR"),
+    "s": ("sec", "second", "seconds", "Sekunden"), "ms": ("msec",), "us": ("usec",), "psi": ("PSI",),
+    "ksi": ("kpsi", "KSI"), "bar": ("Bar", "BAR"),
     "deg": ("°", "degree", "degrees", "Grad", "degCA", "deg CA", "°CA", "° CA", "°KW", "° KW", "degKW"),
     "rad": ("radians",), "in": ("inch", "inches", '"'),
 }.items() for spelling in spellings}  # fmt: skip
 """Other spellings that mean one thing only."""
-ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$")
+GAUGE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?(g|gauge)\)?$", re.IGNORECASE)
+"""barg, bar(g), psig, kPa gauge: a pressure that counts from the atmosphere, as all do."""
+ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$", re.IGNORECASE)
 """bara, bar abs, psia, kPa(a): a pressure that counts from vacuum."""
 LOGARITHM = re.compile(r"ln\((.*)\)")
 """Unit of a parameter that acts by its logarithm; one of 1 is no unit."""
@@ -89,7 +92,9 @@ def tidy_unit(unit: str) -> str:
     """Return the one spelling of a unit: blanks, brackets and the two micro signs smoothed."""
     text = unit.strip().strip("[]()").replace("µ", "u").replace("μ", "u").replace("·", " ").replace("⋅", " ")
     text = " ".join(text.split())
-    return SPELLINGS.get(text, text)
+    gauge = GAUGE.match(text)
+    base = SPELLINGS.get(gauge["unit"], gauge["unit"]) if gauge else ""
+    return base if base in UNITS["pressure"] else SPELLINGS.get(text, text)
 
 
 def plain_unit(unit: str) -> str:

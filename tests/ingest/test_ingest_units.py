@@ -14,7 +14,11 @@ from hypothesis import strategies as st
         ("kPa", "pressure", 1e3),
         ("MPa", "pressure", 1e6),
         ("psi", "pressure", 6894.757293168362),  # 4.4482216152605 N over (25.4 mm)^2
+        ("ksi", "pressure", 6894757.293168362),
+        ("bar(g)", "pressure", 1e5),
+        ("PSIG", "pressure", 6894.757293168362),
         ("N m", "torque", 1.0),
+        ("daNm", "torque", 10.0),
         ("Nm", "torque", 1.0),
         ("N·m", "torque", 1.0),
         ("kN m", "torque", 1e3),
@@ -36,6 +40,12 @@ def test_unknown_and_foreign_units_are_refused():
         unit_factor("baar", "pressure", "here")
     with pytest.raises(Refusal, match="unit 'bar' is a pressure, expected a torque unit"):
         unit_factor("bar", "torque", "here")
+
+
+@pytest.mark.parametrize("unit", ["psia", "PSIA", "bar(a)", "kPa abs"])
+def test_a_pressure_from_vacuum_is_refused_with_the_key_that_says_so(unit: str):
+    with pytest.raises(Refusal, match='reference = "absolute" in its'):
+        unit_factor(unit, "pressure", "here")
 
 
 def test_millibar_and_megabar_are_not_mixed_up():
