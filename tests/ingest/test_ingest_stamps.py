@@ -118,3 +118,22 @@ def test_a_first_number_above_twelve_is_a_day() -> None:
     texts = ["05/12/2024 10:00:00", "25/12/2024 10:00:00"]
     assert np.diff(seconds_of_texts(texts, "slashes")) == pytest.approx(20.0 * 86_400.0)
     assert np.diff(seconds_of_texts(["05/12/2024 10:00:00", "05/13/2024 10:00:00"], "slashes")) == 86_400.0
+
+
+@pytest.mark.parametrize(("digits", "seconds"), [(6, 12.0), (6, 60.0), (5, 3.0), (4, 3.0), (4, 1.2)])
+def test_a_time_printed_with_a_fixed_number_of_digits_is_even(digits: int, seconds: float):
+    times = np.arange(round(seconds * 20_000)) / 20_000.0
+    printed = np.array([float(f"{time:.{digits}g}") for time in times])
+    base = read_stamps(ArraySource(printed), 20_000.0, "log")
+    assert base.rate == 20_000.0
+    assert [row.code for row in base.findings] == ["time_stamps_coarse"]
+    assert abs(base.start) < 1e-3
+
+
+def test_rows_that_stand_there_twice_are_no_time_that_runs_back():
+    times = np.arange(20_000) / 10_000.0
+    (found,) = read_stamps(
+        ArraySource(np.insert(times, [4_000, 9_000], times[[4_000, 9_000]])), 10_000.0, "log"
+    ).findings
+    assert found.code == "time_repeated"
+    assert found.text.startswith("2 rows have the time of the one before: leave out those that stand there twice")

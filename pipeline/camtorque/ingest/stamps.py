@@ -20,8 +20,10 @@ BESIDE = 8
 """Stamps on either side of an odd step whose medians tell whether time stays where it was."""
 MANY_ODD = 0.01
 """Above this share of odd steps the stamps are not a uniform time base."""
-MANY_SHARED = 0.2
-"""Above this share of steps of nothing the stamps have too few digits."""
+COARSEST = 99.0
+"""Percentile of the steps of shared stamps that is their coarsest: the rest may be gaps."""
+STANDS = 0.1
+"""A step of less than this part of a sampling interval is none: the row stands there twice."""
 RATE_NOTE = 1.0e-5
 """Relative difference of two rates that is worth a finding: ten times what a crystal is off."""
 RATE_GROSS = 0.05
@@ -57,8 +59,8 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
     Refusal : when there are fewer than two stamps, when they do not run forward, or contradict the declared rate
         grossly
     """
-    if _is_coarse(times, to_seconds):
-        return _coarse_base(times, declared_rate, where, to_seconds)
+    if resolution := _shared_step(times, to_seconds):
+        return _coarse_base(times, declared_rate, where, to_seconds, resolution)
     step, rounding = _usual_step(times, where, to_seconds)
     odd_index, odd_size, passing, damaged, first, last = _odd_steps(times, step, to_seconds)
     steps_seen = last[0] - first[0]
@@ -78,14 +80,20 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
     return Stamps(start, rate, tuple(index.tolist()), tuple(size.tolist()), (*findings, *more))
 
 
-def _is_coarse(times: SampleSource, to_seconds: float) -> bool:
-    """Tell stamps that several samples share although time runs forward: printed with fewer digits than it takes."""
-    steps = np.diff(times.read(0, min(times.n_samples, BLOCK)) * to_seconds)
+def _shared_step(times: SampleSource, to_seconds: float) -> float:
+    """Return the step of stamps that several samples share [s], 0 where they do not.
+
+    Such stamps were printed with too few digits, maybe from some time on only: a fixed number of them tells less and
+    less of a time that grows.
+    """
+    steps = np.diff(times.read(max(times.n_samples - BLOCK, 0), times.n_samples) * to_seconds)
     steps = steps[np.isfinite(steps)]
-    return bool(steps.size) and float(np.mean(steps == 0.0)) > MANY_SHARED and float(steps.sum()) > 0.0
+    shared = steps == 0.0
+    behind = steps[1:][shared[:-1] & (steps[1:] > 0.0)]
+    return float(np.percentile(behind, COARSEST)) if behind.size and np.mean(shared) > MANY_ODD else 0.0
 
 
-def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_seconds: float) -> Stamps:
+def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_seconds: float, resolution: float) -> Stamps:
     """Return start and rate of stamps that several samples share; they have to follow the declared rate.
 
     Raises
@@ -94,15 +102,13 @@ def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_secon
     """
     stamps = times.read(0, times.n_samples) * to_seconds
     good = np.flatnonzero(np.isfinite(stamps))
-    steps = np.diff(stamps[good])
-    resolution = float(np.median(steps[steps > 0.0]))
     off = stamps[good] - good / declared_rate
     spread = float(np.ptp(off))
     if spread > 2.0 * resolution + 2.0 / declared_rate:
         raise Refusal(
             f"{where}: several samples share each time stamp (they step by {resolution:.6g} s), and sample_rate_hz = "
             f"{declared_rate:.8g} leaves the stamps by {spread:.4g} s over {stamps[good[-1]] - stamps[good[0]]:.6g} s: "
-            "give the rate of the logger, or export the time with more digits"
+            "give the rate of the logger, export the time with more digits, or leave out rows that stand there twice"
         )
     text = (
         f"several samples share each time stamp, which step by {resolution:.6g} s: the samples are taken as "
@@ -224,11 +230,19 @@ def _stamp_findings(damaged: int, strays: int, where: str) -> list[Finding]:
 
 def _break_findings(index: np.ndarray, size: Array, step: float, where: str) -> list[Finding]:
     found = []
-    forward, back = size > 0.0, size <= -step
+    forward, back, twice = size > 0.0, size < -step, np.abs(size + step) < STANDS * step
     for chosen, code, what in (
         (forward, "time_gap", ("gap in time", "gaps in time")),
-        (~forward & ~back, "time_short_step", ("step that is too short", "steps that are too short")),
-        (back, "time_not_monotonic", ("place where time runs back", "places where time runs back")),
+        (~forward & ~back & ~twice, "time_short_step", ("step that is too short", "steps that are too short")),
+        (
+            twice,
+            "time_repeated",
+            (
+                "row has the time of the one before and may stand there twice",
+                "rows have the time of the one before: leave out those that stand there twice",
+            ),
+        ),
+        (back & ~twice, "time_not_monotonic", ("place where time runs back", "places where time runs back")),
     ):
         count = int(chosen.sum())
         if count:
