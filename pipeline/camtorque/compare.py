@@ -141,12 +141,7 @@ def recording_path(path: Path) -> Path:
 
 @on_one_thread
 def compare_prepared(before: Prepared, after: Prepared, progress: Progress = silent) -> Compared:
-    """Return what differs between a recording whose minima are found and another one.
-
-    Raises
-    ------
-    Refusal : they are recordings of different pumps or speeds
-    """
+    """Return what differs between a recording whose minima are found and another one of its pump and speed."""
     progress("fitting both together")
     pair = best_pair(before, after)
     progress("weighing what may have changed")
@@ -177,6 +172,16 @@ def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
                 f"compare: {name} is {found[name]}, expected one pump; compare recordings of the same pump, or correct "
                 "the wrong number"
             )
+
+
+def _refuse_other_speed(before: Prepared, after: Prepared) -> None:
+    speeds = [side.cycles.mean_speed / RPM for side in (before, after)]
+    if abs(speeds[1] / speeds[0] - 1.0) > SAME_SPEED:
+        raise Refusal(
+            f"compare: {before.recording.config.id} runs at {speeds[0]:.1f} rpm and {after.recording.config.id} at "
+            f"{speeds[1]:.1f} rpm, expected one speed within {100 * SAME_SPEED:.0f} %; the laws' error cancels at one "
+            "speed only; compare recordings of one speed, or campaigns that hold the same speeds"
+        )
 
 
 def aligned(path: Path, progress: Progress) -> Prepared:
@@ -341,5 +346,6 @@ def _one_pair(before: Path, after: Path, progress: Progress) -> Compared:
     one, two = (aligned(path, progress) for path in (before, after))
     refuse_same(one.recording, two.recording)
     _refuse_other_pump(one, two)
+    _refuse_other_speed(one, two)
     progress(f"fitting {one.recording.config.id}")
     return compare_prepared(prepare(one.recording, one.cycles, one.rigid), two, progress)

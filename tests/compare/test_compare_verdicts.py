@@ -12,7 +12,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
-from camtorque.compare import left_out_rows, matched, recording_path, refuse_same, torque_ratio, whole_verdict
+from camtorque.compare import (
+    compare,
+    left_out_rows,
+    matched,
+    recording_path,
+    refuse_same,
+    torque_ratio,
+    whole_verdict,
+)
 from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict
 from camtorque.laws import ROWS
@@ -118,6 +126,13 @@ def test_a_recording_held_against_itself_is_refused() -> None:
     refuse_same(of("a", "sheet", "log"), of("b", "sheet", "other log"))  # type: ignore[arg-type]
     with pytest.raises(Refusal, match="a and copy are the same files, expected two recordings"):
         refuse_same(of("a", "sheet", "log"), of("copy", "log", "sheet"))  # type: ignore[arg-type]
+
+
+def test_recordings_of_two_speeds_are_refused_before_a_fit(tmp_path: Path) -> None:
+    examples, told = Path(__file__).resolve().parents[2] / "raw_examples", []
+    with pytest.raises(Refusal, match=r"at 500\.0 rpm and A_1000rpm at 1000\.1 rpm, expected one speed within 2 %"):
+        compare(examples / "A_0500rpm", examples / "A_1000rpm", tmp_path / "out", told.append)
+    assert not [text for text in told if text.startswith("fitting")]
 
 
 def test_every_event_moves_parameters_that_exist() -> None:

@@ -21,7 +21,7 @@ from camtorque.fit.solver import lifts_at
 from camtorque.laws import ripple
 from camtorque.laws.chain import BINS, COLUMN_NAMES, coefficients_of, derivative_by, evaluate
 from camtorque.process.second_process import in_two
-from camtorque.records import Array, CamCycles, ReadOnly, Refusal
+from camtorque.records import Array, CamCycles, ReadOnly
 
 SAME_SPEED = 0.02
 """Relative difference of speed up to which the laws' error counts as common."""
@@ -124,10 +124,6 @@ def best_pair(before: Prepared, after: Prepared) -> Pair:
     Beside a valve near chattering a minimum may explain the first recording a little better and yet say nothing of a
     difference: a microsecond turns its ringing over. The logarithm of the determinant of the difference's covariance
     is what that costs.
-
-    Raises
-    ------
-    Refusal : see `pair_of`
     """
     least = before.candidates[0].value
     near = [start for start in before.candidates if start.value < least + MOST_WORSE]
@@ -140,20 +136,7 @@ def best_pair(before: Prepared, after: Prepared) -> Pair:
 
 
 def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
-    """Return two recordings in the structure of one of the minima of the first, not weighed yet.
-
-    Raises
-    ------
-    Refusal : they run at different speeds
-    """
-    speeds = [item.cycles.mean_speed * 30.0 / np.pi for item in (before, after)]
-    if abs(speeds[1] / speeds[0] - 1.0) > SAME_SPEED:
-        raise Refusal(
-            f"compare: {before.recording.config.id} runs at {speeds[0]:.1f} rpm and {after.recording.config.id} at "
-            f"{speeds[1]:.1f} rpm, "
-            f"expected one speed within {100 * SAME_SPEED:.0f} %; the laws' error cancels at one speed only; compare "
-            "recordings of one speed, or campaigns that hold the same speeds"
-        )
+    """Return two recordings of one speed in the structure of one of the minima of the first, not weighed yet."""
     lost = start.data.chain.shaft_torque - before.measured
     items = tuple(_item(side, start.data, lost) for side in (before, after))
     problem = start.problem
