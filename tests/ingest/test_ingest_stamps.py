@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from camtorque.ingest.cells import STAMPS
 from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.stamp_texts import seconds_of_texts
 from camtorque.ingest.stamps import read_stamps
@@ -137,3 +138,13 @@ def test_rows_that_stand_there_twice_are_no_time_that_runs_back():
     ).findings
     assert found.code == "time_repeated"
     assert found.text.startswith("2 rows have the time of the one before: leave out those that stand there twice")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["2025-10-26T00:59:58.5Z", "2025-10-26 00:59:58.5 UTC", "2025-10-26 02:59:58.5 +0200", "2025-10-26 02:59:58.5+02",
+     "20251026T005958.5", "20251026T025958,5+02:00"],
+)  # fmt: skip
+def test_iso_stamps_tell_their_zone_in_any_way(text: str):
+    assert STAMPS["iso"].match(text)
+    assert seconds_of_texts([text], "iso").tolist() == [1_761_440_398.5]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 LONGEST_MONTH, MONTHS, CENTURY = 31, 12, 2000
 STAMPS: dict[str, re.Pattern[str]] = {
-    "iso": re.compile(r"^\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,:]\d+)?(Z|[+-]\d\d:?\d\d)?$"),
+    "iso": re.compile(r"^(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,:]\d+)?|\d{8}T\d{6}([.,]\d+)?)"
+                      r"( ?(Z|UTC|[+-]\d\d(:?\d\d)?))?$"),
     "year first": re.compile(r"^\d{4}[/.]\d{1,2}[/.]\d{1,2}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
     "month name": re.compile(r"^\d{1,2}[- ][A-Za-z]{3}[- ]\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
     "day first": re.compile(r"^\d{1,2}([.-])\d{1,2}\1(\d\d){1,2}[ T]+\d\d:\d\d:\d\d([.,:]\d+)?$"),
@@ -19,7 +20,7 @@ STAMPS: dict[str, re.Pattern[str]] = {
     "minutes": re.compile(r"^\d{1,2}:\d\d[.,]\d+$"),
     "seconds": re.compile(r"^\d+([.,]\d+)?([eE][+-]?\d+)? ?(s|sec)$"),
     "date": re.compile(r"^\d{4}([-/.])\d{1,2}\1\d{1,2}$|^\d{1,2}([./-])\d{1,2}\2(\d\d){1,2}$"),
-}
+}  # fmt: skip
 """Kinds of date and time; a date alone is a column that is skipped."""
 LEVELS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "high": 1.0, "low": 0.0, "wahr": 1.0, "falsch": 0.0,
           "ein": 1.0, "aus": 0.0}  # fmt: skip

@@ -40,7 +40,9 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
     if kind in PERIODS:
         clock = _whole_day(texts, errors) if kind == "clock" else "00:" + texts
         return pd.to_timedelta(clock, errors=errors) / pd.Timedelta(seconds=1)
-    if kind != "iso":
+    if kind == "iso":
+        texts = texts.str.removesuffix("UTC").str.strip()
+    else:
         parts = texts.str.extract(DATES[kind])
         if kind == "slashes" and (pd.to_numeric(parts["month"]) > MOST_MONTHS).any():
             parts = parts.rename(columns={"month": "day", "day": "month"})
