@@ -253,8 +253,13 @@ def fit(
 
     Raises
     ------
-    Refusal : no torque, fewer than four usable cycles, or what `align` refuses
+    Refusal : no torque, fewer than four usable cycles, options of another type, or what `align` refuses
     """
+    if not isinstance(options, RunOptions | None):
+        raise Refusal(
+            f"fit: found options of type {type(options).__name__}, expected camtorque.RunOptions, such as "
+            "RunOptions(align=AlignOptions(n_theta=1800))"
+        )
     found, _ = analyse_recording(_recording(recording), options or RunOptions(), progress)
     return Result(**vars(found))
 
@@ -277,7 +282,7 @@ def report(result: RunResult, out: Path | str) -> Path:
     """
     if not isinstance(result, RunResult):
         raise Refusal(f"report: found a {type(result).__name__}, expected what `camtorque.fit` returns")
-    folder = Path(out)
+    folder = _path(out, "the folder of a report")
     with output_folder(folder, "result.json") as partial:
         write_run(result, partial)
     return folder / "report.html"

@@ -101,6 +101,10 @@ def recording_from_arrays(
         lengths at one rate; a rate or speed that is not positive; an angle of the trigger beyond a turn; a sensor of
         another name; torque and pressure that cannot come from this pump
     """
+    if not isinstance(sensors, Mapping):
+        raise Refusal(
+            f"sensors: found a {type(sensors).__name__}, expected one by name, such as {{'torque': Sensor(...)}}"
+        )
     strange = [key for key in sensors if key not in ("torque", "pressure")]
     if strange:
         raise Refusal(f"sensors: found {strange[0]!r}, expected 'torque' and 'pressure' as keys")

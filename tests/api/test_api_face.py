@@ -361,3 +361,12 @@ def test_a_refusal_in_python_speaks_of_no_option(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("x", encoding="utf-8")
     with pytest.raises(camtorque.Refusal, match=r"^output .*: found a folder with other files in it"):
         camtorque.report(a_result(), tmp_path)
+
+
+def test_arguments_of_another_type_are_refused(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    with pytest.raises(camtorque.Refusal, match="found options of type AlignOptions, expected camtorque"):
+        camtorque.fit(recording(pump_file, arrays), camtorque.AlignOptions())  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="sensors: found a Sensor, expected one by name"):
+        recording(pump_file, arrays, sensors=camtorque.Sensor())  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="found a value of type NoneType, expected the path of the folder of a"):
+        camtorque.report(a_result(), None)  # type: ignore[arg-type]
