@@ -362,6 +362,17 @@ def test_a_format_that_is_known_and_not_read_is_named(tmp_path: Path, head: byte
         file_format(file, "")
 
 
+@pytest.mark.parametrize("head", [b"version https://git-lfs.github.com/spec/v1\noid", b"/annex/objects/SHA256E-s20--1"])
+@pytest.mark.parametrize("declared", ["", "tdms", "csv"])
+def test_a_pointer_in_the_place_of_a_log_is_named(tmp_path: Path, head: bytes, declared: str):
+    file = tmp_path / "run.tdms"
+    file.write_bytes(head)
+    with pytest.raises(
+        Refusal, match="found a pointer of Git, expected the log that it stands for; get it by `git lfs"
+    ):
+        file_format(file, declared)
+
+
 def test_a_packed_small_table_is_named_as_that(tmp_path: Path):
     file = tmp_path / "cam.csv"
     file.write_bytes(gzip.compress(b"cam_angle_deg,lift_mm\n0,0\n1,0\n"))

@@ -101,6 +101,8 @@ UNREADABLE = {
 """Formats that are known, not read."""
 PACKED = ("gzip", "a zip archive")
 """Of these, what only has to be unpacked."""
+POINTERS = (b"version https://git-lfs", b"/annex/objects/")
+"""How what stands in the place of a large file begins, in a copy of a repository without its large files."""
 ALIASES = {word: name for name, form in FORMATS.items() for word in (name, *form.aliases)}
 
 
@@ -169,4 +171,9 @@ def first_bytes(path: Path) -> bytes:
         raise Refusal(f"{str(path)[:200]}: cannot be read ({getattr(error, 'strerror', error)})") from error
     if not head:
         raise Refusal(f"{path}: the file is empty (0 bytes); copy it from the logger again")
+    if head.startswith(POINTERS):
+        raise Refusal(
+            f"{path}: found a pointer of Git, expected the log that it stands for; get it by `git lfs pull` or "
+            "`git annex get`"
+        )
     return head
