@@ -1,5 +1,6 @@
 """What a look at the samples finds, and what it must not find."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,20 @@ def test_a_contact_that_bounces_at_every_pulse_is_not_two_marks(tmp_path: Path):
     found = summarise(read_recording(write_folder(tmp_path, [log.with_volts("trigger", volts)], Plan("hdf5"))))
     assert not {row.code for row in found.findings} & {"pulses_irregular", "speed_off_nominal"}
     assert found.speed_rpm == pytest.approx(600.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("rpm", "rate", "channels", "text"),
+    [(600.0, 800.0, 2, "4.5 degrees of cam angle apart, .* sample at 900 Hz or more"),
+     (60.0, 900.0, 1, "900 Hz behind a low-pass of 1000 Hz: what is faster than 450 Hz comes through"),
+     (60.0, 1100.0, 0, "")],
+)  # fmt: skip
+def test_samples_too_far_apart_are_told(tmp_path: Path, rpm: float, rate: float, channels: int, text: str):
+    log = clean_log(rpm=rpm, rate=rate, revolutions=14.9)
+    found = summarise(read_recording(write_folder(tmp_path, [log], Plan("hdf5")))).findings
+    coarse = [row for row in found if row.code == "sampled_coarsely"]
+    assert len(coarse) == channels
+    assert all(re.search(text, row.text) for row in coarse)
 
 
 def test_edges_of_pulses_are_not_isolated_samples():
