@@ -152,6 +152,10 @@ def test_a_bounce_before_every_pulse_does_not_turn_the_trigger() -> None:
     assert codes(align(edited("trigger", bounced))) == {"trigger_bounced"}
 
 
+def test_a_torque_without_its_sign_is_told() -> None:
+    assert "torque_unsigned" in codes(align(edited("torque", np.abs)))
+
+
 def test_declared_falling_edge_is_taken() -> None:
     cycles = align(make(replace(RIG, edge="falling")))
     # The trailing edge passes one pulse width (0.11 rad) later, at the nominal angle.
