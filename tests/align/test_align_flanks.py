@@ -136,3 +136,13 @@ def test_a_delivery_that_follows_its_nominal_place_as_well_lies_nowhere_else(gai
     scores = 0.9 + gained * np.cos(shift + np.radians(6.0)) / (1.0 - np.cos(np.radians(6.0)))
     found = _local_best(scores - np.max(scores) + 0.95)
     assert (found is None) if place_deg is None else (np.degrees(found) == pytest.approx(place_deg, abs=0.5))
+
+
+def test_logs_that_do_not_start_together_are_among_the_causes_of_a_torque_elsewhere() -> None:
+    recording, typical, speed = rig("closed_volume", 1100.0)
+    late = {**typical, "torque": moved(typical, np.radians(120.0))["torque"]}
+    with pytest.raises(Refusal, match=r"driving torque falls where .* of the trigger$"):
+        check_flanks(late, recording, speed)
+    files = tuple(replace(row, path=Path(f"{row.quantity}.csv")) for row in recording.channels)
+    with pytest.raises(Refusal, match=r"or the starts of pressure\.csv, torque\.csv, which have to count from one"):
+        check_flanks(late, replace(recording, channels=files), speed)

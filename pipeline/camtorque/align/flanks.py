@@ -258,7 +258,15 @@ def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
         f"{_degrees(found.mirrored.shift)} degrees with the lift table read against the direction of running "
         f"({found.mirrored.correlation:.2f}), as declared {found.nominal_correlation:.2f}; correct the direction of "
         f"the lift table and of rotation, or nominal_angle_deg = {np.degrees(spec.nominal_angle):g} of the trigger"
+        f"{_starts(recording)}"
     )
+
+
+def _starts(recording: Recording) -> str:
+    """Return what else may be wrong where the channels lie in several files, empty where they lie in one."""
+    measured = ("torque", "pressure", "trigger")
+    files = sorted({channel.path.name for name in measured for channel in recording.of(name)[:1]})
+    return f", or the starts of {', '.join(files)}, which have to count from one moment" if len(files) > 1 else ""
 
 
 def _scattered(found: Flanks, where: str) -> tuple[Finding, ...]:
