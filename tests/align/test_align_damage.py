@@ -14,6 +14,7 @@ from camtorque.align.quality import CUTS
 from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
+from camtorque.units import counted
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
 PULSES = RIG.pulse_times()
@@ -66,7 +67,7 @@ def test_sound_recording_loses_nothing() -> None:
 def test_missed_pulses_are_put_in_where_the_neighbours_prove_it(missing: list[int]) -> None:
     cycles = align(make(RIG, np.delete(PULSES, missing)))
     assert lost(cycles) == {}
-    assert f"{len(missing)} trigger pulses were missing" in cycles.findings[0].text
+    assert counted(len(missing), "trigger pulse was missing", "trigger pulses were missing") in cycles.findings[0].text
     check_angle(cycles)
     assert cycles.index[-1] == align(make(RIG)).index[-1]
 
@@ -103,7 +104,7 @@ def test_doubled_pulses_are_left_out(extra: list[float]) -> None:
     doubled = np.sort(np.r_[PULSES, PULSES[12] + np.array(extra)])
     cycles = align(make(RIG, doubled))
     assert lost(cycles) == {}
-    assert f"{len(extra)} trigger pulses too many" in cycles.findings[0].text
+    assert counted(len(extra), "trigger pulse too many", "trigger pulses too many") in cycles.findings[0].text
     check_angle(cycles)
 
 

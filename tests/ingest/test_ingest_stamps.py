@@ -7,6 +7,7 @@ from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.stamp_texts import seconds_of_texts
 from camtorque.ingest.stamps import read_stamps
 from camtorque.records import Refusal
+from camtorque.units import counted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -72,7 +73,7 @@ def test_missing_stamps_are_bridged(places: list[int]):
     base = read_stamps(ArraySource(times), 10_000.0, "log")
     assert base.rate == 10_000.0
     assert base.start == pytest.approx(0.0, abs=1e-9)
-    assert base.findings[0].text.startswith(f"{len(places)} time stamps")
+    assert base.findings[0].text.startswith(counted(len(places), "time stamp is", "time stamps are"))
 
 
 def test_stamps_that_scatter_are_no_jumps_of_a_clock():

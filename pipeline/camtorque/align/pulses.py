@@ -12,6 +12,7 @@ from camtorque.records import Array, Finding
 from camtorque.signal.bounces import without_bounces
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
+from camtorque.units import counted
 
 SAME_PERIOD = Threshold(
     0.15, "1", "simulated rigs", "Relative difference within which two gaps together count as one period."
@@ -133,14 +134,19 @@ def shifted(train: PulseTrain, delay: float) -> PulseTrain:
 def train_findings(train: PulseTrain, where: str) -> tuple[Finding, ...]:
     """Count the repairs."""
     texts = {
-        "bounced": ("trigger_bounced", "trigger edges followed another within a bounce and were left out"),
-        "doubled": ("trigger_doubled", "trigger pulses too many between regular neighbours were left out"),
-        "missed": ("trigger_missed", "trigger pulses were missing and their neighbours prove where they belong"),
-        "gaps": ("trigger_gap", "stretches of the trigger hold no regular pulses; the revolutions there are not used"),
-        "slips": ("trigger_slipped", "revolutions have another number of teeth; counted anew from the next mark"),
-    }
+        "bounced": ("trigger_bounced", "trigger edge followed another within a bounce and was left out",
+                    "trigger edges followed another within a bounce and were left out"),
+        "doubled": ("trigger_doubled", "trigger pulse too many between regular neighbours was left out",
+                    "trigger pulses too many between regular neighbours were left out"),
+        "missed": ("trigger_missed", "trigger pulse was missing and its neighbours prove where it belongs",
+                   "trigger pulses were missing and their neighbours prove where they belong"),
+        "gaps": ("trigger_gap", "stretch of the trigger holds no regular pulses; the revolutions there are not used",
+                 "stretches of the trigger hold no regular pulses; the revolutions there are not used"),
+        "slips": ("trigger_slipped", "revolution has another number of teeth; counted anew from the next mark",
+                  "revolutions have another number of teeth; counted anew from the next mark"),
+    }  # fmt: skip
     return tuple(
-        Finding(code, "warning", f"{train.counts[key]} {text}", where)
-        for key, (code, text) in texts.items()
+        Finding(code, "warning", counted(train.counts[key], one, many), where)
+        for key, (code, one, many) in texts.items()
         if train.counts.get(key)
     )

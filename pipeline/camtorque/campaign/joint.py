@@ -42,7 +42,10 @@ def joint_fit(
         what = f"pumps {', '.join(sorted(pumps))}"
         if len(pumps) == 1:
             what = f"recording ids that repeat: {', '.join(repeated)}"
-        return _none(f"no joint fit: found {what}, expected one pump, one group and one id per recording")
+        return _none(
+            f"no joint fit: found {what}, expected one pump, one group and one id per recording; run a campaign of "
+            "each pump or group by itself, or give every recording an id of its own in [recording]"
+        )
     apart = differences({item.name: item.stated for item in known})
     pump = "; ".join(f"{name} {text}" for name, text in apart.items() if name in DIMENSIONS)
     if pump:

@@ -11,6 +11,7 @@ import numpy as np
 
 from camtorque.ingest.raw import RawChannel
 from camtorque.records import Array, Finding, Refusal, SampleSource
+from camtorque.units import counted
 
 BLOCK = 1_000_000
 """Stamps looked at in one go."""
@@ -220,12 +221,15 @@ def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[
 
 
 def _stamp_findings(damaged: int, strays: int, where: str) -> list[Finding]:
-    texts = {
-        "time_stamp_damaged": (damaged, "time stamps are damaged; their neighbours carry on"),
-        "time_stamps_stray": (strays, "time steps are odd and time stays where it was: the stamps scatter, the samples "
-                              "are taken as equidistant"),
-    }  # fmt: skip
-    return [Finding(code, "warning", f"{count} {text}", where) for code, (count, text) in texts.items() if count]
+    rows = (
+        ("time_stamp_damaged", damaged, "time stamp is damaged", "time stamps are damaged", "what is near carries on"),
+        ("time_stamps_stray", strays, "time step is odd", "time steps are odd",
+         "time stays where it was: the stamps scatter, the samples are taken as equidistant"),
+    )  # fmt: skip
+    return [
+        Finding(code, "warning", f"{counted(number, one, many)}; {then}", where)
+        for code, number, one, many, then in rows if number
+    ]  # fmt: skip
 
 
 def _break_findings(index: np.ndarray, size: Array, step: float, where: str) -> list[Finding]:
