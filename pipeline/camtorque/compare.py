@@ -12,13 +12,13 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
-from camtorque.fit.changes import TOLD, Attribution, attribution
+from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import MeanCycles, mean_cycles
 from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
-from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled
+from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled, whole_verdict
 from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.stated import DIMENSIONS, differences, stated
 from camtorque.jsonable import now
@@ -61,14 +61,6 @@ class Compared:
     def changed(self) -> tuple[str, ...]:
         """Names of parameters and losses that are reported as changed."""
         return tuple(row.name for row in (*self.parameters, *self.losses) if row.verdict == "changed")
-
-
-def whole_verdict(rows: Sequence[Difference], found: Attribution) -> str:
-    """Return the verdict on the whole list: that something changed can be sure where none of the names is."""
-    kinds = {row.verdict for row in rows}
-    if "changed" in kinds or found.unchanged < 1.0 - TOLD:
-        return "changed"
-    return "not changed" if kinds == {"not changed"} else "cannot tell"
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,9 @@ from camtorque.compare import (
     recording_path,
     refuse_same,
     torque_ratio,
-    whole_verdict,
 )
 from camtorque.fit.changes import CHANGES, two_ln_odds
-from camtorque.fit.verdicts import Difference, pooled, verdict
+from camtorque.fit.verdicts import Difference, pooled, verdict, whole_verdict
 from camtorque.laws import ROWS
 from camtorque.records import InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out

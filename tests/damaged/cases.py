@@ -138,7 +138,7 @@ VERDICTS: dict[str, Verdict] = {
     "trigger_wakes_late": used(),
     "trigger_missed": used("pulses_irregular"),
     "trigger_doubled": used("pulses_irregular"),
-    "trigger_bounced": used("pulses_irregular", "isolated_samples"),
+    "trigger_bounced": used("isolated_samples"),
     "misfire": used(),
     "speed_ramp": used(),
     "start_stop": used(),

@@ -91,6 +91,13 @@ def test_a_change_without_a_name_is_one_of_those_that_are_possible() -> None:
     assert told.startswith("something of the pump, but the data cannot tell what: bulk modulus of the fluid (60 %), ")
 
 
+def test_an_event_that_is_sure_is_named_where_none_of_its_numbers_is() -> None:
+    """Another coupling: the shaft's stiffness, alone or beside a leak, and neither stiffness nor damping by itself."""
+    events = [{"groups": ["shaft"], "probability": 0.8}, {"groups": ["leakage", "shaft"], "probability": 0.2}]
+    told = compare_answer({**document(), "changed": [], "events": events})
+    assert told.startswith("stiffness or damping of the shaft (> 99 %); which number of it, and by how much, ")
+
+
 def test_difference_is_after_minus_before() -> None:
     overlay = compare_drawings(document(), [pair(False)])[0]
     torque, difference, pressure, _ = overlay.chart.panels  # type: ignore[union-attr]

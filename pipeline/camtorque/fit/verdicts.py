@@ -74,6 +74,14 @@ def verdict(told: bool, free: tuple[float, float], matters: float) -> str:
     return "not changed" if smallest <= matters and abs(mean) + SURE * std <= smallest else "cannot tell"
 
 
+def whole_verdict(rows: Sequence[Difference], found: Attribution) -> str:
+    """Return the verdict on the whole list: that something changed can be sure where none of the names is."""
+    kinds = {row.verdict for row in rows}
+    if "changed" in kinds or found.unchanged < 1.0 - TOLD:
+        return "changed"
+    return "not changed" if kinds == {"not changed"} else "cannot tell"
+
+
 def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
     """Return every parameter that belongs to the pump and may differ."""
     result = []

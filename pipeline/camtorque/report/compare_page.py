@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.changes import TOLD
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
@@ -116,7 +117,14 @@ def compare_answer(document: Mapping[str, Any]) -> str:
 
 
 def _unnamed(document: Mapping[str, Any]) -> str:
-    """Return what may have happened where it is sure that something did."""
+    """Return what happened where it is sure that something did, and no number by itself is told."""
+    each: dict[str, float] = {}
+    for row in document.get("events", ()):
+        for event in row["groups"]:
+            each[event] = each.get(event, 0.0) + row["probability"]
+    sure = [f"{EVENTS[event]} ({percent(whole)})" for event, whole in each.items() if whole > TOLD]
+    if sure:
+        return f"{', '.join(sure)}; which number of it, and by how much, the data cannot tell"
     events = ", ".join(f"{event} ({probability})" for event, probability in compare_events(document))
     return f"something of the pump, but the data cannot tell what: {events}"
 
