@@ -30,9 +30,12 @@ def is_explained(residual: Array, odd_even: float, peak: float) -> bool:
     return not (rms > UNEXPLAINED_TIMES * odd_even and rms > UNEXPLAINED_SHARE * peak)
 
 
-def explains(item: FitData, solution: Solution, odd_even: float) -> bool:
-    """Return whether a fit of one recording explains its mean cycle, beside the lift correction that it asks for."""
-    left = solution.lifts[0].beside(solution.residuals[0]) / item.weight
+def explains(item: FitData, solution: Solution, odd_even: float, room: float = 1.0) -> bool:
+    """Return whether a fit of one recording explains its mean cycle, beside the lift correction that it asks for.
+
+    ``room``: factor by which the residual may still grow.
+    """
+    left = room * solution.lifts[0].beside(solution.residuals[0]) / item.weight
     return is_explained(left, odd_even, float(np.max(item.torque)))
 
 

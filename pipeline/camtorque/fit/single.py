@@ -11,6 +11,7 @@ import numpy as np
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import loss_evidence, where_unexplained
+from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
@@ -126,6 +127,10 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     minima, valley = sought(halves)
     if minima[0].doubt > DISSATISFYING:
         minima, valley = sought_again(minima, valley, halves)
+    weighed = weighed_locally(distinct(minima), halves, means.odd_even)
+    if weighed[0] is not minima[0]:
+        best, valley = swept(weighed[0], halves)
+        minima = [best, *weighed[1:]]
     return Prepared(recording, cycles, rigid, means, distinct(minima), valley, data.chain.shaft_torque)
 
 
