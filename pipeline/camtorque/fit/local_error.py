@@ -4,8 +4,8 @@ Weights hold one error of the laws, a share of the torque. A fit that leaves mor
 valve chatters, where the chamber fills. One factor on the whole residual makes intervals wide and leaves the values
 where those places have pulled them. So the minimum is sought once more with each bin's variance multiplied by the mean
 square of the residual about it, in units of its weights and at least 1, until both agree: iteratively reweighted least
-squares with a local scale (Holland & Welsch, Commun. Stat. A 6 (1977)). What was explained has to stay so: else the
-root of that factor is tried, and then none.
+squares with a local scale (Holland & Welsch, Commun. Stat. A 6 (1977)). What was explained has to stay so: else lower
+powers of that factor are tried, and then none.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from camtorque.fit.minima import Candidate, Halves, at_minimum
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.fit.residual import explains
+from camtorque.fit.residual import explains, mean_square_about
 from camtorque.fit.uncertainty import covariance
 from camtorque.laws.chain import BINS
 from camtorque.process.second_process import in_two
@@ -37,15 +37,15 @@ ROOM = 1.1
 
 def local_factor(residual: Array) -> Array:
     """Return by how much more than its weights a weighted residual (BINS,) has about each bin, (BINS,), at least 1."""
-    about = np.full(2 * REACH + 1, 1.0 / (2 * REACH + 1))
-    square = np.convolve(np.pad(residual**2, REACH, "wrap"), about, "valid") * BINS / INDEPENDENT
+    square = mean_square_about(residual, REACH) * BINS / INDEPENDENT
     return np.asarray(np.sqrt(np.maximum(square, 1.0)))
 
 
 def weighed_locally(minima: Sequence[Candidate], halves: Halves, odd_even: float) -> list[Candidate]:
     """Return minima, the best one first, with weights that hold what this leaves, each sought again with them.
 
-    They are returned as they are where the best one leaves no more than its weights allow.
+    They are returned as they are where the best one leaves no more than its weights allow, and where a recording that
+    it explains would not stay explained.
 
     Parameters
     ----------

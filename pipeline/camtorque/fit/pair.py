@@ -16,6 +16,7 @@ import numpy as np
 from camtorque.fit.minima import Candidate
 from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
 from camtorque.fit.problem import FitData, build_problem
+from camtorque.fit.residual import mean_square_about
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lifts_at
 from camtorque.laws import ripple
@@ -170,8 +171,7 @@ def _difference_weights(pair: Pair, values: Mapping[str, float], noise: Array, l
     item = pair.items[0]
     known = noise + shift_covariance(pair, values)
     peak = float(np.max(np.abs(item.torque)))
-    reach = np.full(2 * RESIDUAL_REACH + 1, 1.0 / (2 * RESIDUAL_REACH + 1))
-    size = np.convolve(np.pad(left**2, RESIDUAL_REACH, "wrap"), reach, "valid")
+    size = mean_square_about(left, RESIDUAL_REACH)
     error = (UNCOMMON * item.torque) ** 2 + (UNCOMMON_FLOOR * peak) ** 2 + RESIDUAL_SHARE**2 * size
     weighed = known + np.diag(error * BINS / INDEPENDENT)
     # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than

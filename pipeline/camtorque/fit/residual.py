@@ -24,6 +24,12 @@ LEAST_SWINGS, RINGING_SHARE, RINGING_WIDTH = 5, 0.5, 12
 """A bump rings where so many swings at least, within so many quarters of a line of the spectrum, hold this share."""
 
 
+def mean_square_about(values: Array, reach: int) -> Array:
+    """Return the mean square of periodic values (n,) about each of them, ``reach`` to either side, (n,)."""
+    about = np.full(2 * reach + 1, 1.0 / (2 * reach + 1))
+    return np.convolve(np.pad(values**2, reach, "wrap"), about, "valid")
+
+
 def is_explained(residual: Array, odd_even: float, peak: float) -> bool:
     """Return whether the model explains the mean cycle."""
     rms = float(np.sqrt(np.mean(residual**2)))

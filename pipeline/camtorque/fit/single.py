@@ -127,11 +127,12 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     minima, valley = sought(halves)
     if minima[0].doubt > DISSATISFYING:
         minima, valley = sought_again(minima, valley, halves)
-    weighed = weighed_locally(distinct(minima), halves, means.odd_even)
-    if weighed[0] is not minima[0]:
+    kept = distinct(minima)
+    weighed = weighed_locally(kept, halves, means.odd_even)
+    if weighed[0] is not kept[0]:
         best, valley = swept(weighed[0], halves)
-        minima = [best, *weighed[1:]]
-    return Prepared(recording, cycles, rigid, means, distinct(minima), valley, data.chain.shaft_torque)
+        kept = distinct([best, *weighed[1:]])
+    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque)
 
 
 def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
