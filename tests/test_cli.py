@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 from camtorque import __version__, cli
 from camtorque.align import align
+from camtorque.align.options import LARGEST_GRID as LARGEST_ALIGNED
 from camtorque.commands import COMMANDS, Outcome, check, options, run, texts
-from camtorque.commands.arguments import LEAST_GRID, SHELLS
+from camtorque.commands.arguments import LARGEST_GRID, LEAST_GRID, SHELLS
 from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
 from camtorque.laws.chain import BINS
@@ -421,5 +422,5 @@ def test_every_command_keeps_the_numerical_libraries_on_one_thread(monkeypatch: 
     assert set(seen) == {1}
 
 
-def test_the_least_grid_is_what_the_fit_needs() -> None:
-    assert LEAST_GRID == BINS
+def test_the_grid_is_within_what_fit_and_alignment_need() -> None:
+    assert (LEAST_GRID, LARGEST_GRID) == (BINS, LARGEST_ALIGNED)

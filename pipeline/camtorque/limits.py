@@ -61,6 +61,8 @@ class Limit:
 
     def __post_init__(self) -> None:
         ends = [end for end in (self.min, self.max) if end is not None]
+        if not all(isinstance(number, int | float) for number in (*ends, self.guard)):
+            raise Refusal(f"limit {self.quantity}: found {ends} with guard {self.guard!r}, expected numbers")
         if not ends:
             raise Refusal(f"limit {self.quantity}: found neither min nor max, expected at least one of them")
         if not all(np.isfinite((*ends, self.guard))) or self.guard < 0.0:

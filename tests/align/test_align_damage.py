@@ -442,6 +442,7 @@ def test_ninety_five_percent_of_sound_cycles_are_used() -> None:
     ("options", "message"),
     [
         ({"n_theta": 10}, "n_theta is 10"),
+        ({"n_theta": 10**9}, "n_theta is 1000000000, expected a whole number from 36 to 36000"),
         ({"n_theta": "3600"}, "n_theta is '3600', expected a whole number"),
         ({"steady_change": -1.0}, "steady_change is -1.0, expected a positive number"),
         ({"interpolation": "spline"}, "interpolation is 'spline'"),

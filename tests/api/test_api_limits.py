@@ -205,6 +205,7 @@ def test_a_loss_is_judged_in_joule_and_the_closure_in_percent() -> None:
         ({"min": 2.0, "max": 1.0}, "min 2 is above max 1; exchange them"),
         ({"min": float("nan"), "max": None}, r"found \[nan\] with guard 0, expected finite ends"),
         ({"min": None, "max": None}, "found neither min nor max"),
+        ({"min": "2 bar", "max": None}, r"limit losses.friction: found \['2 bar'\] with guard 0.0, expected numbers"),
         ({"min": 0.0, "max": None, "guard": -1.0}, "with guard -1, expected finite ends and a guard of 0 or more"),
     ],
 )

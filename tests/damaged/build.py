@@ -274,6 +274,7 @@ BUILDERS: dict[str, Builder] = {
     "dialect_no_time": dialect("no_time"),
     "dialect_crlf": dialect("crlf"),
     "dialect_blanks": dialect("blanks"),
+    "dialect_bars": dialect("bars"),
     "dialect_latin1": dialect("latin1"),
     "dialect_day_first": dialect("day_first"),
     "dialect_utf16": dialect("utf16"),

@@ -92,6 +92,7 @@ VERDICTS: dict[str, Verdict] = {
             "no_time",
             "crlf",
             "blanks",
+            "bars",
             "latin1",
             "day_first",
             "utf16",

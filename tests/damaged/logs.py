@@ -104,6 +104,7 @@ DIALECTS: dict[str, Dialect] = {
     "no_time": Dialect(no_time=True),
     "crlf": Dialect(line_end="\r\n"),
     "blanks": Dialect(separator=" "),
+    "bars": Dialect(separator="|"),
     "day_first": Dialect(";", ",", iso=True, day_first=True, unit_row=False, comments=(), time_name="Zeitstempel"),
     "utf16": Dialect("\t", encoding="utf-16"),
     "utf16_plain": Dialect("\t", encoding="utf-16-le"),

@@ -370,7 +370,7 @@ def test_a_binary_file_called_csv_is_refused(tmp_path: Path):
 
 
 @pytest.mark.parametrize("lost", [1, 2, 3, 9])
-@pytest.mark.parametrize("dialect", ["comma", "semicolon", "crlf", "blanks", "utf16"])
+@pytest.mark.parametrize("dialect", ["comma", "semicolon", "crlf", "blanks", "bars", "utf16"])
 def test_a_last_row_without_a_line_end_counts_where_no_digit_can_be_missing(tmp_path: Path, dialect: str, lost: int):
     folder = write_folder(tmp_path / "r", [LOG], Plan("csv", writer_options={"dialect": dialect}))
     file, wide, ends = log_file(folder), 2 if dialect == "utf16" else 1, 2 if dialect == "crlf" else 1

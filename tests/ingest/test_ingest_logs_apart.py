@@ -35,6 +35,21 @@ def epoch(seconds: float) -> str:
     return f"{1_741_089_600 + seconds:.6f}"
 
 
+def labview(seconds: float) -> str:
+    """Seconds since 1904."""
+    return f"{3_823_934_400 + seconds:.6f}"
+
+
+def excel(seconds: float) -> str:
+    """Days since 1899-12-30."""
+    return f"{45_720.5 + seconds / 86_400:.11f}"
+
+
+def matlab(seconds: float) -> str:
+    """Days of `datenum`: a double holds 10 us."""
+    return f"{739_680.5 + seconds / 86_400:.10f}"
+
+
 def texts(read: Recording) -> dict[str, str]:
     return {finding.code: finding.text for finding in read.findings}
 
@@ -47,7 +62,8 @@ def test_logs_that_share_no_time_are_named_with_their_times(tmp_path: Path):
         align(read)
 
 
-def test_seconds_since_1970_are_a_date_as_iso_stamps_are(tmp_path: Path):
-    read = recording(tmp_path, epoch, iso)
-    assert [channel.start_time for channel in read.channels] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+@pytest.mark.parametrize("stamp", [epoch, labview, excel, matlab])
+def test_counts_since_a_known_day_are_a_date_as_iso_stamps_are(tmp_path: Path, stamp: Callable[[float], str]):
+    read = recording(tmp_path, stamp, iso)
+    assert [channel.start_time for channel in read.channels] == pytest.approx([0.0, 0.0, 0.0], abs=2e-5)
     assert not {"start_without_date", "log_ends_early", "certificate_age_unknown"} & set(texts(read))

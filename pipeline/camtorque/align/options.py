@@ -12,6 +12,8 @@ LINEAR, CUBIC, AVERAGE = 0, 1, 2
 RULES = {"cubic": CUBIC, "linear": LINEAR, "average": AVERAGE}
 """Name -> number of a rule of resampling."""
 INTERPOLATIONS = ("auto", *RULES)
+LARGEST_GRID = 36_000
+"""Points of the angle grid: 0.01 degree, of the order of what a recording of a minute can hold in memory."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,8 @@ class AlignOptions:
     notes: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.n_theta, int | np.integer) or self.n_theta < 36:
-            raise Refusal(f"align: n_theta is {self.n_theta!r}, expected a whole number, at least 36 per revolution")
+        if not isinstance(self.n_theta, int | np.integer) or not 36 <= self.n_theta <= LARGEST_GRID:
+            raise Refusal(f"align: n_theta is {self.n_theta!r}, expected a whole number from 36 to {LARGEST_GRID}")
         for name in ("steady_change", "steady_band", "outlier_z", "repaired_angle_deg"):
             if not getattr(self, name) > 0.0:
                 raise Refusal(f"align: {name} is {getattr(self, name)!r}, expected a positive number")

@@ -18,7 +18,7 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import usual_rate
 from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, read_each, refusing
-from camtorque.ingest.stamps import Stamps, agreed_rate, read_stamps
+from camtorque.ingest.stamps import DAY, EPOCHS, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, is_known_unit, unit_factor
 
@@ -27,8 +27,6 @@ EXPORT_BYTES = {0: 8, 1: 4, 2: 2}
 RESERVED_STRINGS = 32
 MAX_TEXT = 1 << 20
 TIME_NAME = re.compile(r"time|zeit", re.IGNORECASE)
-OLE_EPOCH_DAYS = 25569.0
-"""Days from 1899-12-30, where OLE dates begin, to 1970-01-01."""
 STEPS_16_BIT = 32767.0
 
 
@@ -135,7 +133,7 @@ def _channel(file: BinaryIO, path: Path) -> CatmanChannel:
     export = extended[-1]
     if export not in EXPORT_BYTES:
         raise Refusal(f"{path}: channel {name!r} has the unknown number format {export}; export it as 8-byte numbers")
-    stamp = (extended[0] - OLE_EPOCH_DAYS) * 86400.0
+    stamp = extended[0] * DAY - EPOCHS["1900"]
     return CatmanChannel(name, unit, length, EXPORT_BYTES[export], 1e-3 * extended[1], stamp)
 
 

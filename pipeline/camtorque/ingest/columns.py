@@ -14,14 +14,12 @@ from camtorque.ingest.cells import UNDATED
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, is_time_name, name_and_unit, numbered_name, time_unit
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile
-from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, read_stamps
+from camtorque.ingest.stamps import DAY, RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import counted, did_you_mean, is_known_unit, unit_factor
 
 SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
-EPOCH = (1.0e9, 4.1e9)
-"""2001 to 2099 in seconds since 1970: the size of such stamps tells their unit."""
 END_ROWS = 100_000
 """Rows at either end of a table that are looked at for a time."""
 MOST_ALIKE = 0.9
@@ -176,9 +174,9 @@ def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int
 
 
 def _epoch_unit(times: SampleSource) -> float:
-    """Return the unit [s] in which times are seconds since 1970 of this century, 0 where they are none."""
+    """Return the unit [s] in which times are a date of this century, 0 where they are none."""
     first = times.read(0, 1)
-    return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if EPOCH[0] < float(first[0]) * unit < EPOCH[1]), 0.0)
+    return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if date_of(float(first[0]) * unit) is not None), 0.0)
 
 
 def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
@@ -218,12 +216,17 @@ def _runs(source: SampleSource) -> bool:
 
 
 def times_beside(times: SampleSource, unit: str, spec: ChannelSpec, where: str) -> tuple[Stamps, float | None]:
-    """Return the time base of a channel by the times beside it, and its date where they count from 1970.
+    """Return the time base of a channel by the times beside it, and its date where they tell one.
 
     A time without a unit is in the one that gives the declared rate.
     """
-    base = read_stamps(times, spec.sample_rate, where, to_seconds=_time_factor(times, unit, spec, where))
-    return (replace(base, start=0.0), base.start) if EPOCH[0] < base.start < EPOCH[1] else (base, None)
+    factor = _time_factor(times, unit, spec, where)
+    return _dated(read_stamps(times, spec.sample_rate, where, to_seconds=factor), factor)
+
+
+def _dated(base: Stamps, factor: float) -> tuple[Stamps, float | None]:
+    date = date_of(base.start, in_days=factor == DAY)
+    return (base, None) if date is None else (replace(base, start=0.0), date)
 
 
 def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:
@@ -301,7 +304,7 @@ def _times(
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)
-    if not layout.units[column] and factor * spec.sample_rate == 1.0 and base.start < EPOCH[0]:
+    if not layout.units[column] and factor * spec.sample_rate == 1.0 and date_of(base.start) is None:
         text = (
             f"the column {layout.names[column]!r} counts samples; the declared {spec.sample_rate:g} Hz make times of it"
         )
@@ -309,8 +312,8 @@ def _times(
     if stated is not None and abs(stated / base.rate - 1.0) > RATE_NOTE:
         text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
         base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
-    if not kind and EPOCH[0] < base.start < EPOCH[1]:
-        return replace(base, start=0.0), base.start
+    if not kind:
+        return _dated(base, factor)
     if kind in UNDATED:
         day = layout.date_of(column) if kind == "clock" else None
         return (base, None) if day is None else (replace(base, start=0.0), day + base.start)
@@ -326,7 +329,7 @@ def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) 
     step = float(np.median(steps)) or float(np.mean(steps)) if steps.size else 0.0
     if not step > 0.0:
         return 1.0  # in no unit does time run forward: that is refused where the stamps are read
-    for factor in (1.0, 1e-3, 1e-6, 1e-9, 86_400.0):
+    for factor in (1.0, 1e-3, 1e-6, 1e-9, DAY):
         if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
             return factor
     if step == 1.0:

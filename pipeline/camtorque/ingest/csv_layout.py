@@ -18,10 +18,10 @@ from camtorque.units import is_known_unit
 SNIFF_BYTES = 1 << 18
 SNIFF_LINES = 300
 """Lines that tell the layout where they hold any row of numbers."""
-SEPARATORS = (";", "\t", ",", " ")
+SEPARATORS = (";", "\t", "|", ",", " ")
 BLANK_SEPARATED = re.compile(r"[^\s\[(]\S*(?:\s+[\[(][^\])]*[\])])?|\S+")
 """A name with its unit in brackets, or one word."""
-NAMES = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blank"}
+NAMES = {";": "semicolon", "\t": "tab", "|": "vertical bar", ",": "comma", " ": "blank"}
 HEAD_BYTES = 4096
 UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 COMMENT = "#%!'\""
@@ -230,7 +230,9 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
         if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
             what = "no line end but CR alone, as a CSV for Macintosh has"
         what += _odd_field(lines[:SNIFF_LINES])
-        raise Refusal(f"{path}: holds {what}; expected columns of numbers separated by comma, semicolon, tab or blanks")
+        raise Refusal(
+            f"{path}: holds {what}; expected columns of numbers separated by one of {', '.join(NAMES.values())}"
+        )
     separator, decimal, thousands, first = found
     if not thousands and decimal == "." and grouped([split_row(line, separator) for line in lines[first:]]):
         return separator, ",", ".", first

@@ -29,6 +29,11 @@ RATE_NOTE = 1.0e-5
 """Relative difference of two rates that is worth a finding: ten times what a crystal is off."""
 RATE_GROSS = 0.05
 """Relative difference of two rates at which one of them is simply wrong."""
+DAY = 86_400.0
+EPOCHS = {"1970": 0.0, "1904": 2_082_844_800.0, "1900": 25_569.0 * DAY, "0": 719_529.0 * DAY}
+"""Year that stamps count from -> seconds to 1970: Unix; LabVIEW; days of Excel and OLE; days of MATLAB."""
+DATES = (1.0e9, 2.9e9)
+"""2001 to 2061 in seconds since 1970: so short that the size of a stamp tells its unit and the year it counts from."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,12 @@ class Stamps:
     def channel(self, name: str, unit: str, source: SampleSource, stamp: float | None = None) -> RawChannel:
         """Return a channel whose samples were taken at these times."""
         return RawChannel(name, unit, source, self.start, self.rate, stamp, self.breaks, self.break_steps)
+
+
+def date_of(stamp: float, *, in_days: bool = False) -> float | None:
+    """Return the date of a stamp [s], which may have been days, in seconds since 1970; None where it is no date."""
+    years = ("1970", "1900", "0") if in_days else ("1970", "1904")
+    return next((date for year in years if DATES[0] < (date := stamp - EPOCHS[year]) < DATES[1]), None)
 
 
 def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_seconds: float = 1.0) -> Stamps:

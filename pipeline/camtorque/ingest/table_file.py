@@ -39,7 +39,7 @@ class SmallTable:
 
 
 def read_small_table(path: Path, what: str) -> SmallTable:
-    """Read a table: text with comma, semicolon, tab or blanks, decimal point or comma; or a sheet of a workbook.
+    """Read a table: text with comma, semicolon, tab, bar or blanks, decimal point or comma; or a sheet of a workbook.
 
     Names stand above the numbers, units in a row between them, in brackets or at the end of the names. What stands
     above the names is the comment; a column without a number in its first row is left out.
@@ -112,12 +112,12 @@ def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
 
 
 def _separator(line: str) -> str:
-    """Return what separates the fields of a line; commas beside semicolons or tabs are decimal signs."""
-    for separator in ";\t":
+    """Return what separates the fields of a line; commas beside semicolons, tabs or bars are decimal signs."""
+    for separator in ";\t|":
         fields = split_row(line, separator)
         if len(fields) > 1 and all(is_number(field) or _is_text(field) for field in fields):
             return separator
-    found = max(";\t,", key=line.count)
+    found = max(";\t|,", key=line.count)
     return found if line.count(found) else " "
 
 
