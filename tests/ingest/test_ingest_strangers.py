@@ -181,6 +181,13 @@ def test_a_header_before_each_block_is_left_out(tmp_path: Path):
     assert_read(both(write(tmp_path, head, *body[:100], "", head, *body[100:])), "csv_header_repeated")
 
 
+def test_a_header_in_another_order_is_refused_where_it_stands(tmp_path: Path):
+    head, turned = "Time [s],Torque [Nm],Pressure [bar]", "Time [s],Pressure [bar],Torque [Nm]"
+    file = write(tmp_path, head, *rows()[:100], turned, *rows()[100:])
+    with pytest.raises(Refusal, match="line 102: repeats the header in another order, .* split the file there"):
+        both(file)
+
+
 def stamped(folder: Path, head: str, stamps: list[str]) -> Path:
     return write(folder, f"{head};Torque [Nm];Pressure [bar]",
                  *[s + line[line.index(";") :] for s, line in zip(stamps, rows(";"), strict=True)])  # fmt: skip

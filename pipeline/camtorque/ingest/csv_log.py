@@ -43,6 +43,7 @@ class Damage:
     cells: array[int] = field(default_factory=lambda: array("q"))
     overrange: int = 0
     headers: int = 0
+    reordered: int = 0
 
     def end_at(self, line: int) -> None:
         """Forget what lies below a line: no part of the table."""
@@ -114,6 +115,11 @@ def _columns(
         if is_cut:
             block, tail = b"", block
         values = parse_block(block, layout, wanted, stamps, damage, line)
+        if damage.reordered:
+            raise Refusal(
+                f"{path} line {damage.reordered}: repeats the header in another order, so that the columns below it are "
+                "others; split the file there"
+            )
         line += block.count(b"\n")
         count += len(values[0])
         for column, part in zip(wanted, values, strict=True):
@@ -218,7 +224,7 @@ def _parse_lines(
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
     rows: list[list[float]] = []
     texts: list[list[str]] = []
-    blank = 0
+    blank, heads = 0, [sorted(split_row(head, layout.separator)) for head in layout.repeated]
     for text in block[:-1].decode(layout.encoding, errors="replace").split("\n"):
         text = text.rstrip("\r")
         if text in layout.repeated:
@@ -233,6 +239,8 @@ def _parse_lines(
         fields = split_row(text, layout.separator)
         while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
             fields.pop()  # a separator at the end of the row
+        if fields[1:] and sorted(fields) in heads:
+            damage.reordered = damage.reordered or line
         if len(fields) != layout.n_columns:
             damage.rows.append(line)
             lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
