@@ -112,7 +112,7 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
             points.append(
                 point_of(
                     known,
-                    chain_of(rig_of(item), MIDDLE * share * RPM, curve),
+                    chain_of(rig_of(item), MIDDLE * share * RPM, curve, source.structure),
                     source,
                     source.id,
                     Measuring(scatter, own),

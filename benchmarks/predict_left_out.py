@@ -99,15 +99,14 @@ def run_of(known: KnownFit, used: Sequence[Prepared], left: Prepared, step_deg: 
     speed = left.cycles.mean_speed
     curve = Curve(left.cycles.theta, left.means.pressure_all, speed)
     curve = from_file(left, step_deg) if step_deg else curve
-    chain = chain_of(rig_of(left), speed, curve)
     templates = {
         item.recording.config.id: Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
         for item in used
     }
-    runs = [
-        forecast(known, chain, source, load_for(known, source, templates, chain, curve), {})
-        for source in endings_of(known, speed, ending)
-    ]
+    runs = []
+    for source in endings_of(known, speed, ending):
+        chain = chain_of(rig_of(left), speed, curve, source.structure)
+        runs.append(forecast(known, chain, source, load_for(known, source, templates, chain, curve), {}))
     return either(*runs) if len(runs) > 1 else runs[0]
 
 

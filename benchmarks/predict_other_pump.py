@@ -61,7 +61,7 @@ def rig_rows(family: str, seed: int) -> list[dict[str, object]]:
         item = compared_side(made, made, name)
         speed = item.cycles.mean_speed
         curve = Curve(item.cycles.theta, item.means.pressure_all, speed)
-        chain = chain_of(rig_of(item), speed, curve)
+        chain = chain_of(rig_of(item), speed, curve, source.structure)
         load = load_for(known, source, templates, chain, curve)
         found = forecast(known, chain, source, load, {})
         measured = on_grid(item.means.torque_all, found.theta.size)

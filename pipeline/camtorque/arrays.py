@@ -64,6 +64,7 @@ class Sensor:
         _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
         if self.filter_order % 1:
             raise Refusal(f"Sensor filter_order: found {self.filter_order!r}, expected a whole number")
+        object.__setattr__(self, "filter_order", int(self.filter_order))
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,8 @@ def fitted_pump(known: Known) -> FittedPump:
 def _run(
     known: Known, source: FittedAt, rig: Rig, curve: Curve, speed: float, ends: Mapping[str, Estimate] | None = None
 ) -> tuple[Forecast, Forces]:
-    return on_one_thread(with_forces)(known.fit, source, rig, chain_of(rig, speed, curve), Load(ends or {}), {})
+    chain = chain_of(rig, speed, curve, source.structure)
+    return on_one_thread(with_forces)(known.fit, source, rig, chain, Load(ends or {}), {})
 
 
 def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]:

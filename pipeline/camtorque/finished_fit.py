@@ -122,13 +122,17 @@ def curve_of(report: Path, speed: float) -> Curve:
         )
 
 
-def chain_of(rig: Rig, speed: float, curve: Curve) -> ChainInput:
-    """Return the chain of a pump at a speed and a line pressure; its torque is still zero."""
+def chain_of(rig: Rig, speed: float, curve: Curve, structure: str) -> ChainInput:
+    """Return the chain of a pump at a speed and a line pressure; its torque is still zero.
+
+    ``structure`` is that of the fitted recording that stands in: where it has no chamber, this has none.
+    """
     pressure: Array = on_grid(curve.pressure, FIT_GRID)
     return ChainInput(
         theta=angle_grid(FIT_GRID), speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
         offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
+        uses_chamber=structure != "line",
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from camtorque.fit.prepare import FIT_GRID
 from camtorque.records import Finding, Refusal
 
 GRID_ERRORS: dict[tuple[int, str], float] = {
@@ -54,6 +55,7 @@ def grid_note(tolerance: float, least: int = 0) -> tuple[int, Finding]:
     raised = f", raised to the {least} that the fit needs," if least > n_theta else ""
     text = (
         f"angle grid for a wanted error of {tolerance:.1e} of the peak torque: {n_theta} points per revolution{raised} "
-        f"leave at most {implied:.1e} between the points ({method} curve, by the speed-accuracy study)"
+        f"leave at most {implied:.1e} of the rigid torque between the points ({method} curve, by the speed-accuracy "
+        f"study); the fitted model has {FIT_GRID} points whatever the grid"
     )
     return max(n_theta, least), Finding("grid_error", "info", text, "--tolerance")

@@ -20,7 +20,19 @@ from camtorque.units import did_you_mean, plain_unit
 
 LIMITS_SCHEMA = "camtorque-limits/1"
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
-FITTED = ("parameters.", "chamber.", "losses", "gap_by_cause.", "forces.", "alignment.trigger_angle_deg")
+FITTED = (
+    "parameters.",
+    "chamber.",
+    "losses",
+    "gap_by_cause.",
+    "forces.",
+    "alignment.trigger_angle_deg",
+    "alignment.torque_delay_s",
+    "alignment.angle_error_budget_after_fit_deg",
+    "measured.chamber_pressure",
+    "measured.delivered_volume.modelled",
+    "measured.delivered_volume.difference",
+)
 """Numbers of the fitted model, of which nothing is known where it does not explain the recording."""
 NUMBER = Band(-1e15, 1e15, "any number that a report holds")
 UNIT_OF_ENDING = {
@@ -132,7 +144,8 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
     if limit.unit and plain_unit(limit.unit) != plain_unit(unit):
         told = f"in {unit}" if unit else "without a unit"
         return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
-    error = group.get("stderr") if last == "value" else None
+    beside = document.get(f"{above[-1]}_stderr") if above else None
+    error = group.get("stderr") if last == "value" else (beside or {}).get(last)
     if limit.quantity.startswith(FITTED) and not document.get("explained", True):
         return Verdict(limit, float(value), error, CANNOT_TELL, "the model leaves the recording unexplained")
     return _compared(limit, float(value), None if error is None else float(error))

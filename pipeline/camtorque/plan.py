@@ -111,7 +111,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
         rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
         measuring = measuring_of(reports[item.id])
         for speed in speeds:
-            chain = chain_of(rig, speed, curve)
+            chain = chain_of(rig, speed, curve, item.structure)
             points.append(point_of(known, chain, item, item.id, measuring))
     teeth = (False, True) if tooth else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
@@ -143,7 +143,8 @@ def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: 
     unit, per = shown_in(name)
     item = _fastest(known)
     if name == CHAMBER_PEAK:
-        chain = chain_of(rig_of(reports[item.id], None, None), item.speed, curve_of(reports[item.id], item.speed))
+        rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
+        chain = chain_of(rig, item.speed, curve, item.structure)
         value, gradient = chamber_peak(known, chain, item)
         of = item.id
     else:

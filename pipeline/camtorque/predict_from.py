@@ -194,7 +194,7 @@ def _predicted(
     changes: Mapping[str, float],
 ) -> tuple[Forecast, Forces, Mapping[str, Estimate]]:  # fmt: skip
     curve = templates[source.id] if given is None else given
-    chain = chain_of(rig, speed, curve)
+    chain = chain_of(rig, speed, curve, source.structure)
     shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
     load = Load({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
     item, forces = with_forces(known, source, rig, chain, load, changes)
@@ -208,7 +208,8 @@ def with_forces(
     item = forecast(known, chain, source, load, changes)
     friction, mounting = Friction(*friction_of(known, source)), Mounting(rotation=rig.rotation)
     tables = closed_form_tables(rig.pump, lift_law(rig.table), item.true_angle, mounting, friction)
-    return item, forces_of(rig.pump, tables, item.pressure, chain.speed)
+    pushed = item.pressure + item.plunger_force / rig.pump.plunger_area
+    return item, forces_of(rig.pump, tables, pushed, chain.speed)
 
 
 def friction_of(known: KnownFit, source: FittedAt) -> tuple[float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -66,7 +67,8 @@ def peak_memory_mb() -> float:
     """Return the largest resident size of this process so far [MB], nan where the system does not tell."""
     if resource is None:
         return float("nan")
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    per_mb = 2.0**20 if sys.platform == "darwin" else 2.0**10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / per_mb
 
 
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:

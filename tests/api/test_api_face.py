@@ -204,6 +204,11 @@ def test_a_sensor_that_none_can_be_is_refused(changes: dict[str, object], text: 
         camtorque.Sensor(**changes)  # type: ignore[arg-type]
 
 
+def test_an_order_that_is_whole_is_a_whole_number() -> None:
+    order = camtorque.Sensor(filter_order=4.0).filter_order  # type: ignore[arg-type]
+    assert (order, type(order)) == (4, int)
+
+
 def test_masked_samples_are_missing(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
     masked = np.ma.masked_inside(np.arange(arrays["torque"].size), 30000, 30100)
     torque = np.ma.array(arrays["torque"], mask=masked.mask)

@@ -199,6 +199,28 @@ def test_a_loss_is_judged_in_joule_and_the_closure_in_percent() -> None:
     assert judge(document, [Limit("losses.friction", None, 4.0, "%")])[0].verdict == "cannot tell"
 
 
+def test_a_guard_on_a_loss_takes_the_uncertainty_that_stands_beside_it() -> None:
+    document = {"explained": True, "losses": {"unit": "J per revolution", "friction": 3.7},
+                "losses_stderr": {"unit": "J per revolution", "friction": 1.8}}  # fmt: skip
+    guarded = [Limit("losses.friction", None, most, guard=2.0) for most in (20.0, 5.0, 0.0)]
+    assert [row.verdict for row in judge(document, guarded)] == ["pass", "cannot tell", "fail"]
+    assert judge(document, guarded)[0].stderr == 1.8
+
+
+@pytest.mark.parametrize("quantity", [
+    "alignment.torque_delay_s.value", "measured.chamber_pressure.rebuilt_peak_bar",
+    "measured.delivered_volume.modelled_mm3.value",
+])  # fmt: skip
+def test_nothing_of_a_fit_that_explains_nothing_passes(quantity: str) -> None:
+    *above, last = quantity.split(".")
+    document: dict[str, object] = {last: 1.0}
+    for name in reversed(above):
+        document = {name: document}
+    limit = Limit(quantity, 0.0, 2.0)
+    assert judge({**document, "explained": True}, [limit])[0].verdict == "pass"
+    assert judge({**document, "explained": False}, [limit])[0].verdict == "cannot tell"
+
+
 @pytest.mark.parametrize(
     ("given", "text"),
     [

@@ -13,11 +13,14 @@ import pytest
 from camtorque.fit import pair as pair_module
 from camtorque.fit.changes import (
     Attribution,
+    Fitted,
     Hypothesis,
     attribution,
     basis_of,
+    candidates,
     evidence_with,
     fitted,
+    freed,
     marginal,
     near_minimum,
     two_ln_odds,
@@ -217,3 +220,18 @@ def test_a_step_never_leaves_the_bounds_of_either_recording(
 def test_slope_in_time_of_a_signal_over_the_cam_angle() -> None:
     angle, speed = angle_grid(3600), 50.0
     np.testing.assert_allclose(_slope(np.sin(3.0 * angle), speed), 3.0 * speed * np.cos(3.0 * angle), atol=1e-3)
+
+
+def test_what_is_each_recordings_own_is_not_counted_as_an_event_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How far the trigger may have moved does not hang on whether its own error has taken that already."""
+    monkeypatch.setattr(Pair, "own", {"trigger_offset": 0.05 * DEGREE})
+    pair, groups = made_pair({"trigger_offset": 0.04 * DEGREE}), ["trigger", "leakage", "spring"]
+    values, names = np.array([pair.fixed[name] for name in pair.names]), candidates(pair)
+    before = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(1))
+    taken = minimised(pair, before, 20)
+    assert taken.moved[0] * 0.05 > 0.03, "the own error has taken most of the difference"
+    place = names.index("trigger_offset")
+    moved, std = zip(
+        *(freed(pair, Fitted((), at, np.eye(1), 0.0), names, groups) for at in (before, taken)), strict=True
+    )
+    assert moved[1][place] == pytest.approx(moved[0][place], abs=0.1 * float(std[0][place]))

@@ -323,7 +323,7 @@ def test_blind_end_of_delivery_does_not_know_the_recordings_own(joint):
 def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, solved):
     index = 2
     problem, solution = solved
-    found = left_out_values(joint, shares(solution), index)
+    found = left_out_values(joint, shares(problem, solution), index)
     rest = build_problem(started_at(problem, solution.z)[:2])
     task = joint_task(problem, solution.z, 0.0)
     alone = solve(rest, rest.start, Effort(12), (task.lift(0), task.lift(1)))
@@ -352,7 +352,7 @@ def test_left_out_values_are_those_of_the_whole_matrix(joint, solved):
         shared = (solution.hessian.recording < 0)[kept]
         largest = np.max(np.abs(step[shared]) / (LARGEST_STEP * joint.covariance.std[kept][shared]))
         expected = solution.z[kept][shared] + step[shared] / max(1.0, largest)
-        found = left_out_values(unbound, shares(solution), index)[solution.hessian.recording < 0]
+        found = left_out_values(unbound, shares(unbound.problem, solution), index)[solution.hessian.recording < 0]
         unit = scale[shared]  # some values are 0
         np.testing.assert_allclose(found / unit, expected / unit, rtol=1e-6, atol=1e-9)
 
@@ -377,7 +377,7 @@ def test_a_parameter_that_a_bound_holds_does_not_move_the_others(z, wanted):
 
 def test_few_others_are_fitted_again_where_the_linear_step_fails(joint, solved, monkeypatch):
     problem, solution = solved
-    index, found = 2, shares(solution)
+    index, found = 2, shares(problem, solution)
     z, settled = fitted_without(joint, found, index)
     assert settled
     near = left_out_values(joint, found, index)

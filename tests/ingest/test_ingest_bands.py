@@ -104,10 +104,10 @@ speed_loop_Hz = 5.0
     text = TEXT.replace("level_V = 5.0\nswitching_delay_typ_s = 4e-05\n", "")
     config = load_recording_config(write(tmp_path, text + extra))
     assert (config.fluid.temperature, config.fluid.bulk_modulus, config.fluid.feed_pressure) == (313.15, 1.6e9, 3e5)
-    assert (config.drive.kind, config.drive.inertia, config.drive.speed_loop) == ("flywheel", 0.5, 5.0)
+    assert (config.drive.inertia, config.drive.speed_loop) == (0.5, 5.0)
     assert config.trigger.switching_delay == 0.0
     bare = load_recording_config(write(tmp_path, TEXT))
-    assert (bare.fluid.name, bare.fluid.temperature, bare.drive.kind, bare.drive.inertia) == ("", None, "", None)
+    assert (bare.fluid.name, bare.fluid.temperature, bare.drive.inertia) == ("", None, None)
 
 
 def test_kelvin_for_degrees_celsius_are_named(tmp_path: Path):

@@ -184,7 +184,7 @@ def test_a_header_before_each_block_is_left_out(tmp_path: Path):
 def test_a_header_in_another_order_is_refused_where_it_stands(tmp_path: Path):
     head, turned = "Time [s],Torque [Nm],Pressure [bar]", "Time [s],Pressure [bar],Torque [Nm]"
     file = write(tmp_path, head, *rows()[:100], turned, *rows()[100:])
-    with pytest.raises(Refusal, match="line 102: repeats the header in another order, .* split the file there"):
+    with pytest.raises(Refusal, match=r"line 102: repeats the header in another order, .* split the file there"):
         both(file)
 
 

@@ -255,9 +255,9 @@ def test_torque_is_linear_in_the_coefficients_of_its_columns():
     data = chain_input()
     lift, one = data.law.derivatives(data.theta, 3), np.ones(data.theta.size)
     arguments = (data.constants, 0.05, data.theta, lift, 60.0 * one, 0.0 * one, data.line_pressure)
-    plain, columns, _, load, _ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
+    plain, columns, _, load, *_ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
     for coefficients, size in ((COEFFICIENTS[:ON_CAM], data.theta.size), (np.zeros(0), 0)):
-        other, same, by, also, _ = cam_torque(*arguments, coefficients)
+        other, same, by, also, *_ = cam_torque(*arguments, coefficients)
         np.testing.assert_array_equal(plain, other)
         np.testing.assert_array_equal(columns, same)
         np.testing.assert_array_equal(load, also)

@@ -12,8 +12,10 @@ from camtorque.laws.causes import (
     LOSS_GROUPS,
     ON_BRIDGE_ALONE,
     cam_torques,
+    contact_load,
     drive_work,
     measured_torques,
+    plunger_force,
     work_per_revolution,
 )
 from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, evaluate
@@ -123,6 +125,36 @@ def test_work_of_the_causes_is_the_work_of_the_shaft():
     assert work["damping"] > 0.0
 
 
+def test_what_a_wheel_measured_of_the_speed_does_no_work():
+    """Its grid is the cam's own angle: a spring takes nothing over a revolution, and no shaft loses anything."""
+    deviation = 0.01 * np.sin(THETA) + 0.004 * np.cos(3.0 * THETA)
+    none = ("shaft_compliance", "coupling_compliance", "drive_admittance", "guide_friction")
+    rigid = {**start_values(), **dict.fromkeys(none, 0.0)}
+    data = chain_input(deviation=deviation)
+    output = evaluate(data, rigid)
+    assert np.ptp(output.motion.rate) > 0.03 * data.speed
+    parts = cam_torques(data, rigid, output, COEFFICIENTS, np.zeros(THETA.size))
+    work = work_per_revolution(data, rigid, output, parts)
+    assert abs(work["spring"]) < 1e-6
+    assert abs(work["driveline"]) < 1e-9
+    assert work["pressure"] == pytest.approx(2.0 * np.pi * float(np.mean(parts["pressure"])), rel=1e-12)
+
+
+def test_the_contact_force_drives_all_that_acts_along_the_plunger():
+    """Virtual work: without arms on which the load rubs, its part along the follower times y' is the torque."""
+    data, values = chain_input(), {**start_values(), "guide_friction": 0.08}
+    along = ("packing_force", "packing_friction", "plunger_viscous", "spring_stiffness_error", "spring_preload_error")
+    chosen = COEFFICIENTS * np.isin(COLUMN_NAMES, along)
+    assert np.count_nonzero(chosen) == len(along)
+    output = evaluate(data, values)
+    force = plunger_force(data, values, output, chosen)
+    assert np.max(np.abs(force)) > 50.0
+    parts = cam_torques(data, values, output, chosen, np.zeros(THETA.size))
+    torque = np.sum([parts[name] for name in CAUSES if name != "lift_table"], axis=0)
+    found = contact_load(data, values, output, force) * output.motion.lift[1]
+    np.testing.assert_allclose(found, torque, rtol=1e-12, atol=1e-9)
+
+
 def test_a_drive_that_gives_way_is_no_loss_of_shaft_and_coupling():
     data = chain_input()
     gives_way = {**start_values(), "shaft_compliance": 0.0, "coupling_compliance": 0.0, "drive_admittance": 8.0}
@@ -155,7 +187,9 @@ def test_torque_of_the_laws_is_the_closed_form_of_the_mechanism(offset):
     vector[:2] = bearing, pin
     vector[LINEAR_NAMES.index("roller_inertia")] = data.constants.roller_inertia
     pressure = data.line_pressure
-    plain, columns, _, load, least = cam_torque(data.constants, mu, THETA, lift, speed, acceleration, pressure, vector)
+    plain, columns, _, load, least, _ = cam_torque(
+        data.constants, mu, THETA, lift, speed, acceleration, pressure, vector
+    )
     constants = data.constants._replace(guide_friction=mu, bearing_arm=bearing, pin_arm=pin)
     expected = solve_lift(constants, lift[:3].copy(), np.array(pressure), speed, acceleration)
     torque, along = expected[OUTPUTS.index("torque")], expected[OUTPUTS.index("contact_y")]

@@ -68,7 +68,7 @@ def model(run, coefficients, mu=0.0, **changes):
     lift = np.asarray(exact_law().derivatives(theta, 3))
     coefficients = {"roller_inertia": run.truth.pump.roller_inertia, **coefficients}
     vector = np.array([coefficients.get(name, 0.0) for name in LINEAR_NAMES])
-    plain, columns, _, load, _ = cam_torque(
+    plain, columns, _, load, *_ = cam_torque(
         numbers(run, **changes), mu, theta, lift, speed, acceleration, pressure, vector
     )
     return plain + columns @ vector, columns, load

@@ -180,6 +180,7 @@ REFUSED = [
     (("gravity_m_per_s2 = [0.0, 0.0]", "gravity_m_per_s2 = 9.81"), r"found 9\.81, expected two numbers"),
     (("gravity_m_per_s2 = [0.0, 0.0]", "gravity_m_per_s2 = [1.0]"), "expected two numbers in brackets"),
     (("[mounting]", "[shaft]\nphases_deg = []\n[mounting]"), "expected a list of numbers"),
+    (("[mounting]", "[shaft]\nphases_deg = [60, 180]\n[mounting]"), "found 60 for the first pump, expected 0"),
     (("[mounting]", "[shaft]\nstiffness_N_m_per_rad = -1\n[mounting]"), "found -1, expected a number from 1 to"),
     (("[mounting]", "[mounting]\nspring_mass_kg = -1"), "spring_mass_kg: found -1, expected a number from 0 to"),
     (('kind = "dwell"', "kind = 3"), "kind: found 3, expected text"),

@@ -39,8 +39,8 @@ def run(torque: float, std: float, ending: str, chamber: float = 1e7) -> Forecas
     return Forecast(
         speed=50.0, theta=np.arange(4.0), torque=torque * flat, torque_std=std * flat, shape_std=0.5 * std * flat,
         mean_std=std, by_cause=causes, by_cause_std={"pressure": std * flat}, pressure=chamber * flat,
-        pressure_std=1e5 * flat, contact=flat, contact_std=0.1 * flat, true_angle=flat, flow=flat, delivered=1e-7,
-        delivered_std=1e-9, law_share=0.01, beyond=0.0, ending=ending,
+        pressure_std=1e5 * flat, contact=flat, contact_std=0.1 * flat, plunger_force=flat, true_angle=flat, flow=flat,
+        delivered=1e-7, delivered_std=1e-9, law_share=0.01, beyond=0.0, ending=ending,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ import pytest
 from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
+from camtorque.config.pump import PressureCurve
 from camtorque.finished_fit import read_fit
 from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
@@ -169,7 +170,7 @@ def test_a_step_of_the_model_is_not_scaled_up(
     source = FittedAt("a", 50.0, "land", 0.0, True)
     fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]),
                    ArrowCovariance.whole(np.diag([1e-34, 1.0])), (source,) * 3)  # fmt: skip
-    names = ("torque", "mean", "pressure", "contact", "angle", "flow", "delivered")
+    names = ("torque", "mean", "pressure", "contact", "plunger_force", "angle", "flow", "delivered")
 
     def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
         return {name: np.full(4, 1.0 + curve(values["leakage"])) * (1.0 if name == "torque" else 0.0) for name in names
@@ -201,6 +202,8 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
         "pressure": np.full(400, 20.0), "lift_table": output.load * slope})  # fmt: skip
     monkeypatch.setattr(forecast_module, "measured_torques", lambda chain, values, cam, zero: {
         **cam, "torque_zero": np.zeros(400)})  # fmt: skip
+    monkeypatch.setattr(forecast_module, "plunger_force", lambda *values: np.zeros(400))
+    monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: output.load)
     monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
     chain = SimpleNamespace(speed=50.0, theta=theta)
 
@@ -233,6 +236,13 @@ def of_file(folder: Path, step_deg: float, curve: Curve | None = None) -> Curve:
     rows = "".join(f"{a:g},{p:.2f}\n" for a, p in zip(angles, pressure, strict=True))
     (folder / "p.csv").write_text(f"cam_angle_deg,pressure_bar\n{rows}")
     return replace(curve_through(read_pressure_curve(folder / "p.csv"), "p.csv"), speed=50.0)
+
+
+def test_a_file_that_leaves_out_the_rise_at_the_zero_of_the_angle_is_refused() -> None:
+    angles = np.arange(50.0, 360.0, 0.5)
+    file = PressureCurve(np.radians(angles), 1e7 + 2e7 * np.exp(-(((angles - 50.0) / 20.0) ** 2)))
+    with pytest.raises(Refusal, match="points 50 deg apart under load"):
+        curve_through(file, "p.csv")
 
 
 def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_path: Path) -> None:

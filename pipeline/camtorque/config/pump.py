@@ -17,7 +17,7 @@ from camtorque.config import PumpData
 from camtorque.config.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
 from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
 from camtorque.records import Array, CamTable, Finding, ReadOnly, Refusal
-from camtorque.units import BAR, short
+from camtorque.units import BAR, DEGREE, short
 
 ONCE = ("pump", "cam", "mounting", "shaft", "friction")
 """Tables that are there once or not at all."""
@@ -116,6 +116,12 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     pump = tables["pump"]
     if (pump["cam_table_path"] is None) == (not sections):
         raise Refusal(f"{file}: expected either cam_table in [pump] or [[cam.sections]]; give one of them")
+    first = tables["shaft"]["phases"][0]
+    if first:
+        raise Refusal(
+            f"{file} [shaft] phases_deg: found {first / DEGREE:g} for the first pump, expected 0: the others' are lags "
+            "behind it; turn the cam itself by start_deg of [cam] or its lift table"
+        )
     pump["cam_table_path"] = pump["cam_table_path"] or file
     return PumpConfig(
         path=file,

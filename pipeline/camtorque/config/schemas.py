@@ -215,7 +215,7 @@ FLUID = TableSchema("[fluid]", "the fuel or oil, where known", (
     Key("feed_pressure_bar", "number", "gauge", "bar", None, Band(-1.0, 200.0, "of feed pumps"), own=True),
 ), required=False)  # fmt: skip
 DRIVE = TableSchema("[drive]", "what turns the pump, where known", (
-    Key("kind", "choice", "the machine that drives", default="", own=True,
+    Key("kind", "choice", "the machine that drives", default="", own=True, used=False,
         choices=words("servo", "flywheel", "induction", "synchronous", "dc", "engine", "hydraulic")),
     Key("inertia_kg_m2", "number", "drive side of the torque transducer, flywheel included", "kg_m2", None,
         Band(1e-6, 1e5, "from a model motor to a ship's engine"), own=True),

@@ -111,7 +111,6 @@ class FluidSpec:
 class DriveSpec:
     """What the bench says of the machine that turns the pump; None where it says nothing."""
 
-    kind: str = ""
     inertia: float | None = None
     speed_loop: float | None = None
     shaft_stiffness: float | None = None

@@ -306,8 +306,9 @@ def freed(pair: Pair, best: Fitted, names: Sequence[str], groups: Sequence[str])
     """Return how far each difference may be from zero and how well it is known, whatever two other events did, (m,)."""
     state = best.state
     basis = basis_of(pair, state.before, [group for group in groups if group != "temperature"])
-    apart = (state.after - state.before) / np.max(np.abs(basis.columns), axis=1, initial=1e-300)
     own = len(pair.own)
+    by_events = state.after - state.before - state.basis.columns[:, :own] @ state.moved[:own]
+    apart = by_events / np.max(np.abs(basis.columns), axis=1, initial=1e-300)
     moved = np.array([0.0 if not event else apart[pair.names.index(name)] for event, name in basis.labels])
     moved[:own] = state.moved[:own]
     matrix, vector = normal_equations(pair, state, basis.columns, moved)

@@ -10,10 +10,10 @@ import numpy as np
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
-from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput
+from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
-from camtorque.records import CamTable, Finding, ParameterEstimate
-from camtorque.units import DEGREE, LOGARITHM, short
+from camtorque.records import Array, CamTable, Finding, ParameterEstimate
+from camtorque.units import LOGARITHM, short
 
 RARE = 3.0902
 """Standard deviations that a normal number stays below in 999 of 1000 cases."""
@@ -125,8 +125,15 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     return (Finding("lift_scatter", "info", text),)
 
 
-def fit_findings(fit: Fit, chain: ChainInput, output: ChainOutput, unexplained: float | None) -> tuple[Finding, ...]:
-    """Return what is odd about a fit; ``unexplained`` is the rms that it leaves, None where that is as it should be."""
+def fit_findings(fit: Fit, least_guide: float, contact: Array, unexplained: float | None) -> tuple[Finding, ...]:
+    """Return what is odd about a fit.
+
+    Parameters
+    ----------
+    least_guide : least 1 - mu tan(phi) sign(y')
+    contact : (n,) contact force, 0 where the cam would have to pull [N]
+    unexplained : rms that the fit leaves [% of the peak], None where that is as it should be
+    """
     result = []
     if unexplained is not None:
         text = (
@@ -146,19 +153,20 @@ def fit_findings(fit: Fit, chain: ChainInput, output: ChainOutput, unexplained: 
             f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
         )
         result.append(Finding("model_discrepancy", "info", text))
-    if chain.ripple_order:
+    order = fit.problem.data[0].chain.ripple_order
+    if order:
         _, coefficients = fit.problem.values(fit.solution.z, 0)
         text = (
-            f"on the base circle the torque repeats itself {chain.ripple_order} times a revolution (amplitude "
+            f"on the base circle the torque repeats itself {order} times a revolution (amplitude "
             f"{short(float(np.hypot(*coefficients[ON_CAM + 1 :])))} N m): teeth of a gear or a belt, or poles of the "
             "motor; the fit holds it as ripple of the drive, the same all around"
         )
         result.append(Finding("drive_ripple", "info", text, "torque"))
-    if np.min(output.load) <= 0.0:
-        angle = float(chain.theta[int(np.argmin(output.load))] / DEGREE)
+    if np.min(contact) <= 0.0:
+        angle = float(360.0 / contact.size * int(np.argmin(contact)))
         result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))
-    if output.least_guide < 0.5:
-        text = f"mu tan(phi) reaches {1.0 - output.least_guide:.2f}; the guide jams at 1"
+    if least_guide < 0.5:
+        text = f"mu tan(phi) reaches {1.0 - least_guide:.2f}; the guide jams at 1"
         result.append(Finding("guide_near_jamming", "warning", text))
     second = _second(fit.candidates, fit.probabilities)
     if second is not None:

@@ -20,7 +20,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
-from camtorque.laws.causes import cam_torques, measured_torques
+from camtorque.laws.causes import cam_torques, contact_load, measured_torques, plunger_force
 from camtorque.laws.chain import (
     COLUMN_NAMES,
     NONLINEAR_NAMES,
@@ -65,6 +65,7 @@ class Forecast(ReadOnly):
     by_cause, by_cause_std : cause -> (n,) [N m]; the law's error is not split over causes
     pressure, pressure_std : (n,) on the plunger [Pa]
     contact, contact_std : (n,) contact force along the follower [N]
+    plunger_force : (n,) of packing, drag and the spring's errors, against the lift [N]
     true_angle : (n,) [rad]
     flow : (n,) from the chamber to the line [m^3/s]
     delivered, delivered_std : volume that leaves the chamber for the line in a stroke [m^3]
@@ -89,6 +90,7 @@ class Forecast(ReadOnly):
     pressure_std: Array
     contact: Array
     contact_std: Array
+    plunger_force: Array
     true_angle: Array
     flow: Array
     delivered: float
@@ -145,7 +147,7 @@ def forecast(
         shape_std=np.hypot(shape, law), mean_std=float(std["mean"]),
         by_cause={name[6:]: center[name] for name in causes}, by_cause_std={name[6:]: std[name] for name in causes},
         pressure=center["pressure"], pressure_std=std["pressure"], contact=center["contact"],
-        contact_std=std["contact"], true_angle=center["angle"],
+        contact_std=std["contact"], plunger_force=center["plunger_force"], true_angle=center["angle"],
         flow=center["flow"], delivered=float(center["delivered"]),
         delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
         ending=source.structure, steps=spread.steps,
@@ -266,9 +268,10 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     left_out = ("torque_zero", "lift_table") if lift is None else ("torque_zero",)
     named = {f"cause {name}": part for name, part in causes.items() if name not in left_out}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
+    force = plunger_force(chain, values, output, linear)
     return {
         **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,
-        "contact": output.load, "angle": output.motion.theta,
+        "contact": contact_load(chain, values, output, force), "plunger_force": force, "angle": output.motion.theta,
         "flow": output.flows[:, SEAT_FLOW], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
 

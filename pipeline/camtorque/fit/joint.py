@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.common_rows import common_error, with_common_rows
 from camtorque.fit.drift import (
     EXCLUSION_FACTOR,
     Drift,
@@ -27,6 +28,7 @@ from camtorque.fit.drift import (
     shared_drifts,
 )
 from camtorque.fit.findings import prior_findings
+from camtorque.fit.firm_end import END_OF
 from camtorque.fit.joint_fit import (
     JointCovariance,
     JointFit,
@@ -40,15 +42,14 @@ from camtorque.fit.joint_input import JointInput, Known, refuse_two_states
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
-from camtorque.fit.prepare import INDEPENDENT, law_variance
-from camtorque.fit.problem import FitData, Problem, build_problem, with_rows, with_starts
+from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift
 from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lifts_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
-from camtorque.laws.chain import BINS
 from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
@@ -87,22 +88,6 @@ class CampaignFit:
     findings: tuple[Finding, ...]
     shown: ArrowCovariance | None
     lift: SharedLift
-
-
-def common_error(item: FitData, count: int) -> FitData:
-    """Return a recording whose weights hold the error of the laws ``count`` times: it is the same in all."""
-    variance = 1.0 / item.weight**2 + (count - 1.0) * law_variance(item.torque) * BINS / INDEPENDENT
-    return replace(item, weight=1.0 / np.sqrt(variance))
-
-
-def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
-    """Return the recordings with the same bounds of the shared parameters."""
-    names = [name for name, row in data[0].rows.items() if row.role == "shared"]
-    limits = {
-        name: {"lower": min(d.rows[name].lower for d in data), "upper": max(d.rows[name].upper for d in data)}
-        for name in names
-    }
-    return [with_rows(item, limits) for item in data]
 
 
 def anchors(inputs: Sequence[Known]) -> list[int]:
@@ -241,9 +226,9 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     lifts = lifts_at(problem, problem.start, SEARCH_LIFT_CUT)
     tried: list[FitData] = []
     for structure in structures:
-        other = replace(rough, structure=structure)
-        tried += [rough] if structure == item.structure else []
-        tried += [other] if structure == "open" else [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)]
+        other = in_structure(rough, structure)
+        tried += [rough] if structure == item.structure and structure in END_OF else []
+        tried += [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)] if structure in END_OF else [other]
     values = [chi_square_at_start(trial, lifts, held) for trial in tried]
     likely = [tried[k] for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
     fitted = [attempted(own_fitted, start, held) or (np.inf, start) for start in likely]

@@ -31,7 +31,7 @@ from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, with
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.result import modelled
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
-from camtorque.fit.solver import solve
+from camtorque.fit.solver import free_at, solve
 from camtorque.laws import ripple
 from camtorque.laws.chain import coefficients_of, evaluate
 from camtorque.records import Array, Finding, Metrics
@@ -79,16 +79,22 @@ class Shares:
     parts: tuple[tuple[Array, Array], ...]
 
 
-def shares(solution: JointSolution) -> Shares:
+def _moving(problem: Problem, solution: JointSolution) -> NDArray[np.bool_]:
+    """Return which parameters may follow a step: all shared ones, and own ones that no bound holds, (k,)."""
+    free = free_at(solution.z, solution.gradient, *problem.bounds)
+    return np.asarray(free | (solution.hessian.recording < 0))
+
+
+def shares(problem: Problem, solution: JointSolution) -> Shares:
     """Return what each recording adds to the equations of the shared parameters, its own ones eliminated."""
     hessian, gradient = solution.hessian, solution.gradient
     places = np.flatnonzero(hessian.recording < 0)
     where = np.zeros(gradient.size, dtype=np.int64)
     where[places] = np.arange(places.size)
-    everything = np.ones(gradient.size, dtype=bool)
+    moving = _moving(problem, solution)
     matrix, vector, parts = np.diag(hessian.diagonal[places]), gradient[places].copy(), []
     for index, (place, part) in enumerate(zip(hessian.places, solution.parts, strict=True)):
-        found, own_matrix, own_vector, _ = hessian.reduced(index, gradient, everything, pseudo=True)
+        found, own_matrix, own_vector, _ = hessian.reduced(index, gradient, moving, pseudo=True)
         full, right = np.zeros_like(matrix), np.zeros_like(vector)
         full[np.ix_(where[found], where[found])] = own_matrix
         right[where[found]] = own_vector
@@ -149,11 +155,11 @@ def fitted_without(fit: JointFit, found: Shares, index: int) -> tuple[Array, boo
 def _followed(fit: JointFit, z: Array, index: int) -> Array:
     """Return values whose own ones of the other recordings follow the step of the shared ones."""
     hessian, gradient = fit.solution.hessian, fit.solution.gradient
-    step, z, everything = z - fit.solution.z, z.copy(), np.ones(z.size, dtype=bool)
+    step, z, moving = z - fit.solution.z, z.copy(), _moving(fit.problem, fit.solution)
     for k, place in enumerate(hessian.places):
         if k != index:
-            shared, _, _, back = hessian.reduced(k, gradient, everything, pseudo=True)
-            z[place[hessian.recording[place] >= 0]] += back[:, -1] - back[:, :-1] @ step[shared]
+            shared, _, _, back = hessian.reduced(k, gradient, moving, pseudo=True)
+            z[place[(hessian.recording[place] >= 0) & moving[place]]] += back[:, -1] - back[:, :-1] @ step[shared]
     return np.clip(z, *fit.problem.bounds)
 
 
@@ -190,7 +196,9 @@ def left_out(fit: JointFit) -> LeaveOneOut:
     shown = shown_covariance(fit.solution, cov)
     known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, shown)
     curves = {item.name: Curve(item.chain.theta, item.chain.line_pressure, item.chain.speed) for item in data}
-    return LeaveOneOut(shares(fit.solution), known, curves, asked_by_all(fit.problem, fit.solution.z, cov.inflation))
+    return LeaveOneOut(
+        shares(fit.problem, fit.solution), known, curves, asked_by_all(fit.problem, fit.solution.z, cov.inflation)
+    )
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,8 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
         raise Refusal(
             f"{name}: found no pressure above 0 bar, expected that of a delivery; give the line pressure, gauge"
         )
-    loaded = np.maximum(file.pressure[1:], file.pressure[:-1]) > LOADED * top
-    step = float(np.max(np.diff(file.theta)[loaded], initial=0.0))
+    loaded = np.maximum(file.pressure, np.roll(file.pressure, -1)) > LOADED * top
+    step = float(np.max(np.diff(file.theta, append=file.theta[0] + TURN)[loaded], initial=0.0))
     known = between_points(file)
     worst = float(np.sqrt(np.mean(np.square(known[file.pressure > LOADED * top])))) / top
     if worst > MOST_GUESSED or step > WIDEST_STEP:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from camtorque.fit.descent import Basin, Effort
-from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
 from camtorque.fit.solver import LiftModes, Solution, solve, try_at
 from camtorque.fit.starts import Start, refined
 from camtorque.laws.causes import cam_torques, filtered_out_torque
@@ -114,9 +114,8 @@ def beside(value: float) -> Effort:
 
 def followed(data: FitData, start: Start, effort: Effort = POLISH) -> Candidate:
     """Return the minimum that a start leads to on the fine grid."""
-    item = replace(start.data, lift_basis=data.lift_basis, chain=replace(
-        data.chain, uses_chamber=start.data.structure != "line", substeps=np.zeros(0, dtype=np.int64)
-    ))  # fmt: skip
+    chain = replace(data.chain, substeps=np.zeros(0, dtype=np.int64))
+    item = in_structure(replace(start.data, lift_basis=data.lift_basis, chain=chain), start.data.structure)
     problem = build_problem([item])
     item = refined(item, problem.values(problem.start, 0)[0])
     return at_minimum(item, effort)

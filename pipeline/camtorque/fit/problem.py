@@ -207,6 +207,11 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
     return Problem(tuple(data), tuple(parameters), n_nonlinear, fixed)
 
 
+def in_structure(data: FitData, structure: str) -> FitData:
+    """Return the recording with another structure, with a chamber where it has one."""
+    return replace(data, structure=structure, chain=replace(data.chain, uses_chamber=structure != "line"))
+
+
 def with_rows(data: FitData, changes: Mapping[str, Mapping[str, object]]) -> FitData:
     """Return the recording with some fields of some rows replaced."""
     rows = dict(data.rows)

@@ -84,14 +84,16 @@ def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[Residua
         np.convolve(np.r_[residual[-width:], residual, residual[:width]] ** 2, np.ones(width) / width, "same")
     )
     smooth = smooth[width:-width]
-    bumps = []
-    for start, stop in _stretches(smooth > BUMP_TIMES * level, width):
-        part = residual[start:stop]
-        top = start + int(np.argmax(np.abs(part)))
+    bumps, angles = [], fitted.chain.theta
+    first = int(np.argmin(smooth))  # where it is quiet, so that a bump across the zero of the angle is one
+    quiet, turned = np.roll(smooth, -first), np.roll(residual, -first)
+    for start, stop in _stretches(quiet > BUMP_TIMES * level, width):
+        part = turned[start:stop]
+        top = (first + start + int(np.argmax(np.abs(part)))) % n
         times = float(np.sqrt(np.mean(part**2))) / level
-        angles = fitted.chain.theta
+        begins, ends = (float(angles[(first + place) % n]) for place in (start, min(stop, n - 1)))
         bumps.append(ResidualBump(
-            float(angles[start]), float(angles[min(stop, n - 1)]), float(residual[top]), times, phase_at(fitted, top),
+            begins, ends, float(residual[top]), times, phase_at(fitted, top),
             ringing(part, 2.0 * np.pi / n / fitted.chain.speed),
         ))  # fmt: skip
     return tuple(sorted(bumps, key=lambda bump: -abs(bump.peak))[:MOST_BUMPS])

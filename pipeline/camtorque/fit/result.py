@@ -34,7 +34,14 @@ from camtorque.fit.uncertainty import (
 )
 from camtorque.fit.work import sureness
 from camtorque.laws import ROWS
-from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, drive_work, measured_torques, work_per_revolution
+from camtorque.laws.causes import (
+    ON_BRIDGE_ALONE,
+    cam_torques,
+    drive_work,
+    measured_torques,
+    plunger_force,
+    work_per_revolution,
+)
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, angle_grid, evaluate
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism.friction import Friction
@@ -71,6 +78,7 @@ class Modelled:
     cam: dict[str, Array]
     by_cause: dict[str, Array]
     lift_correction: Array
+    plunger_force: Array
 
     @property
     def torque(self) -> Array:
@@ -107,7 +115,8 @@ def modelled(
     cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
     by_cause = measured_torques(chain, values, cam, coefficients)
     correction = basis.correction(output.motion.theta, lifts)
-    return _on_cycles(Modelled(chain, output, values, cam, by_cause, correction), torque.size)
+    force = plunger_force(chain, values, output, coefficients)
+    return _on_cycles(Modelled(chain, output, values, cam, by_cause, correction, force), torque.size)
 
 
 def _on_cycles(model: Modelled, n: int) -> Modelled:
@@ -139,7 +148,7 @@ def _on_cycles(model: Modelled, n: int) -> Modelled:
         substeps=np.zeros(0, dtype=np.int64),
     )  # fmt: skip
     cam, by_cause = ({name: at(part) for name, part in parts.items()} for parts in (model.cam, model.by_cause))
-    return Modelled(chain, output, model.values, cam, by_cause, at(model.lift_correction))
+    return Modelled(chain, output, model.values, cam, by_cause, at(model.lift_correction), at(model.plunger_force))
 
 
 def resampled(values: Array, n: int) -> Array:
@@ -171,8 +180,9 @@ def fitted_torque(
     friction = Friction(fitted.values["guide_friction"], *arms)
     mounting = Mounting(rotation=config.rotation)
     tables = closed_form_tables(config.pump, smooth, motion.theta, mounting, friction)
-    forces = forces_of(config.pump, tables, fitted.output.pressure, motion.rate, motion.second)
-    pressure_std = _pressure_std(fit, fitted)
+    pushed = fitted.output.pressure + fitted.plunger_force / config.pump.plunger_area
+    forces = forces_of(config.pump, tables, pushed, motion.rate, motion.second)
+    stds = pressure_stds(fit, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
     sure = sureness(fit, rigid, means.torque_all)
@@ -187,9 +197,9 @@ def fitted_torque(
         parameters=parameters, correlation=correlation_of(fit.deviation),
         correlation_names=fit.problem.names,
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
-        chamber_pressure_std=pressure_std, chamber_peak=_chamber_peak(fitted, pressure_std),
-        chamber_return_start=return_start(fitted, pressure_std), true_angle=motion.theta, forces=forces,
-        contact_lost=bool(np.min(fitted.output.load) <= 0.0), losses=_losses(fit, fitted, means),
+        chamber_pressure_std=None if stds is None else stds[0], chamber_peak=_chamber_peak(fitted, stds),
+        chamber_return_start=return_start(fitted, stds), true_angle=motion.theta, forces=forces,
+        contact_lost=bool(np.min(forces.contact_normal) <= 0.0), losses=_losses(fit, fitted, means),
         losses_stderr=sure.work, gap_stderr=sure.gap,
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
@@ -198,7 +208,7 @@ def fitted_torque(
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
-            *fit_findings(fit, fitted.chain, fitted.output, None if explained else left),
+            *fit_findings(fit, fitted.output.least_guide, forces.contact_normal, None if explained else left),
         ),
         details={**_details(fit, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
@@ -281,30 +291,33 @@ def _losses(fit: Fit, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
     return {**work, "input": total, "closure_percent": closure}
 
 
-def _pressure_std(fit: Fit, fitted: Modelled) -> Array | None:
-    """Return the total standard uncertainty of the chamber pressure over angle, (n_theta,) [Pa]."""
+def pressure_stds(fit: Fit, fitted: Modelled) -> Array | None:
+    """Return the chamber pressure's standard uncertainty, total and statistical, over angle, (2, n_theta) [Pa]."""
     tangents = fitted.output.pressure_tangents
     if tangents is None or not fitted.chain.uses_chamber:
         return None
     jacobian, own = pressure_jacobian(fit.problem, tangents)
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.deviation[np.ix_(own, own)], jacobian)
+    statistical = variance
     for shift in fit.pressure_shifts:
         variance = variance + resampled(shift, variance.size) ** 2
     gain = fit.pressure_gain_std * fitted.output.pressure
     variance = variance + gain**2 + unresolved_amplitude(fitted.output, fitted.chain.line_pressure) ** 2
-    return without_spikes(fitted.output.pressure, np.sqrt(np.maximum(variance, 0.0)))
+    found = (np.sqrt(np.maximum(part, 0.0)) for part in (variance, statistical))
+    return np.array([without_spikes(fitted.output.pressure, std) for std in found])
 
 
-def _chamber_peak(fitted: Modelled, std: Array | None) -> Estimate | None:
-    if std is None:
+def _chamber_peak(fitted: Modelled, stds: Array | None) -> Estimate | None:
+    if stds is None:
         return None
     top = int(np.argmax(fitted.output.pressure))
-    return Estimate(float(fitted.output.pressure[top]), float(std[top]))
+    total, statistical = stds[:, top].tolist()
+    return Estimate(float(fitted.output.pressure[top]), total, stderr_statistical=statistical)
 
 
-def return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
-    """Return the chamber pressure where the lift has fallen to 95 %, whatever the grid."""
-    if std is None:
+def return_start(fitted: Modelled, stds: Array | None) -> Estimate | None:
+    """Return the chamber pressure where the lift has fallen to 95 %, whatever the grid; ``stds``: `pressure_stds`."""
+    if stds is None:
         return None
     lift = fitted.output.motion.lift[0]
     above = (lift - np.min(lift)) / np.ptp(lift) - STROKE[1]
@@ -312,8 +325,9 @@ def return_start(fitted: Modelled, std: Array | None) -> Estimate | None:
     start = int(np.flatnonzero((above >= 0.0) & (after < 0.0))[0])
     part = above[start] / (above[start] - after[start])
     places = [start, (start + 1) % lift.size]
-    pressure, sure = (values[places] @ [1.0 - part, part] for values in (fitted.output.pressure, std))
-    return Estimate(float(pressure), float(sure))
+    curves = np.vstack([fitted.output.pressure, stds])
+    pressure, total, statistical = (curves[:, places] @ [1.0 - part, part]).tolist()
+    return Estimate(pressure, total, stderr_statistical=statistical)
 
 
 def _moved(nominal: float, row: ParameterEstimate, unit: float) -> Estimate:

@@ -14,7 +14,7 @@ import numpy as np
 
 from camtorque.fit.minima import Candidate, Halves, beside, followed, lost_torque, with_lost_torque
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.fit.problem import FitData, with_starts
+from camtorque.fit.problem import FitData, in_structure, with_starts
 from camtorque.fit.residual import explains
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
@@ -136,7 +136,7 @@ class Found:
 
 def rescanned(start: Start, structure: str) -> list[FitData]:
     """Return a start in the same or another structure with the end of delivery at the best places of a scan."""
-    item = replace(start.data, structure=structure)
+    item = in_structure(start.data, structure)
     if structure == "open":
         return [with_starts(item, {"retraction_volume": volume}) for volume in RETRACTIONS]
     rest: dict[str, float] = {}

@@ -16,7 +16,7 @@ from itertools import islice
 import numpy as np
 
 from camtorque.fit.prepare import INDEPENDENT, on_grid
-from camtorque.fit.problem import FitData, Problem, build_problem, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
 from camtorque.laws.chain import angle_grid, evaluate, with_substeps
 from camtorque.laws.chamber import integrate
@@ -93,9 +93,9 @@ def chi_square_at_start(
 
 def candidates(data: FitData, structure: str) -> list[FitData]:
     """Return the recording with the starts of one structure."""
-    item = replace(data, structure=structure)
+    item = in_structure(data, structure)
     if structure == "line":
-        return [replace(item, chain=replace(item.chain, uses_chamber=False))]
+        return [item]
     swept = data.chain.pump.plunger_area * data.chain.top_lift
     if structure == "open":
         pairs = [(v, {"retraction_volume": r}) for v in VOLUMES for r in RETRACTIONS]

@@ -117,8 +117,8 @@ def _columns(
         values = parse_block(block, layout, wanted, stamps, damage, line)
         if damage.reordered:
             raise Refusal(
-                f"{path} line {damage.reordered}: repeats the header in another order, so that the columns below it are "
-                "others; split the file there"
+                f"{path} line {damage.reordered}: repeats the header in another order, so that the columns below it "
+                "are others; split the file there"
             )
         line += block.count(b"\n")
         count += len(values[0])

@@ -9,6 +9,8 @@ import numpy as np
 from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, cause_of, ripple
 from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput, drive_response, filtered, transfer
 from camtorque.laws.torque import cam_torque
+from camtorque.mechanism.friction import guide_gain
+from camtorque.mechanism.kinematics import path_at
 from camtorque.records import Array
 
 CAUSES = ("pressure", "spring", "inertia", "guide_friction", *dict.fromkeys(
@@ -41,7 +43,7 @@ def cam_torques(
     rates = (motion.rate, motion.second)
     numbers = data.constants
     mu = values["guide_friction"]
-    whole, columns, _, load, _ = cam_torque(numbers, mu, motion.theta, motion.lift, *rates, output.pressure, zero)
+    whole, columns, _, load, *_ = cam_torque(numbers, mu, motion.theta, motion.lift, *rates, output.pressure, zero)
     smooth, *_ = cam_torque(numbers, 0.0, motion.theta, motion.lift, *rates, output.pressure, zero)
     parts = dict.fromkeys(CAUSES, np.zeros_like(y))
     for k, name in enumerate(LINEAR_NAMES):
@@ -53,6 +55,31 @@ def cam_torques(
     parts["guide_friction"] = whole - smooth
     parts["lift_table"] = load * lift_slope
     return parts
+
+
+def plunger_force(data: ChainInput, values: Mapping[str, float], output: ChainOutput, coefficients: Array) -> Array:
+    """Return what packing, damping and the spring's errors push against the lift along the plunger, (n,) [N].
+
+    ``coefficients`` as in `cam_torques`.
+    """
+    motion, mu = output.motion, values["guide_friction"]
+    return cam_torque(
+        data.constants,
+        mu,
+        motion.theta,
+        motion.lift,
+        motion.rate,
+        motion.second,
+        output.pressure,
+        coefficients[:ON_CAM],
+    )[-1]
+
+
+def contact_load(data: ChainInput, values: Mapping[str, float], output: ChainOutput, force: Array) -> Array:
+    """Return the contact force along the follower with a `plunger_force` (n,), which the guide raises too, (n,) [N]."""
+    pump, lift = data.constants, output.motion.lift
+    _, tangent, *_ = path_at(*lift[:3], pump.base, pump.offset, pump.radius)
+    return np.asarray(output.load + force * guide_gain(tangent, lift[1], values["guide_friction"]))
 
 
 def measured_torques(
@@ -90,16 +117,24 @@ def work_per_revolution(
     data: ChainInput, values: Mapping[str, float], output: ChainOutput, torques: Mapping[str, Array]
 ) -> dict[str, float]:
     """Return the work of each group over the true cam angle [J per revolution]."""
-    advance = output.motion.rate / data.speed * (2.0 * np.pi / data.theta.size)
-    work = {name: float(np.sum(torque * advance)) for name, torque in torques.items()}
+    advance = _turning(data, output)
+    work = {name: float(2.0 * np.pi * np.mean(torque * advance)) for name, torque in torques.items()}
     groups = {group: sum(work[name] for name in names) for group, names in LOSS_GROUPS.items()}
     return {**groups, "driveline": _driveline_loss(data, output) + drive_work(data, values)}
 
 
 def _driveline_loss(data: ChainInput, output: ChainOutput) -> float:
     """Return what the torque does on all that turns the cam against the uniform angle, -T dpsi [J per revolution]."""
-    swing = output.motion.rate / data.speed - 1.0
-    return -float(np.sum(data.shaft_torque * swing)) * 2.0 * np.pi / data.theta.size
+    return -2.0 * np.pi * float(np.mean(data.shaft_torque * (_turning(data, output) - 1.0)))
+
+
+def _turning(data: ChainInput, output: ChainOutput) -> Array:
+    """Return how far the cam turns per angle of the grid, (n,): what a wheel measured of it is in the grid already."""
+    turning = output.motion.rate / data.speed
+    if data.deviation.size:
+        spectrum = np.fft.rfft(data.deviation)
+        turning = turning - np.fft.irfft(1j * np.arange(spectrum.size) * spectrum, data.theta.size)
+    return np.asarray(turning)
 
 
 def drive_work(data: ChainInput, values: Mapping[str, float]) -> float:

@@ -135,7 +135,7 @@ class ChainOutput:
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
     pressure_tangents : by `chamber.NAMES`, then `SHIFT_NAMES`, (n, ...) [Pa per SI]; None where not asked for
-    load : (n,) contact force along the follower lambda_y [N]
+    load : (n,) contact force along the follower lambda_y, without what the linear columns add [N]
     states : (n, 3) gallery pressure [bar], volume swept by the valve [mm^3], iterations of the chamber
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
     path : (1 + m, 3) the chamber after each time step, from which the derivative at the same values needs no search
@@ -281,7 +281,7 @@ def evaluate(
     motion = cam_motion(data, values, response)
     pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
-    torques, slopes, load, least = torque_columns(
+    torques, slopes, load, least, _ = torque_columns(
         data.constants, values["guide_friction"], motion.theta, motion.lift, motion.rate, motion.second, pressure,
         c[:ON_CAM] if tangents else c[:0],
     )  # fmt: skip

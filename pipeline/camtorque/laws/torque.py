@@ -66,6 +66,7 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
         the bridge feels beside it; else (2, 5, 0)
     load : (n,) contact force along the follower [N]
     least : least value of 1 - mu |tan phi| sign(y'); the follower jams at 0
+    extra : (n,) force of the columns along the plunger, F_extra [N]; else (0,)
     """
     n = rate.size
     torques = np.empty((n, 1 + _N))
@@ -73,6 +74,7 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
     by = np.empty((2, 5, n if wanted else 0))
     sums = np.empty((2, 9))
     load = np.empty(n)
+    extra_force = np.empty(n if wanted else 0)
     least = 1.0
     for i in range(n):
         y, y1, y2, y3 = lift[0, i], lift[1, i], lift[2, i], lift[3, i]
@@ -119,6 +121,7 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
             row[8] += c * part.torque_by_second
         if not wanted:
             continue
+        extra_force[i] = sums[0, 2]
         for side in range(2):
             arm, arm_a, extra, extra_a, extra_w, extra_p, drag_a, drag_w, drag_dw = sums[side]
             own = 1.0 - side  # the cam's own torque is in the first alone
@@ -129,13 +132,13 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
             by[side, 2, i] = pump.mass * y1 * (own * y1 + arm) / guide + drag_dw
             by[side, 3, i] = (y1 * (own * pump.area + extra_p) + pump.area * arm) / guide
             by[side, 4, i] = top * share / (guide * guide)
-    return torques, by, load, least
+    return torques, by, load, least, extra_force
 
 
-def cam_torque(*arguments: Any) -> tuple[Array, Array, Array, Array, float]:
+def cam_torque(*arguments: Any) -> tuple[Array, Array, Array, Array, float, Array]:
     """Return torque (n,), columns (n, k), and the rest of what `torque_columns` returns, to which the arguments go."""
-    torques, by, load, least = torque_columns(*arguments)
-    return torques[:, 0], torques[:, 1:], by, load, least
+    torques, *rest = torque_columns(*arguments)
+    return torques[:, 0], torques[:, 1:], *rest
 
 
 @cache
