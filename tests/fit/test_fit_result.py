@@ -35,7 +35,7 @@ from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
 from camtorque.fit.structures import structure_spread
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
-from camtorque.fit.work import sureness, work_at
+from camtorque.fit.work import carried, sureness, work_at
 from camtorque.laws.chain import binned
 from camtorque.laws.driveline import cam_side_inertia
 from camtorque.records import Refusal
@@ -457,3 +457,17 @@ def test_what_the_lift_table_explains_is_no_doubt():
     assert found.value > found.doubt
     # beyond what the table states the rest stays a doubt
     assert modes.expected_part(100.0 * residual) == pytest.approx(np.sum(modes.shrink))
+
+
+def test_a_jump_of_the_model_at_a_bound_is_no_slope_without_end():
+    """As where an outlet opens again: the model is 0 at the bound and 2 everywhere above it."""
+
+    def jumps(values, _):
+        return np.array([2.0 * (values["share"] > 0.0) + 3.0 * values["line"]])
+
+    problem = SimpleNamespace(values=lambda z, _: (dict(zip(("share", "line"), z, strict=True)), None),
+                              bounds=(np.array([0.0, -9.0]), np.array([1.0, 1.0])))  # fmt: skip
+    std = np.array([0.1, 0.2])
+    fit = SimpleNamespace(problem=problem, solution=SimpleNamespace(z=np.array([0.0, 1.0])), std=std,
+                          deviation=np.diag(std**2), shifts={})  # fmt: skip
+    assert carried(fit, jumps) == pytest.approx([np.hypot(2.0, 3.0 * 0.2)])

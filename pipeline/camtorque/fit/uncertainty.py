@@ -117,6 +117,16 @@ def deviation_within(known: Gaussian, stated: Array) -> Array:
     return np.asarray(known.within.matrix + np.outer(off, off))
 
 
+def secant_steps(values: Array, std: Array, lower: Array, upper: Array) -> Array:
+    """Return a step of each parameter over which a difference stands for a slope, (k,) [SI]; 0 where it has no room.
+
+    It is one standard uncertainty, within the bounds: a model that jumps where an outlet opens has a slope without end
+    over less, and is off by the jump at most.
+    """
+    forth, back = np.minimum(std, upper - values), np.maximum(-std, lower - values)
+    return np.where(forth >= np.minimum(std, -back), forth, back)
+
+
 def along_valley(deviation: Array, index: int, std: float) -> Array:
     """Return the shift (k,) of all parameters that is missing where one of them has a larger deviation [SI].
 

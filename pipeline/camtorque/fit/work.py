@@ -9,12 +9,11 @@ import numpy as np
 
 from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.single import Fit
+from camtorque.fit.uncertainty import secant_steps
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import ChainInput, ChainOutput, evaluate
 from camtorque.records import APART, TOGETHER, Array, RigidTorque
 
-STEP = 0.1
-"""Step of the differences, in standard uncertainties of the parameter: the work is straight over that."""
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
 ANGLE, CHAMBER = "cam angle", "plunger pressure"
@@ -67,12 +66,12 @@ def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Arra
     Deviations and further shifts of the fit are carried on by differences, one parameter after the other.
     """
     problem, z = fit.problem, fit.solution.z
-    here = at(*problem.values(z, 0))
+    here, steps = at(*problem.values(z, 0)), secant_steps(z, fit.std, *problem.bounds)
     slopes = np.zeros((here.size, z.size))
-    for k in range(z.size):
-        moved, step = z.copy(), STEP * float(fit.std[k])
-        moved[k] += step
-        slopes[:, k] = (at(*problem.values(moved, 0)) - here) / step
+    for k in np.flatnonzero(steps).tolist():
+        moved = z.copy()
+        moved[k] += steps[k]
+        slopes[:, k] = (at(*problem.values(moved, 0)) - here) / steps[k]
     variance = np.einsum("ij,jk,ik->i", slopes, fit.deviation, slopes)
     for rows in fit.shifts.values():
         variance = variance + np.sum((slopes @ rows.T) ** 2, axis=1)
