@@ -10,6 +10,7 @@ import pytest
 from camtorque.config import ChannelSpec
 from camtorque.ingest import csv_log
 from camtorque.ingest.cells import unwrapped
+from camtorque.ingest.csv_layout import sniff
 from camtorque.ingest.csv_log import channels, read
 from camtorque.ingest.header import header_rate, name_and_unit
 from camtorque.ingest.raw import RawFile
@@ -179,6 +180,21 @@ def test_statistics_below_the_table_are_no_samples(tmp_path: Path):
 def test_a_header_before_each_block_is_left_out(tmp_path: Path):
     head, body = "Time [s],Torque [Nm],Pressure [bar]", rows()
     assert_read(both(write(tmp_path, head, *body[:100], "", head, *body[100:])), "csv_header_repeated")
+
+
+@pytest.mark.parametrize(
+    "head", ["No.,Time,Torque,Pressure,Trigger", "No.,Time [s],Torque [N m],Pressure [bar],Trigger [V]"]
+)
+def test_a_header_with_a_name_more_is_no_guess(tmp_path: Path, head: str):
+    file = write(tmp_path, head, *(f"{row},{n % 2}" for n, row in enumerate(rows())))
+    assert sniff(file, ()).names == ("column 1", "column 2", "column 3", "column 4")
+    with pytest.raises(
+        Refusal, match=r"header has 5 names \(No\., Time.*\) for 4 columns .* or name columns by their place"
+    ):
+        sniff(file, ("Torque", "Pressure", "Trigger"))
+    last = write(tmp_path, head.removeprefix("No.,") + ",Remark", *(f"{row},{n % 2}" for n, row in enumerate(rows())))
+    assert sniff(last, ()).names[0] == "Time"
+    assert sniff(last, ("Torque",)).surplus == ("Remark",)
 
 
 def test_a_header_in_another_order_is_refused_where_it_stands(tmp_path: Path):

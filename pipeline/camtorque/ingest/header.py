@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,6 +42,8 @@ STEPS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μ
 NEXT_FIELD = re.compile(r"(?<=\d{4}),|,(?!\d{3}(?!\d))")
 NO_UNITS = ("sequence", "sample", "samples", "point", "points", "index", "unit", "units", "einheit", "einheiten")
 """Words in the place of a unit that are none: where a column counts, or the key of the row of units."""
+COUNTS = re.compile(r"^(no|nr|num|number|index|idx|sample|row|#|tracename)\.?$", re.IGNORECASE)
+"""What stands over a count of rows, which an export may leave out, or is the key of a row of names."""
 AMBIGUOUS = re.compile(r"^\d{1,3}[.,]\d{3}$")
 """Twenty thousand or twenty: 20,000 and 20.000 mean either, by country."""
 NUMBERED = re.compile(r"^column (?P<number>[1-9]\d{0,3})$")
@@ -129,13 +132,34 @@ def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...
     found = []
     for number, row in enumerate(rows):
         beyond = tuple(field for field in row[n_columns:] if field)
-        if len(row) < least or set(beyond) & set(wanted) or not any(row):
+        if len(row) < least or _names(beyond) & set(wanted) or not any(row):
             continue
         row = (row + [""] * n_columns)[:n_columns]
         plain = [name_and_unit(field) for field in row]
         hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
         found.append(HeaderRow(number, hits if wanted else sum(map(_is_text, row)), row, plain, beyond))
     return found
+
+
+def _names(fields: Iterable[str]) -> set[str]:
+    """Return fields of a header, and their names without units."""
+    return {name for field in fields for name in (field, name_and_unit(field)[0])}
+
+
+def _may_be_shifted(row: HeaderRow) -> bool:
+    """Tell names of which the first may stand over no column: one that counts rows, or a last one with a unit."""
+    return bool(row.beyond) and bool(COUNTS.match(row.fields[0]) or any(name_and_unit(f)[1] for f in row.beyond))
+
+
+def _refuse_more_names(path: Path, rows: list[list[str]], n_columns: int, wanted: tuple[str, ...]) -> None:
+    """Refuse a header whose wanted names go beyond the columns: which of its names has none is a guess."""
+    longer = next((row for row in rows if _names(row[n_columns:]) & set(wanted)), None)
+    if longer:
+        raise Refusal(
+            f"{path}: the header has {len(longer)} names ({', '.join(longer)}) for {n_columns} columns of numbers, and "
+            "which of them has none cannot be told; correct the header, or name columns by their place: channel = "
+            f"{numbered_name(0)!r} to {numbered_name(n_columns - 1)!r}"
+        )
 
 
 def _refuse_commas_of_two_kinds(path: Path, rows: list[list[str]], n_columns: int) -> None:
@@ -171,6 +195,7 @@ def names_of(
     if not candidates:
         if not wanted:
             return tuple(map(numbered_name, range(n_columns))), ("",) * n_columns, ()
+        _refuse_more_names(path, rows, n_columns, wanted)
         _refuse_commas_of_two_kinds(path, rows, n_columns)
         raise Refusal(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; add a line with the "
@@ -182,7 +207,7 @@ def names_of(
         named if named and not wanted else candidates,
         key=lambda row: (row.hits - len(row.beyond), -row.number if wanted else row.number),
     )
-    if not chosen.hits and not wanted:
+    if not wanted and (not chosen.hits or _may_be_shifted(chosen)):
         numbered = [numbered_name(n) for n in range(n_columns)]
         chosen = replace(chosen, number=-1, fields=numbered, plain=[(name, "") for name in numbered])
     elif not chosen.hits:
