@@ -126,22 +126,24 @@ def test_losses_that_are_not_there_are_not_claimed(scenes):
     assert "not needed" in verdicts
 
 
-def test_what_is_surely_not_there_may_be_twice_as_large(scenes, monkeypatch):
+@pytest.mark.parametrize(("loss", "limit"), [("friction", "SMALL_TORQUE"), ("driveline", "SMALL_ANGLE")])
+def test_what_is_surely_not_there_may_be_twice_as_large(scenes, monkeypatch, loss, limit):
     key = ("chamber_only", 0, 1000.0)
     found, odd_even = quick(key), mean_cycles(bridged(key)[1]).odd_even
-    row = scenes["chamber_only"]["friction"]
+    row = scenes["chamber_only"][loss]
     assert row.two_ln_bayes_factor < SURELY_NOT
+    largest = row.size_ci95[1] / odd_even if loss == "friction" else np.radians(row.size_ci95[1])
 
     def verdict() -> str:
         rows = loss_evidence(found.problem, found.solution, covariance(found.problem, found.solution), odd_even)
-        return next(item.verdict for item in rows if item.name == "friction")
+        return next(item.verdict for item in rows if item.name == loss)
 
-    monkeypatch.setattr(evidence, "SMALL_TORQUE", 0.6 * row.size_ci95[1] / odd_even)
+    monkeypatch.setattr(evidence, limit, 0.6 * largest)
     assert verdict() == "not needed"
     monkeypatch.setattr(evidence, "SURELY_NOT", -1000.0)
     assert verdict() == "cannot tell"
     monkeypatch.undo()
-    monkeypatch.setattr(evidence, "SMALL_TORQUE", 0.4 * row.size_ci95[1] / odd_even)
+    monkeypatch.setattr(evidence, limit, 0.4 * largest)
     assert verdict() == "cannot tell"
 
 
@@ -202,6 +204,11 @@ def test_line_pressure_on_the_plunger_is_told_from_a_chamber():
     assert chamber_evidence((found, replace(line, solution=slight)), 1.0).verdict == "cannot tell"
     even = replace(line, solution=replace(worse, chi_square=found.solution.chi_square))
     assert chamber_evidence((even, found), 1.0).verdict == "not needed"
+    # both are fitted, so that strong evidence either way is 6
+    for better, verdict in ((4.0, "not needed"), (7.0, "cannot tell")):
+        line = replace(even, solution=replace(even.solution, chi_square=found.solution.chi_square + better))
+        row = chamber_evidence((line, found), 1.0)
+        assert (row.verdict, round(row.two_ln_bayes_factor)) == (verdict, round(better - 12.0))
 
 
 def test_probabilities_of_structures_follow_chi_square_under_inflation():

@@ -11,7 +11,7 @@ where g is the slope left at a minimum against the bounds and g'Cg what these co
 
 *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
 small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
-absence); a torque may be twice as large where both are below `SURELY_NOT`. Else the data cannot tell. Friction is sized
+absence); it may be twice as large where both are below `SURELY_NOT`. Else the data cannot tell. Friction is sized
 by what varies over the revolution: no bearing, pin, or guide has a constant alone, and how much of that is drag, how
 much the transducer's zero, hardly any recording can tell.
 Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
@@ -138,7 +138,8 @@ def _judged(
     factor = refit if name == "driveline" and not np.isnan(refit) else quick
     small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
     highest = quick if np.isnan(refit) else max(quick, refit)
-    limit = np.degrees(SMALL_ANGLE) if unit == "deg" else 2.0 * small if highest < SURELY_NOT else small
+    small = float(np.degrees(SMALL_ANGLE)) if unit == "deg" else small
+    limit = 2.0 * small if highest < SURELY_NOT else small
     verdict = "cannot tell"
     if factor > NEEDED:
         verdict = "needed"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from camtorque.fit.evidence import NEEDED, NOT_NEEDED, laplace, strength
+from camtorque.fit.evidence import NEEDED, laplace, strength
 from camtorque.fit.minima import Candidate, attempted
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT
 from camtorque.records import Array, LossEvidence
@@ -90,6 +90,7 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
     weight = line.data.weight
     size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
     trusted = size > DISCREPANCY * np.max(np.abs(line.data.torque))
-    verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < NOT_NEEDED else "cannot tell"
+    # both sides are fitted: absence does not rest on widths of priors as that of a loss does, and needs no more
+    verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < -NEEDED else "cannot tell"
     text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms ({strength(factor)})"
     return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)
