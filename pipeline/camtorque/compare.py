@@ -29,7 +29,7 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, write_compare
 from camtorque.report.files import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_of
+from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_of, refuse_changed
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -81,7 +81,7 @@ def matched(before: Path, after: Path) -> Matched:
     sides = [_recordings(path) for path in (before, after)]
     if all(len(side) == 1 for side in sides):
         return Matched(((sides[0][0], sides[1][0]),))
-    one, two = ({path: load_recording_config(path).nominal_speed for path in side} for side in sides)
+    one, two = ({path: load_recording_config(recording_path(path)).nominal_speed for path in side} for side in sides)
     apart = sorted((abs(two[b] / one[a] - 1.0), i, j) for i, a in enumerate(one) for j, b in enumerate(two))
     first, second = list(one), list(two)
     pairs: list[tuple[Path, Path]] = []
@@ -102,15 +102,14 @@ def matched(before: Path, after: Path) -> Matched:
 
 
 def _recordings(path: Path) -> list[Path]:
-    """Return the recordings that a path names: one, its report's, those of a campaign's report, or those below it."""
+    """Return the recordings or reports that a path names: itself, those of a campaign's report, or those below it."""
     campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
     if campaign.is_file():
         rows = read_campaign(campaign)["recordings"]
-        return [recording_path(campaign.parent / row["folder"]) for row in rows if row["status"] == "ok"]
+        return [campaign.parent / row["folder"] for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
-        below = [item.parent for item in sorted(path.rglob(RECORDING_FILE))]
-        return below or [recording_path(path)]
-    return [recording_path(path)]
+        return [item.parent for item in sorted(path.rglob(RECORDING_FILE))] or [path]
+    return [path]
 
 
 def recording_path(path: Path) -> Path:
@@ -118,17 +117,23 @@ def recording_path(path: Path) -> Path:
 
     Raises
     ------
-    Refusal : it names neither, or the report's recording is gone
+    Refusal : it names neither, or the report's recording is gone or has changed
     """
+    report = _report(path)
+    return path if report is None else recording_of(report)
+
+
+def _report(path: Path) -> Path | None:
+    """Return the report that a path names, None where it names a recording."""
     if (path / RECORDING_FILE).is_file() or path.suffix == ".toml":
-        return path
+        return None
     result = path / NAME if path.is_dir() else path
     if result.name != NAME or not result.is_file():
         raise Refusal(
             f"{path}: found neither {RECORDING_FILE} nor {NAME}, expected a recording or the report of one; "
             "name the folder that `camtorque run` was given, or its --out"
         )
-    return recording_of(result.parent)
+    return result.parent
 
 
 @on_one_thread
@@ -181,10 +186,12 @@ def aligned(path: Path, progress: Progress) -> Prepared:
 
     Raises
     ------
-    Refusal : it cannot be used
+    Refusal : it cannot be used, or is not what the report that names it was made of
     """
     progress(f"reading {path}")
-    recording = read_recording(path)
+    recording, report = read_recording(recording_path(path)), _report(path)
+    if report is not None:
+        refuse_changed(report, recording.inputs)
     cycles = align(recording)
     return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), NO_VALLEY, np.zeros(0))
 
@@ -279,7 +286,7 @@ def left_out_rows(alone: Mapping[Path, float]) -> list[dict[str, Any]]:
 
 
 def _name(path: Path) -> str:
-    return path.parent.name if path.name == RECORDING_FILE else path.name
+    return path.parent.name if path.name in (RECORDING_FILE, NAME) else path.name
 
 
 def _rows(differences: Sequence[Difference]) -> dict[str, Any]:
@@ -322,9 +329,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
     paths = matched(before, after)
     for side, rows in zip((before, after), paths.alone, strict=True):
         if rows:
-            progress(
-                f"left out: {side}: {', '.join(path.name for path in rows)}, whose speeds the other side does not have"
-            )
+            progress(f"left out: {side}: {', '.join(map(_name, rows))}, whose speeds the other side does not have")
     with output_folder(out, "compare.json") as folder:
         found = [_one_pair(*pair, progress) for pair in paths.pairs]
         joined = common_attributions([item.found for item in found])

@@ -18,6 +18,7 @@ from camtorque.fit.end_shape import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
+from camtorque.hashes import input_file
 from camtorque.ingest import read_recording
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pump
@@ -27,7 +28,7 @@ from camtorque.laws.chain import ChainInput, angle_grid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
-from camtorque.results import CAMPAIGN, read_document, read_result, recording_of
+from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -97,10 +98,14 @@ def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
 
     Raises
     ------
-    Refusal : the recording's sheets are gone
+    Refusal : the recording's sheets are gone, or have changed since the report was made
     """
     config = load_recording_config(recording_of(report))
     data, rotation, table = config.pump, config.rotation, None
+    torque = config.sensors.get("torque")
+    own_table = data.cam_table_path if pump is None and cam is None else None
+    sheets = (own_table, None if torque is None else torque.calibration_path)
+    refuse_changed(report, [input_file(sheet) for sheet in sheets if sheet is not None])
     if pump is not None:
         other: PumpConfig = read_pump(pump)[0]
         if other.cam_table is None and cam is None:
@@ -109,7 +114,6 @@ def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
     if cam is not None:
         data, table = replace(data, cam_table_path=cam), None
     table = read_cam_table(data)[0] if table is None else table
-    torque = config.sensors.get("torque")
     order = read_sheet(torque).filter_order if torque is not None else 0
     return Rig(data, table, rotation, config.trigger.nominal_angle, order)
 
@@ -160,9 +164,12 @@ def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
     ------
     Refusal : see above; a recording without [pump] does not tell whose load it is
     """
-    config = load_recording_config(recording_of(path) if (path / CYCLES).is_file() else path)
+    is_report = (path / CYCLES).is_file()
+    config = load_recording_config(recording_of(path) if is_report else path)
     if config.pump_sheet is None:
         return
+    if is_report:
+        refuse_changed(path, [input_file(config.pump_sheet.cam_table_path)])
     other = _sizes(config.pump_sheet, read_cam_table(config.pump_sheet)[0])
     known = [_sizes(rig.pump, rig.table) for rig in rigs]
     if any(np.allclose(other, sizes, rtol=SAME_SIZE) for sizes in known):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest
-from camtorque.records import Refusal
+from camtorque.records import InputFile, Refusal
 
 NAME, CAMPAIGN = "result.json", "campaign.json"
 SCHEMA, CAMPAIGN_SCHEMA = "camtorque.result/1", "camtorque.campaign/1"
@@ -85,26 +84,45 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
 def recording_of(report: Path) -> Path:
     """Return the recording.toml that a report was made of.
 
-    Reports name their inputs as they were given: one that is not found from here is looked for from the folders above
-    the report, and is then the same by its content.
+    Reports name their inputs as they were given: it is looked for from here and from the folders above the report, and
+    is the same by its content.
 
     Raises
     ------
-    Refusal : see `read_result`; it is in none of these places
+    Refusal : see `read_result`; it is in none of these places, or has changed since
     """
     result = report / NAME
-    rows = [row for row in read_result(result)["inputs"] if Path(row["path"]).name == RECORDING_FILE]
-    for row in rows:
-        path = Path(row["path"])
-        if path.is_file():
-            return path
-        for above in () if path.is_absolute() else report.resolve().parents:
-            found = above / path
-            if found.is_file() and file_digest(found) == row["sha256"]:
-                return found
-    named = rows[0]["path"] if rows else RECORDING_FILE
+    named = read_result(result)["inputs"][0]
+    places = (place / named["path"] for place in (Path(), *report.resolve().parents))
+    found = [place for place in places if place.is_file()]
+    for place in found:
+        if file_digest(place) == named["sha256"]:
+            return place
+    if found:
+        raise _changed(result, found[:1])
     raise Refusal(
-        f"{result}: its recording {named} is not there, neither from {Path.cwd()} nor from the folders above the "
-        "report, expected the logs and sheets that it was made of; put them back, or run this in the folder where the "
-        "report was made"
+        f"{result}: its recording {named['path']} is not there, neither from {Path.cwd()} nor from the folders above "
+        "the report, expected the logs and sheets that it was made of; put them back, or run this in the folder where "
+        "the report was made"
+    )
+
+
+def refuse_changed(report: Path, files: Iterable[InputFile]) -> None:
+    """Refuse files that are not those that a report was made of.
+
+    Raises
+    ------
+    Refusal : some have changed since, or others lie in their place
+    """
+    known = {row["sha256"] for row in read_result(report / NAME)["inputs"]}
+    others = [file.path for file in files if file.sha256 not in known]
+    if others:
+        raise _changed(report / NAME, others)
+
+
+def _changed(result: Path, files: Sequence[Path]) -> Refusal:
+    return Refusal(
+        f"{result}: found other content in {', '.join(map(str, files))} than it was made of (by SHA-256), expected the "
+        "same; make the report again with `camtorque run`, or put the old content back, or run this in the folder "
+        "where the report was made"
     )

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
 from camtorque.compare import (
+    aligned,
     compare,
     left_out_rows,
     matched,
@@ -22,10 +23,13 @@ from camtorque.compare import (
 )
 from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict, whole_verdict
+from camtorque.ingest import read_recording
 from camtorque.laws import ROWS
+from camtorque.progress import silent
 from camtorque.records import InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out
 from camtorque.units import RPM
+from damaged.logs import Plan, clean_log, write_folder
 
 
 def test_not_changed_asks_for_a_small_interval() -> None:
@@ -150,28 +154,59 @@ def test_a_report_whose_recording_is_gone_is_refused(tmp_path: Path) -> None:
         recording_path(tmp_path)
 
 
+def report_of(folder: Path, inputs: dict[str, bytes]) -> None:
+    """Write the report of files of some content."""
+    folder.mkdir(parents=True)
+    rows = [{"path": path, "sha256": sha256(content).hexdigest()} for path, content in inputs.items()]
+    (folder / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": rows}))
+
+
 def test_a_report_finds_its_recording_from_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw" / "recording.toml").write_text("first")
     report, elsewhere = tmp_path / "reports" / "a", tmp_path / "elsewhere"
-    for folder in (report, elsewhere):
-        folder.mkdir(parents=True)
-    digest = sha256(b"first").hexdigest()
-    inputs = [{"path": "raw/recording.toml", "sha256": digest}]
-    (report / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": inputs}))
+    elsewhere.mkdir()
+    report_of(report, {"raw/recording.toml": b"first"})
     monkeypatch.chdir(elsewhere)
     assert recording_path(report) == tmp_path / "raw" / "recording.toml"
     (tmp_path / "raw" / "recording.toml").write_text("another pump")
-    with pytest.raises(Refusal, match="run this in the folder where the report was made"):
+    with pytest.raises(
+        Refusal, match=r"other content in .*raw/recording\.toml than it was made of .*, or run this in the folder"
+    ):
         recording_path(report)
+
+
+def test_a_report_never_stands_for_another_recording_that_lies_in_the_place_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder, text in (("own", "first"), ("other", "another pump")):
+        (tmp_path / folder / "raw").mkdir(parents=True)
+        (tmp_path / folder / "raw" / "recording.toml").write_text(text)
+    report_of(tmp_path / "own" / "rep", {"raw/recording.toml": b"first"})
+    monkeypatch.chdir(tmp_path / "other")
+    assert recording_path(tmp_path / "own" / "rep") == tmp_path / "own" / "raw" / "recording.toml"
+    (tmp_path / "own" / "raw" / "recording.toml").unlink()
+    with pytest.raises(Refusal, match=r"rep/result\.json: found other content in raw/recording\.toml"):
+        recording_path(tmp_path / "own" / "rep")
+
+
+def test_a_report_whose_log_was_cut_since_is_not_compared(tmp_path: Path) -> None:
+    log = clean_log(revolutions=6.0)
+    folder = write_folder(tmp_path / "r", [log], Plan("csv"))
+    report_of(tmp_path / "rep", {str(item.path): item.path.read_bytes() for item in read_recording(folder).inputs})
+    assert aligned(tmp_path / "rep", silent).cycles.cycles_found
+    file = next(folder.glob("*.csv"))
+    rows = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(rows[: len(rows) * 5 // 6]))
+    with pytest.raises(Refusal, match=rf"found other content in {file} than it was made of"):
+        aligned(tmp_path / "rep", silent)
+    assert aligned(folder, silent).cycles.cycles_found, "as a recording it may be what it is"
 
 
 def test_a_report_stands_for_its_recording(tmp_path: Path) -> None:
     recording = tmp_path / "recording.toml"
     recording.touch()
-    (tmp_path / "out").mkdir()
-    text = f'{{"schema": "camtorque.result/1", "inputs": [{{"path": "{recording}", "sha256": ""}}]}}'
-    (tmp_path / "out" / "result.json").write_text(text)
+    report_of(tmp_path / "out", {str(recording): b""})
     assert recording_path(tmp_path / "out") == recording
 
 

@@ -14,6 +14,7 @@ from camtorque.design import read_task
 from camtorque.design_from import as_fitted, carried_angles, carried_pressure, fitted_pump, read_known, stroke_angles
 from camtorque.fit import forecast
 from camtorque.fit.end_shape import Curve
+from camtorque.hashes import file_digest
 from camtorque.ingest.pump_file import read_pump
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.records import Refusal
@@ -36,7 +37,8 @@ def known_fit(folder: Path) -> Path:
     fit = {"schema": "camtorque.fit/1", "names": names, "values": [0.05, 1e-4, 44.0 * DEGREE, 0.0],
            "stderr": [0.01, 1e-5, 1e-3, 1e4], "correlation": np.eye(4).tolist(), "recordings": [row]}  # fmt: skip
     (folder / "fit.json").write_text(json.dumps(fit))
-    inputs = [{"path": str(ROOT / "raw_examples" / "A_1000rpm" / "recording.toml")}]
+    sheets = ("raw_examples/A_1000rpm/recording.toml", "calibration/cam_A.csv", "calibration/torque_T22-40117.toml")
+    inputs = [{"path": str(ROOT / name), "sha256": file_digest(ROOT / name)} for name in sheets]
     result = {"schema": "camtorque.result/1", "recording": {"pump": "FIP-A"}, "inputs": inputs}
     (folder / "result.json").write_text(json.dumps(result))
     bump = np.exp(-(((THETA / DEGREE - 38.0) / 9.0) ** 2))

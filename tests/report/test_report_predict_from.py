@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.config.pump import PressureCurve
-from camtorque.finished_fit import read_fit
+from camtorque.finished_fit import read_fit, refuse_load_of_another_pump, rig_of
 from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
@@ -27,6 +28,7 @@ from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
+from camtorque.hashes import file_digest
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.predict_from import Found
 from camtorque.records import Estimate, Refusal
@@ -521,3 +523,38 @@ def test_options_that_do_not_go_together_are_refused(words: list[str], text: str
     parsed = build_parser().parse_args(["predict", *words, "--speed", "500"])
     with pytest.raises(Refusal, match=text):
         execute(parsed, lambda line: None)
+
+
+def copied_report(folder: Path) -> tuple[Path, dict[str, Path]]:
+    """Return a report of an example's copy, and the files of the copy that a prediction reads."""
+    root = Path(__file__).resolve().parents[2]
+    names = ("raw_examples/A_1000rpm/recording.toml", "calibration/cam_A.csv", "calibration/torque_T22-40117.toml")
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(root / name, folder / name)
+    inputs = [{"path": str(folder / name), "sha256": file_digest(folder / name)} for name in names]
+    (folder / "cycles.h5").touch()
+    (folder / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": inputs}))
+    return folder, {Path(name).stem: folder / name for name in names}
+
+
+@pytest.mark.parametrize("name", ["recording", "cam_A", "torque_T22-40117"])
+def test_what_has_changed_since_the_fit_is_not_predicted_with(tmp_path: Path, name: str) -> None:
+    """A plunger of 8.5 mm for 8 in recording.toml had turned 63.6 N m into 73.4, without a word."""
+    report, files = copied_report(tmp_path)
+    rig_of(report, None, None)
+    with files[name].open("a") as file:
+        file.write("\n")
+    with pytest.raises(
+        Refusal, match=rf"other content in .*{files[name].name} than it was made of .*, expected the same; make"
+    ):
+        rig_of(report, None, None)
+
+
+def test_a_cam_that_is_not_used_may_have_changed(tmp_path: Path) -> None:
+    report, files = copied_report(tmp_path)
+    other = shutil.copy(files["cam_A"], tmp_path / "other.csv")
+    files["cam_A"].write_text("gone")
+    assert rig_of(report, None, other).table.theta.size
+    with pytest.raises(Refusal, match="other content in"):
+        refuse_load_of_another_pump(report, [])
