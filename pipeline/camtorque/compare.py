@@ -29,7 +29,7 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, write_compare
 from camtorque.report.files import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_of, refuse_changed
+from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_path, refuse_changed, report_named
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -112,30 +112,6 @@ def _recordings(path: Path) -> list[Path]:
     return [path]
 
 
-def recording_path(path: Path) -> Path:
-    """Return the recording that a path names: a recording, or the report of one.
-
-    Raises
-    ------
-    Refusal : it names neither, or the report's recording is gone or has changed
-    """
-    report = _report(path)
-    return path if report is None else recording_of(report)
-
-
-def _report(path: Path) -> Path | None:
-    """Return the report that a path names, None where it names a recording."""
-    if (path / RECORDING_FILE).is_file() or path.suffix == ".toml":
-        return None
-    result = path / NAME if path.is_dir() else path
-    if result.name != NAME or not result.is_file():
-        raise Refusal(
-            f"{path}: found neither {RECORDING_FILE} nor {NAME}, expected a recording or the report of one; "
-            "name the folder that `camtorque run` was given, or its --out"
-        )
-    return result.parent
-
-
 @on_one_thread
 def compare_prepared(before: Prepared, after: Prepared, progress: Progress = silent) -> Compared:
     """Return what differs between a recording whose minima are found and another one of its pump and speed."""
@@ -161,8 +137,18 @@ def refuse_same(before: Recording, after: Recording) -> None:
         )
 
 
+def _by_name(before: Prepared, after: Prepared) -> dict[str, Prepared]:
+    """Return both by what they are called in texts: their ids, with the side behind one that they share."""
+    one, two = before.recording.config.id, after.recording.config.id
+    return {one: before, two: after} if one != two else {f"{one} (before)": before, f"{two} (after)": after}
+
+
+def _stated_differently(before: Prepared, after: Prepared) -> dict[str, str]:
+    return differences({name: stated(side.recording) for name, side in _by_name(before, after).items()})
+
+
 def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
-    found = differences({side.recording.config.id: stated(side.recording) for side in (before, after)})
+    found = _stated_differently(before, after)
     for name in DIMENSIONS:
         if name in found:
             raise Refusal(
@@ -174,10 +160,11 @@ def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
 def _refuse_other_speed(before: Prepared, after: Prepared) -> None:
     speeds = [side.cycles.mean_speed / RPM for side in (before, after)]
     if abs(speeds[1] / speeds[0] - 1.0) > SAME_SPEED:
+        one, two = _by_name(before, after)
         raise Refusal(
-            f"compare: {before.recording.config.id} runs at {speeds[0]:.1f} rpm and {after.recording.config.id} at "
-            f"{speeds[1]:.1f} rpm, expected one speed within {100 * SAME_SPEED:.0f} %; the laws' error cancels at one "
-            "speed only; compare recordings of one speed, or campaigns that hold the same speeds"
+            f"compare: {one} runs at {speeds[0]:.1f} rpm and {two} at {speeds[1]:.1f} rpm, expected one speed within "
+            f"{100 * SAME_SPEED:.0f} %; the laws' error cancels at one speed only; compare recordings of one speed, or "
+            "campaigns that hold the same speeds"
         )
 
 
@@ -189,7 +176,7 @@ def aligned(path: Path, progress: Progress) -> Prepared:
     Refusal : it cannot be used, or is not what the report that names it was made of
     """
     progress(f"reading {path}")
-    recording, report = read_recording(recording_path(path)), _report(path)
+    recording, report = read_recording(recording_path(path)), report_named(path)
     if report is not None:
         refuse_changed(report, recording.inputs)
     cycles = align(recording)
@@ -246,8 +233,8 @@ def torque_ratio(before: Sequence[MeanCycles], after: Sequence[MeanCycles]) -> f
 def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
     """Return the warnings and errors of both sides, each once, with the recording that it is of."""
     rows = {
-        (finding.text, finding.where): {**asdict(finding), "recording": side.recording.config.id}
-        for item in compared for side in (item.before, item.after)
+        (finding.text, finding.where): {**asdict(finding), "recording": name}
+        for item in compared for name, side in _by_name(item.before, item.after).items()
         for finding in (*summarise(side.recording, side.cycles.pulses).findings, *side.cycles.findings)
         if finding.severity != "info"
     }  # fmt: skip
@@ -256,8 +243,8 @@ def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
 
 def _sheets(compared: Sequence[Compared]) -> list[str]:
     """Return what sheets of one pair state differently, each once."""
-    pairs = [{side.recording.config.id: stated(side.recording) for side in (one.before, one.after)} for one in compared]
-    return list(dict.fromkeys(f"{name} is {text}" for pair in pairs for name, text in differences(pair).items()))
+    pairs = [_stated_differently(one.before, one.after) for one in compared]
+    return list(dict.fromkeys(f"{name} is {text}" for pair in pairs for name, text in pair.items()))
 
 
 def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:

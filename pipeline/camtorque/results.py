@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest
 from camtorque.records import InputFile, Refusal
 
@@ -79,6 +80,35 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
     """
     files = dict.fromkeys(file for path in paths for file in find_results(path))
     return {file.parent.as_posix(): read_result(file) for file in files}
+
+
+def recording_path(path: Path) -> Path:
+    """Return the recording that a path names: a recording, or the report of one.
+
+    Raises
+    ------
+    Refusal : it names neither, or the report's recording is gone or has changed
+    """
+    report = report_named(path)
+    return path if report is None else recording_of(report)
+
+
+def report_named(path: Path) -> Path | None:
+    """Return the report that a path names, None where it names a recording.
+
+    Raises
+    ------
+    Refusal : it names neither
+    """
+    if (path / RECORDING_FILE).is_file() or path.suffix == ".toml":
+        return None
+    result = path / NAME if path.is_dir() else path
+    if result.name != NAME or not result.is_file():
+        raise Refusal(
+            f"{path}: found neither {RECORDING_FILE} nor {NAME}, expected a recording or the report of one; "
+            "name the folder that `camtorque run` was given, or its --out"
+        )
+    return result.parent
 
 
 def recording_of(report: Path) -> Path:

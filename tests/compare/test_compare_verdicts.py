@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from camtorque.commands.compare import compare_table
 from camtorque.compare import (
+    _sheets,
     aligned,
     compare,
     left_out_rows,
     matched,
-    recording_path,
     refuse_same,
     torque_ratio,
 )
@@ -28,6 +28,7 @@ from camtorque.laws import ROWS
 from camtorque.progress import silent
 from camtorque.records import InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out
+from camtorque.results import recording_path
 from camtorque.units import RPM
 from damaged.logs import Plan, clean_log, write_folder
 
@@ -129,6 +130,23 @@ def test_a_recording_held_against_itself_is_refused() -> None:
     refuse_same(of("a", "sheet", "log"), of("b", "sheet", "other log"))  # type: ignore[arg-type]
     with pytest.raises(Refusal, match="a and copy are the same files, expected two recordings"):
         refuse_same(of("a", "sheet", "log"), of("copy", "log", "sheet"))  # type: ignore[arg-type]
+
+
+def of_plunger(folder: Path, diameter: str, revolutions: float = 6.0) -> Path:
+    edits = (("plunger_diameter_m = 0.008", f"plunger_diameter_m = {diameter}"),)
+    return write_folder(folder, [clean_log(revolutions=revolutions)], Plan("csv", edits=edits))
+
+
+def test_recordings_of_one_name_are_held_against_each_other_too(tmp_path: Path) -> None:
+    """Their sheets were kept by the name of the recording, so that those of the second were held against themselves."""
+    paths = (of_plunger(tmp_path / "old" / "plain", "0.008"), of_plunger(tmp_path / "new" / "plain", "0.0081", 7.0))
+    both = [aligned(path, silent) for path in paths]
+    with pytest.raises(
+        Refusal, match=r"plunger_diameter_m is 0\.0081 in plain \(after\), 0\.008 in plain \(before\), ex"
+    ):
+        compare(*paths, tmp_path / "out")
+    found = _sheets([SimpleNamespace(before=both[0], after=both[1])])  # type: ignore[list-item]
+    assert found == ["[pump] plunger_diameter_m is 0.0081 in plain (after), 0.008 in plain (before)"]
 
 
 def test_recordings_of_two_speeds_are_refused_before_a_fit(tmp_path: Path) -> None:
