@@ -122,25 +122,30 @@ def compare_prepared(before: Prepared, after: Prepared, progress: Progress = sil
     return Compared(before, after, pair, found)
 
 
-def refuse_same(before: Recording, after: Recording) -> None:
-    """Refuse a recording that is held against itself.
-
-    Raises
-    ------
-    Refusal : both are made of the same files
-    """
-    one, two = ({item.sha256 for item in side.inputs} for side in (before, after))
-    if one == two:
-        raise Refusal(
-            f"compare: {before.config.id} and {after.config.id} are the same files, expected two recordings; name the "
-            "one before and the one after"
-        )
-
-
 def _by_name(before: Prepared, after: Prepared) -> dict[str, Prepared]:
     """Return both by what they are called in texts: their ids, with the side behind one that they share."""
     one, two = before.recording.config.id, after.recording.config.id
     return {one: before, two: after} if one != two else {f"{one} (before)": before, f"{two} (after)": after}
+
+
+def refuse_same(before: Prepared, after: Prepared) -> None:
+    """Refuse a measurement that is held against itself, under whatever id and sheets.
+
+    Raises
+    ------
+    Refusal : the logs of both are the same
+    """
+    one, two = (_logs(side.recording) for side in (before, after))
+    if one == two:
+        raise Refusal(
+            f"compare: {' and '.join(_by_name(before, after))} have the same logs (by SHA-256), expected two "
+            "measurements; name the one before and the one after"
+        )
+
+
+def _logs(recording: Recording) -> set[str]:
+    paths = {channel.path for channel in recording.config.channels}
+    return {item.sha256 for item in recording.inputs if item.path in paths}
 
 
 def _stated_differently(before: Prepared, after: Prepared) -> dict[str, str]:
@@ -328,7 +333,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
 
 def _one_pair(before: Path, after: Path, progress: Progress) -> Compared:
     one, two = (aligned(path, progress) for path in (before, after))
-    refuse_same(one.recording, two.recording)
+    refuse_same(one, two)
     _refuse_other_pump(one, two)
     _refuse_other_speed(one, two)
     progress(f"fitting {one.recording.config.id}")

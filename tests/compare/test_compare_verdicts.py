@@ -123,13 +123,17 @@ def test_recordings_without_a_partner_are_named() -> None:
 
 
 def test_a_recording_held_against_itself_is_refused() -> None:
-    def of(name: str, *hashes: str) -> SimpleNamespace:
-        inputs = [InputFile(Path(f"{name}/{digest}"), digest) for digest in hashes]
-        return SimpleNamespace(config=SimpleNamespace(id=name), inputs=inputs)
+    def of(name: str, sheet: str, *logs: str) -> SimpleNamespace:
+        inputs = [InputFile(Path(f"{name}/{digest}"), digest) for digest in (sheet, *logs)]
+        config = SimpleNamespace(id=name, channels=[SimpleNamespace(path=item.path) for item in inputs[1:]])
+        return SimpleNamespace(recording=SimpleNamespace(config=config, inputs=inputs))
 
     refuse_same(of("a", "sheet", "log"), of("b", "sheet", "other log"))  # type: ignore[arg-type]
-    with pytest.raises(Refusal, match="a and copy are the same files, expected two recordings"):
-        refuse_same(of("a", "sheet", "log"), of("copy", "log", "sheet"))  # type: ignore[arg-type]
+    refuse_same(of("a", "sheet", "log", "log 2"), of("b", "sheet", "log", "other log"))  # type: ignore[arg-type]
+    with pytest.raises(Refusal, match=r"a and copy have the same logs \(by SHA-256\), expected two measurements"):
+        refuse_same(of("a", "sheet", "log", "log 2"), of("copy", "other id", "log 2", "log"))  # type: ignore[arg-type]
+    with pytest.raises(Refusal, match=r"a \(before\) and a \(after\) have the same logs"):
+        refuse_same(of("a", "sheet", "log"), of("a", "sheet", "log"))  # type: ignore[arg-type]
 
 
 def of_plunger(folder: Path, diameter: str, revolutions: float = 6.0) -> Path:
