@@ -119,10 +119,17 @@ def recording_of(report: Path) -> Path:
 
     Raises
     ------
-    Refusal : see `read_result`; it is in none of these places, or has changed since
+    Refusal : see `read_result`; it was made from arrays; its recording is in none of these places, or has changed since
     """
     result = report / NAME
-    named = read_result(result)["inputs"][0]
+    inputs = read_result(result)["inputs"]
+    if not inputs:
+        raise Refusal(
+            f"{result}: was made from arrays by Python, whose samples and pump it does not hold, expected the report "
+            "of a recording folder; save the arrays as a file, write its recording.toml (`camtorque new FILE`) and run "
+            "that"
+        )
+    named = inputs[0]
     places = (place / named["path"] for place in (Path(), *report.resolve().parents))
     found = [place for place in places if place.is_file()]
     for place in found:

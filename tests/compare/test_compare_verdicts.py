@@ -183,6 +183,12 @@ def report_of(folder: Path, inputs: dict[str, bytes]) -> None:
     (folder / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": rows}))
 
 
+def test_a_report_of_arrays_is_named_as_that(tmp_path: Path) -> None:
+    report_of(tmp_path / "rep", {})
+    with pytest.raises(Refusal, match=r"made from arrays by Python, .* save the arrays as a file, write its recording"):
+        recording_path(tmp_path / "rep")
+
+
 def test_a_report_finds_its_recording_from_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw" / "recording.toml").write_text("first")
