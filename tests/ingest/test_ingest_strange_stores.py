@@ -186,6 +186,34 @@ def test_true_and_false_are_levels(tmp_path: Path):
     assert found.sample_rate == pytest.approx(RATE, rel=1e-6)
 
 
+@pytest.mark.parametrize("feather", [False, True])
+def test_words_for_levels_are_read_from_texts_and_categories_as_from_a_csv(tmp_path: Path, feather: bool):
+    pyarrow, store = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    arrow, on = pytest.importorskip("pyarrow.feather"), TORQUE > 0.0
+    words = pyarrow.array(np.where(on, "ON", "off"))
+    gaps = pyarrow.array([None if n == 5 else " High" if one else "low" for n, one in enumerate(on)])
+    columns = {
+        "t": TIME,
+        "prox": words.dictionary_encode(),
+        "text": words,
+        "gaps": gaps,
+        "note": pyarrow.array(["a"] * 400),
+    }
+    table, file = pyarrow.table(columns), tmp_path / "run.parquet"
+    arrow.write_feather(table, file, chunksize=150) if feather else store.write_table(table, file, row_group_size=150)
+    found = {channel.name: channel.source.read(0, 400) for channel in parquet.channels(file)}
+    assert list(found) == ["prox", "text", "gaps"]
+    np.testing.assert_array_equal(found["prox"], on)
+    np.testing.assert_array_equal(found["text"], on)
+    np.testing.assert_array_equal(found["gaps"], np.where(np.arange(400) == 5, np.nan, on))
+    read = parquet.read(file, (spec(file, "", "prox", "t"),), "")
+    np.testing.assert_array_equal(read.channels[0].source.read(0, 400), on)
+    with pytest.raises(
+        Refusal, match=r"'note' holds string, expected numbers or a level in the first row \(true, .*map"
+    ):
+        parquet.read(file, (spec(file, "", "note", "t"),), "")
+
+
 def test_an_archive_of_numpy(tmp_path: Path):
     file = tmp_path / "run.npz"
     np.savez(file, torque_Nm=TORQUE.astype("f4"), t=TIME, fs=RATE, log=np.column_stack([TORQUE, TIME]))
@@ -398,7 +426,9 @@ def test_a_parquet_column_of_texts_is_told_as_that(tmp_path: Path):
     for file, write in ((tmp_path / "run.parquet", arrow.parquet.write_table),
                         (tmp_path / "run.feather", arrow.feather.write_feather)):  # fmt: skip
         write(table, file)
-        with pytest.raises(Refusal, match=r"column 'torque' holds string, expected numbers: convert them, in pandas"):
+        with pytest.raises(
+            Refusal, match=r"column 'torque' holds string, expected numbers or a level in .*: convert them, in pandas"
+        ):
             parquet.read(file, (spec(file, "", "torque"), spec(file, "", "p")), "")
 
 

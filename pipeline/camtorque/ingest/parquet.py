@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.arrow_size import refuse_feather_bomb
+from camtorque.ingest.cells import LEVELS
 from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
@@ -31,7 +33,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
-    """List the columns of numbers."""
+    """List the columns of numbers and levels."""
     layout = _layout(path)
     return listed(path, layout, _sources(path, layout, [n for n, name in enumerate(layout.names) if name]))
 
@@ -57,6 +59,8 @@ def _layout(path: Path) -> CsvLayout:
         else:
             schema = _feather_schema(path, library)
             refuse_feather_bomb(path, library)
+    with refusing(path, "Parquet or Feather"):
+        levels = _levels(path, library, schema)
     names, units, first = [], [], []
     for item in schema:
         kinds = library.types
@@ -64,10 +68,34 @@ def _layout(path: Path) -> CsvLayout:
         stamp, span = library.types.is_timestamp(item.type), library.types.is_duration(item.type)
         name, unit = name_and_unit(item.name)
         stated = next((item.metadata[key].decode() for key in UNIT_KEYS if key in (item.metadata or {})), unit)
-        names.append(name if number or stamp or span else "")
+        names.append(name if number or stamp or span or item.name in levels else "")
         units.append("s" if span else "" if stamp else stated)
         first.append("2000-01-01T00:00:00" if stamp else "0")
     return CsvLayout("", "", ".", 0, 0, tuple(names), tuple(units), tuple(first), None)
+
+
+def _is_text(kinds: Any, found: Any) -> bool:
+    held = found.value_type if kinds.is_dictionary(found) else found
+    return bool(kinds.is_string(held) or kinds.is_large_string(held))
+
+
+def _levels(path: Path, library: Any, schema: Any) -> set[str]:
+    """Return the columns of texts, pandas' categories among them, whose first one is a word for a level."""
+    texts = [item.name for item in schema if _is_text(library.types, item.type) and schema.names.count(item.name) == 1]
+    if not texts:
+        return set()
+    if _is_parquet(path):
+        with library.parquet.ParquetFile(path) as file:
+            rows = list(islice(file.iter_batches(1, columns=texts), 1))
+    else:
+        with library.memory_map(str(path)) as memory:
+            file = library.ipc.open_file(memory)
+            rows = [file.get_batch(0)] if file.num_record_batches else []
+    return {name for row in rows if row.num_rows for name in texts if _level(row.column(name)[0].as_py()) is not None}
+
+
+def _level(word: str | None) -> float | None:
+    return None if word is None else LEVELS.get(word.strip().lower())
 
 
 def _refuse_no_numbers(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> None:
@@ -77,8 +105,9 @@ def _refuse_no_numbers(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, 
     for item, name in zip(_schema(path, library) if absent else (), layout.names, strict=False):
         if item.name in absent and not name:
             raise Refusal(
-                f"{path}: column {item.name!r} holds {item.type}, expected numbers: convert them, in pandas by "
-                f"df[{item.name!r}].astype(float)"
+                f"{path}: column {item.name!r} holds {item.type}, expected numbers or a level in the first row "
+                f"({', '.join(LEVELS)}): convert them, in pandas by df[{item.name!r}].astype(float) or, if they are "
+                f"other words, df[{item.name!r}].astype(str).map({{'open': 1.0, 'shut': 0.0}})"
             )
 
 
@@ -93,7 +122,8 @@ def _sources(path: Path, layout: CsvLayout, wanted: list[int]) -> dict[int, Samp
         if _is_parquet(path):
             names = library.parquet.read_schema(path).names
             chosen = [names[number] for number in wanted]
-            table = library.parquet.read_table(path, columns=chosen, page_checksum_verification=True)
+            table = library.parquet.read_table(path, columns=chosen, page_checksum_verification=True,
+                                               read_dictionary=chosen)  # fmt: skip
         else:
             names = _feather_schema(path, library).names
             table = library.feather.read_table(path, columns=[names[number] for number in wanted])
@@ -107,7 +137,11 @@ def _feather_schema(path: Path, library: Any) -> Any:
 
 
 def _numbers(library: Any, column: Any) -> np.ndarray:
-    """Return a column as numbers: a date as seconds since 1970, a duration in seconds, what is missing as nan."""
+    """Return a column as numbers: a date as seconds since 1970, a duration in seconds, no value or level as nan."""
+    if _is_text(library.types, column.type):
+        words = column.dictionary_encode().combine_chunks()
+        levels = np.array([*map(_level, words.dictionary.to_pylist()), None], dtype=np.float64)
+        return levels[words.indices.cast(library.int64()).fill_null(-1).to_numpy()]
     if library.types.is_timestamp(column.type) or library.types.is_duration(column.type):
         factor = TICKS[column.type.unit]
         return column.cast(library.int64()).to_numpy().astype(np.float64) * factor
