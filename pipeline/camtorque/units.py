@@ -35,6 +35,10 @@ INCH = 0.0254
 """Metre per inch (exact)."""
 KILOPOND = 9.80665
 """Newton per kilogram-force (exact)."""
+HOUR = 3600.0
+"""Seconds per hour."""
+FARTHEST_ZONE, STARTED_WITHIN = 14, 60.0
+"""Most hours that a time zone is from UTC; time within which the loggers of one run are started by hand [s]."""
 
 UNITS: dict[str, dict[str, float]] = {
     "voltage": {"V": 1.0, "mV": 1.0e-3, "uV": 1.0e-6, "kV": 1.0e3},
@@ -167,6 +171,14 @@ def _is_alike(word: str, name: str) -> bool:
     """Tell whether a word may be a slip for a name: much alike, or of the same beginning, or a part of it."""
     ratio = difflib.SequenceMatcher(None, name, word).ratio()
     return ratio > SURELY_ALIKE or word[:1] == name[:1] or word in name or name in word
+
+
+def zone_hint(apart: float) -> str:
+    """Return what to look at where two logs begin whole hours apart [s], "" where they do not."""
+    hours = round(apart / HOUR)
+    if not 0 < hours <= FARTHEST_ZONE or abs(apart - hours * HOUR) > STARTED_WITHIN:
+        return ""
+    return f"; {hours} h are what two time zones differ by (a stamp that ends in Z is in UTC): export both in one"
 
 
 def counted(number: int, one: str, many: str) -> str:

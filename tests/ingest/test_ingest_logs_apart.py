@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -60,6 +61,20 @@ def test_logs_that_share_no_time_are_named_with_their_times(tmp_path: Path):
     spans = r"\w+\.csv from 0 to 0\.\d+ s, PRESSURE\.csv from 43200 to 43200\.\d+ s"
     with pytest.raises(Refusal, match=rf"logs that share no time \({spans}\), expected"):
         align(read)
+
+
+def hours_later(seconds: float) -> str:
+    return f"2025-03-04T14:00:{seconds + 1.3:09.6f}"
+
+
+def test_logs_whole_hours_apart_are_asked_for_their_time_zone(tmp_path: Path):
+    read = recording(tmp_path / "a", hours_later, lambda seconds: iso(seconds) + "Z")
+    hint = r"; 2 h are what two time zones differ by \(a stamp that ends in Z is in UTC\): export both in one$"
+    assert re.search("one may be of another run" + hint, texts(read)["logs_of_other_times"])
+    with pytest.raises(Refusal, match=hint):
+        align(read)
+    read = recording(tmp_path / "b", lambda seconds: hours_later(seconds).replace("14:00", "14:20"), iso)
+    assert texts(read)["logs_of_other_times"].endswith("one may be of another run")
 
 
 @pytest.mark.parametrize("stamp", [epoch, labview, excel, matlab])

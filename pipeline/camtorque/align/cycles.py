@@ -33,7 +33,7 @@ from camtorque.align.timebase import TimeBase, time_base
 from camtorque.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
 from camtorque.signal.threshold import Threshold
 from camtorque.stacks import mean_of
-from camtorque.units import TURN
+from camtorque.units import TURN, zone_hint
 
 LEAST_USED = Threshold(
     0.5, "1", "convention", "Share of the complete cycles below which the use of so few is reported."
@@ -96,6 +96,7 @@ def _share_no_time(recording: Recording) -> str:
     return (
         f"found logs that share no time ({covered_by}), expected those of one run on one clock; let their times count "
         'from one moment (start_time_s where a file has none), or write clock = "independent" under [[loggers]]'
+        f"{zone_hint(late.start_time - early.start_time)}"
     )
 
 

@@ -9,10 +9,10 @@ from camtorque.config import ChannelSpec, RecordingConfig
 from camtorque.ingest.raw import RawChannel
 from camtorque.ingest.sensors import FIRST_STAMP
 from camtorque.records import Channel, Finding
-from camtorque.units import first_of
+from camtorque.units import HOUR, first_of, zone_hint
 
 T = TypeVar("T", ChannelSpec, Channel)
-CLOCKS_APART = 3600.0
+CLOCKS_APART = HOUR
 """Clocks of two loggers that nobody set may differ by this [s]."""
 
 
@@ -54,7 +54,7 @@ def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> li
         return []
     text = (
         f"the headers of {first.path.name} and {last.path.name} are {apart:.4g} s apart, the logs last {length:.4g} s: "
-        "one may be of another run"
+        f"one may be of another run{zone_hint(apart)}"
     )
     return [Finding("logs_of_other_times", "warning", text, config.path.name)]
 
