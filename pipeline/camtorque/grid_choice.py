@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from camtorque.fit.prepare import FIT_GRID
 from camtorque.records import Finding, Refusal
 
 GRID_ERRORS: dict[tuple[int, str], float] = {
@@ -56,6 +55,6 @@ def grid_note(tolerance: float, least: int = 0) -> tuple[int, Finding]:
     text = (
         f"angle grid for a wanted error of {tolerance:.1e} of the peak torque: {n_theta} points per revolution{raised} "
         f"leave at most {implied:.1e} of the rigid torque between the points ({method} curve, by the speed-accuracy "
-        f"study); the fitted model has {FIT_GRID} points whatever the grid"
+        f"study); the fitted model keeps a grid of its own"
     )
     return max(n_theta, least), Finding("grid_error", "info", text, "--tolerance")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from itertools import permutations
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
+from camtorque.fit.common_rows import common_error, with_common_rows
 from camtorque.fit.descent import Effort
 from camtorque.fit.drift import (
     Drift,
@@ -23,13 +25,12 @@ from camtorque.fit.drift import (
 )
 from camtorque.fit.joint import (
     anchors,
-    common_error,
     fit_joint,
     fitting_no_other,
     joint_fit_of,
+    searched_anew,
     solve_joint,
     started_at,
-    with_common_rows,
 )
 from camtorque.fit.joint_fit import shown_covariance
 from camtorque.fit.joint_input import HeldOnce, joint_input, refuse_two_states
@@ -52,7 +53,7 @@ from camtorque.fit.leftout import (
     typical,
 )
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
-from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem, with_starts
+from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem, in_structure, with_rows, with_starts
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
 from camtorque.fit.solver import solve
 from camtorque.fit.starts import ends_at
@@ -336,14 +337,19 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     np.testing.assert_array_equal(found[own], solution.z[own])
 
 
-def test_left_out_values_are_those_of_the_whole_matrix(joint, solved):
-    _, solution = solved
+@pytest.mark.parametrize("held", ["", "end_width"])
+def test_left_out_values_are_those_of_the_whole_matrix(joint, solved, held):
+    problem, solution = solved
     wide = np.full(solution.z.size, np.inf)
-    unbound = SimpleNamespace(
-        solution=solution, covariance=joint.covariance, problem=SimpleNamespace(bounds=(-wide, wide))
-    )
+    bounds, free = (-wide, wide.copy()), np.ones(wide.size, dtype=bool)
+    if held:  # own parameters that an upper bound holds move no others
+        free = np.array([parameter.row.name != held for parameter in problem.parameters])
+        bounds[1][~free] = solution.z[~free]
+        solution = replace(solution, gradient=np.where(free, solution.gradient, 1.0))
+        assert np.count_nonzero(~free) == 3
+    unbound = SimpleNamespace(solution=solution, covariance=joint.covariance, problem=SimpleNamespace(bounds=bounds))
     for index in range(3):
-        place, kept = solution.hessian.places[index], solution.hessian.recording != index
+        place, kept = solution.hessian.places[index], (solution.hessian.recording != index) & free
         rest, vector = dense(solution.hessian), solution.gradient.copy()
         rest[np.ix_(place, place)] -= solution.hessian.blocks[index]
         vector[place] -= solution.parts[index]
@@ -651,6 +657,31 @@ def test_bounds_of_shared_parameters_are_common(prepared):
     for name, row in found[0].rows.items():
         if row.role == "shared":
             assert len({(item.rows[name].lower, item.rows[name].upper) for item in found}) == 1
+
+
+def test_a_prior_that_one_recording_states_holds_for_all_whichever_comes_first(prepared):
+    def common(*priors):
+        items = [with_rows(item.data, {"bulk_modulus": {"prior": prior, "source": f"source {prior[1]:g}"}})
+                 for item, prior in zip(prepared, priors, strict=True)]  # fmt: skip
+        orders = [[found.rows["bulk_modulus"] for found in with_common_rows(list(order))]
+                  for order in permutations(items)]  # fmt: skip
+        (prior,) = {row.prior for rows in orders for row in rows}
+        assert len({row.source for rows in orders for row in rows}) == 1
+        return prior, orders[0][0].source
+
+    assert common((1.4, 0.2), (1.1, 0.1), (1.4, 0.2)) == ((1.1, 0.1), "source 0.1")
+    assert common((0.0, 0.2), (0.0, 0.5), (0.0, 0.3)) == ((0.0, 0.5), "source 0.5")  # one knowledge, other loads
+    (mean, std), _ = common((1.1, 0.1), (1.3, 0.1), (1.4, 0.2))
+    assert (mean, std) == (pytest.approx(1.2), pytest.approx(np.hypot(0.1, 0.1)))
+
+
+def test_a_recording_without_a_chamber_is_searched_with_one(prepared):
+    line = in_structure(prepared[0].data, "line")
+    assert not line.chain.uses_chamber
+    assert not searched_anew(line, ("line",)).chain.uses_chamber
+    for structure in ("land", "spill", "open"):
+        found = searched_anew(line, (structure,))
+        assert (found.structure, found.chain.uses_chamber) == (structure, True)
 
 
 def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):

@@ -18,14 +18,13 @@ from camtorque.fit.findings import (
 )
 from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.minima import LIGHT, Halves
+from camtorque.fit.modelled import model_on_grid, modelled
 from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
     alternatives,
     fitted_torque,
-    model_on_grid,
-    modelled,
     parameter_estimates,
     return_start,
 )

@@ -268,3 +268,10 @@ def test_units_of_the_kernel_are_those_of_the_rows():
     flow = FLOW * 1e-6  # m^3/s
     assert flow == pytest.approx(0.7 * np.sqrt(2.0 / 830.0) * np.sqrt(1e5) * 1e-6)
     assert KERNEL_UNITS["leakage"] * 1e-14 * 1e5 == pytest.approx(1e-14 * 1e5 * 1e11)
+
+
+@pytest.mark.parametrize("roundness", [0.0, 0.6, 1.0, 1.5])
+def test_a_port_opens_from_nothing_to_all_of_its_area(roundness: float):
+    areas = np.array([opening(x, roundness)[0] for x in np.linspace(-0.2, 1.2, 1401)])
+    assert (areas[0], areas[-1], areas.min(), areas.max()) == (0.0, 1.0, 0.0, 1.0)
+    assert np.all(np.diff(areas) >= 0.0)

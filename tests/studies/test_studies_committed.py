@@ -69,7 +69,7 @@ def test_note_on_the_grid_says_what_it_implies():
     n_theta, note = grid_note(1e-3)
     assert (n_theta, note.severity) == (360, "info")
     assert "360 points per revolution leave at most 2.1e-05 of the rigid torque" in note.text
-    assert "the fitted model has 1800 points whatever the grid" in note.text
+    assert "the fitted model keeps a grid of its own" in note.text
     raised, note = grid_note(1e-2, least=360)
     assert raised == 360
     assert "180 points per revolution, raised to the 360 that the fit needs" in note.text

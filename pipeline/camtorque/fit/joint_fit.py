@@ -12,10 +12,11 @@ from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.metrics import metrics
+from camtorque.fit.modelled import modelled
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.residual import is_explained
-from camtorque.fit.result import modelled, parameter_estimates
+from camtorque.fit.result import parameter_estimates
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std

@@ -27,9 +27,9 @@ from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.metrics import metrics
+from camtorque.fit.modelled import modelled
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
-from camtorque.fit.result import modelled
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import free_at, solve
 from camtorque.laws import ripple

@@ -35,7 +35,7 @@ ROWS = (
             "port area per lift while the plunger covers it (Cd = 0.7)", "a hole of 2 mm to a groove all round"),
     parameter("port_span", "h_port", "mm", 1.0e-3, (1.5, 0.1, 8.0, 0.3), (1.5, 1.0),
             "lift over which the inlet port closes", "port diameters of 1-4 mm"),
-    parameter("port_roundness", "q", "-", 1.0, (0.6, 0.0, 1.0, 0.1), (0.7, 0.5),
+    parameter("port_roundness", "q", "-", 1.0, (0.6, 0.0, 1.5, 0.1), (0.7, 0.5),
             "0 for straight edges of ports and outlet, 1 for round ones", "slots and drilled holes"),
     parameter("feed_pressure", "p_feed", "bar", 1.0e5, (4.0, 0.0, 15.0, 1.0), (4.0, 2.5),
             "gauge pressure in the feed gallery", "gallery pumps, 1-8 bar"),
@@ -87,5 +87,7 @@ def opening(x, roundness):  # type: ignore[no-untyped-def]
         clip, clip_x = 1.0 - (1.0 + CORNER - x) ** 2 / (4.0 * CORNER), 0.5 * (1.0 + CORNER - x) / CORNER
     bent = clip * clip * (3.0 - 2.0 * clip)
     value = (1.0 - roundness) * clip + roundness * bent
+    if value < 0.0 or value > 1.0:  # at the edges of a port that is rounder than a hole
+        return min(max(value, 0.0), 1.0), 0.0, 0.0
     by_clip = 1.0 - roundness + roundness * 6.0 * clip * (1.0 - clip)
     return value, by_clip * clip_x, bent - clip
