@@ -12,7 +12,6 @@ import numpy as np
 
 from camtorque.align import align
 from camtorque.config import PumpData
-from camtorque.config.pump import PumpConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -22,11 +21,12 @@ from camtorque.hashes import input_file
 from camtorque.ingest import read_recording
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pump
+from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput, angle_grid
 from camtorque.mechanism.spectral import spectral_law
-from camtorque.records import Array, CamTable, Refusal
+from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed
 from camtorque.units import RPM
@@ -39,13 +39,17 @@ SAME_SIZE = 0.01
 
 @dataclass(frozen=True)
 class Rig:
-    """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter."""
+    """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter.
+
+    findings : what is odd about another pump or cam than the recording's
+    """
 
     pump: PumpData
     table: CamTable
     rotation: int
     trigger_angle: float
     low_pass_order: int = 0
+    findings: tuple[Finding, ...] = ()
 
 
 def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
@@ -98,24 +102,27 @@ def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
 
     Raises
     ------
-    Refusal : the recording's sheets are gone, or have changed since the report was made
+    Refusal : the recording's sheets are gone, or have changed since the report was made; sizes that no one pump has
     """
     config = load_recording_config(recording_of(report))
     data, rotation, table = config.pump, config.rotation, None
+    findings: tuple[Finding, ...] = ()
     torque = config.sensors.get("torque")
     own_table = data.cam_table_path if pump is None and cam is None else None
     sheets = (own_table, None if torque is None else torque.calibration_path)
     refuse_changed(report, [input_file(sheet) for sheet in sheets if sheet is not None])
     if pump is not None:
-        other: PumpConfig = read_pump(pump)[0]
+        other, findings = read_pump(pump)
         if other.cam_table is None and cam is None:
             raise Refusal(f"{pump}: its cam is given by sections, expected a lift table; name one with --cam")
         data, rotation, table = other.pump, other.rotation, other.cam_table
     if cam is not None:
-        data, table = replace(data, cam_table_path=cam), None
+        data = replace(data, cam_table_path=cam)
+        table, notes = read_cam_table(data)
+        findings = (*notes, *check_pump(data, table, rotation, pump or config.path))
     table = read_cam_table(data)[0] if table is None else table
     order = read_sheet(torque).filter_order if torque is not None else 0
-    return Rig(data, table, rotation, config.trigger.nominal_angle, order)
+    return Rig(data, table, rotation, config.trigger.nominal_angle, order, findings)
 
 
 def curve_of(report: Path, speed: float) -> Curve:

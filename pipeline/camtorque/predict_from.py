@@ -180,10 +180,13 @@ def _at_speed(
     texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
+    rig = rig_of(reports[sources[0].id], asked.pump, asked.cam)
+    odd = (f"{row.where}: {row.text}." for row in rig.findings if row.severity == "warning")
     return replace(
         item,
         assumed=(
-            *flight_text(item), *step_text(item), *beyond, *assumed, *texts, *ending_text(item), *constant_text(item),
+            *flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts, *ending_text(item),
+            *constant_text(item),
         ),
     ), tuple(one[1] for one in runs)  # fmt: skip
 

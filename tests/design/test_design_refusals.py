@@ -63,6 +63,17 @@ def test_another_file_is_known_by_its_schema(tmp_path):
         read_pump(design_file(tmp_path, free=OFFSET, aims=AIM))
 
 
+def test_a_pump_of_impossible_or_unusual_sizes_is_told(tmp_path):
+    text = PAPER.read_text(encoding="utf-8")
+    pump = tmp_path / "pump.toml"
+    pump.write_text(text.replace("follower_mass_kg = 0.075", "follower_mass_kg = 0.75"), encoding="utf-8")
+    found = task_of(tmp_path, free=OFFSET, aims=AIM, pump=pump).findings
+    assert {row.code for row in found} == {"pump_unusual"}
+    pump.write_text(text.replace("follower_mass_kg = 0.075", "follower_mass_kg = 75"), encoding="utf-8")
+    with pytest.raises(Refusal, match="follower mass over that of a steel cube"):
+        task_of(tmp_path, free=OFFSET, aims=AIM, pump=pump)
+
+
 def test_limits_that_collide_are_named_with_what_is_missing(tmp_path):
     limits = "pressure_angle_deg = { most = 20 }\ncam_radius_mm = { most = 26 }"
     free = "base_circle_radius_mm = [15, 30]\nfollower_offset_mm = [-6, 9]"

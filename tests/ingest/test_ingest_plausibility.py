@@ -11,7 +11,8 @@ import pytest
 from camtorque.config import PumpData
 from camtorque.ingest import read_recording
 from camtorque.ingest.check import summarise
-from camtorque.ingest.plausibility import PUMP_RATIOS, check_loads, check_trigger_exchanged
+from camtorque.ingest.plausibility import check_loads, check_trigger_exchanged
+from camtorque.ingest.pump_sizes import PUMP_RATIOS
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import CamTable, Refusal
 from damaged.logs import CALIBRATION, edit

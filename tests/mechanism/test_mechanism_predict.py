@@ -142,6 +142,37 @@ def test_lift_table_is_read_with_its_resolution(tmp_path):
     assert np.max(config.cam_table.lift) == pytest.approx(8e-3)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("plunger_diameter_m = 0.008", "plunger_diameter_m = 0.08"), "plunger diameter over base circle radius is 4,"),
+        (("cam_inertia_kg_m2 = 5e-5", "cam_inertia_kg_m2 = 0.5"), "cam inertia over its mass times base circle"),
+        (("rise_mm = 8.0", "rise_mm = 80.0"), "largest lift over base circle radius is 4,"),
+    ],
+)
+def test_sizes_that_no_pump_has_are_refused_without_a_recording(tmp_path, change, message):
+    with pytest.raises(Refusal, match=rf"pump\.toml \[pump\]: {message}"):
+        read_pump(pump_file(tmp_path, change))
+
+
+def test_a_lift_table_in_another_unit_is_refused_without_a_recording(tmp_path):
+    path = with_table(tmp_path)
+    table = tmp_path / "lift.csv"
+    head, *rows = table.read_text().splitlines()
+    smaller = (f"{row.split(',')[0]},{float(row.split(',')[1]) / 1000.0:.9f}" for row in rows[1:])
+    table.write_text("\n".join([head, rows[0], *smaller]) + "\n")
+    with pytest.raises(Refusal, match=r"largest lift over base circle radius is .*the unit of the lift table"):
+        read_pump(path)
+
+
+def test_unusual_sizes_are_told_without_a_recording(tmp_path):
+    (found,) = read_pump(pump_file(tmp_path, ("follower_mass_kg = 0.075", "follower_mass_kg = 0.75")))[1]
+    assert (found.code, found.severity) == ("pump_unusual", "warning")
+    assert "follower_mass_kg" in found.text
+    path = pump_file(tmp_path, ("roller_radius_m = 0.008", "roller_radius_m = 0.016"))
+    assert any("is it the diameter?" in row.text for row in read_pump(path)[1])
+
+
 def test_unread_lift_table_is_refused(tmp_path):
     with pytest.raises(Refusal, match="its lift table has not been read"):
         predict(load_pump_config(with_table(tmp_path)), [50.0])

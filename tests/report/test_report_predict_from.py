@@ -37,6 +37,9 @@ from camtorque.report.forecast_page import assumed_of
 from camtorque.report.forecast_texts import assumptions, beyond_text, elsewhere_text, step_text
 from report_cases import THETA, falling, run_result
 
+SHEETS = Path(__file__).resolve().parents[2] / "calibration"
+BENCH = SHEETS.parent / "raw_examples" / "A_1000rpm"
+
 
 def known(shares: list[float], left_out: bool = True) -> KnownFit:
     speeds = 50.0 * 1.25 ** np.arange(len(shares))
@@ -558,3 +561,18 @@ def test_a_cam_that_is_not_used_may_have_changed(tmp_path: Path) -> None:
     assert rig_of(report, None, other).table.theta.size
     with pytest.raises(Refusal, match="other content in"):
         refuse_load_of_another_pump(report, [])
+
+
+def test_another_pump_or_cam_than_the_fitted_one_is_held_against_itself(tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text(
+        json.dumps({"schema": "camtorque.result/1", "inputs": [{"path": str(BENCH / "recording.toml")}]})
+    )
+    text = (SHEETS / "pump_A.toml").read_text(encoding="utf-8").replace("cam_A.csv", str(SHEETS / "cam_A.csv"))
+    (pump := tmp_path / "other.toml").write_text(text.replace("follower_mass_kg = 0.075", "follower_mass_kg = 0.75"))
+    for other, told in ((SHEETS / "pump_A.toml", False), (pump, True)):
+        assert ("pump_unusual" in {row.code for row in rig_of(tmp_path, other, None).findings}) == told
+    rows = (SHEETS / "cam_A.csv").read_text(encoding="utf-8").splitlines()
+    lifts = (f"{angle},{10.0 * float(lift)}" for angle, lift in (row.split(",") for row in rows[2:]))
+    (cam := tmp_path / "cam.csv").write_text("\n".join([*rows[:2], *lifts]))
+    with pytest.raises(Refusal, match="largest lift over base circle radius is 4"):
+        rig_of(tmp_path, None, cam)

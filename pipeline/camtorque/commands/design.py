@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
+from camtorque.commands.texts import finding_lines
 from camtorque.design import Answer, answer_document, design_page, read_task, solve_task, write_chosen
 from camtorque.design.answer import TABLE
 from camtorque.design.page import fitted_cells, label_of, law_name
@@ -29,7 +31,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     with output_folder(arguments.out, "design.json") as folder:
         document = jsonable(_written(answer, known, folder))
     fitted = fitted_lines(document["as_fitted"])
-    return Outcome("\n".join([*_table(answer), *fitted, str(arguments.out / "design.html")]), document)
+    odd = finding_lines([asdict(row) for row in task.findings])
+    return Outcome("\n".join([*odd, *_table(answer), *fitted, str(arguments.out / "design.html")]), document)
 
 
 def _written(answer: Answer, known: Known | None, folder: Path) -> dict[str, Any]:

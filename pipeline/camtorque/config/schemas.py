@@ -1,7 +1,7 @@
 """Every key of every TOML file that the product reads, with unit, default, allowed band and reason: the one place.
 
 The bands are wide: a value outside is not unusual but a slip (millimetres in a key of metres). Slips inside the bands
-are found by the cross-checks of `camtorque.ingest.plausibility`.
+are found by the cross-checks of `camtorque.ingest.pump_sizes` and `plausibility`.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIE
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
 from camtorque.ingest.pump_file import read_pump
-from camtorque.records import Array, Refusal
+from camtorque.records import Array, Finding, Refusal
 from camtorque.units import DEGREE, expected_one_of
 
 Value = TypeVar("Value", float, Array)
@@ -104,6 +104,7 @@ class Task:
     choose: str
     seed: int
     starts: int
+    findings: tuple[Finding, ...]
 
 
 def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
@@ -119,7 +120,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     root = Table(values, file, "")
     root.only((*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
     top = read_values(root, TOP)
-    config, _ = read_pump(top["pump"])
+    config, findings = read_pump(top["pump"])
     if top["fit"] is not None:
         config = replace(config, friction=fitted_friction(top["fit"], config))
     if fitted is not None:
@@ -140,6 +141,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
         aims=_aims(root.table("aims")),
         limits=_limits(root.table("limits", optional=True)),
         tolerances=_tolerances(root.table("tolerances", optional=True)),
+        findings=findings,
         **read_values(root.table("answer", optional=True), ANSWER),
     ))  # fmt: skip
 

@@ -1,34 +1,29 @@
 """Numbers that are each within their band but cannot belong together: such a slip is refused with its place.
 
-`PUMP_RATIOS` compares sizes of one pump with each other, `check_loads` the largest torque with what the largest
-pressure can cause. The limits come from 46 pumps of three makers, for which the ratios lie in ``seen``, and from sizes
-of built ones (fuel pumps of cars to ships); what lies well outside is reported, what lies far outside is refused.
+The largest torque is held against what the largest pressure can cause, the trigger against the lift table; sizes of the
+pump against each other: `camtorque.ingest.pump_sizes`.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 
 import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.pump import weak_pressure
-from camtorque.config.tables import Problems
 from camtorque.ingest.largest import largest, marked_missing, overload_findings
-from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
+from camtorque.ingest.pump_sizes import SMOOTHED
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
-from camtorque.units import BAR, STEEL_DENSITY, short
+from camtorque.units import BAR, short
 
 PRE_STROKE = re.compile(r"pre.?stroke|pressuri[sz]ation|vorhub|f.rderbeginn|start of delivery", re.IGNORECASE)
 CLOSING_LIFT = (0.04, 0.5)
 """Share of the lift at which a pre-stroke ends; 21 pumps of other makers have 0.11 to 0.34."""
-SMOOTHED = 5.0
-"""Slopes and bends of a lift table are taken over this many degrees, to suppress its noise."""
 STEEPER = 1.0 / 3.0
 """Part of the trigger's time between its two levels a pulse below which another log is the trigger: pressures and
 torques of 69 recordings are between theirs for ten times the trigger's time or longer, exchanged for a tenth of it."""
@@ -46,130 +41,6 @@ TORQUE_SLIPS = {1.0e3: "N mm read as N m, or N m as kN m", 1.0e-3: "N m read as 
 LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)
 HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
 """Contact stress of rolling steel is 0.5 to 2.5 GPa; 6 GPa marks any steel at first touch [Pa]."""
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """A ratio of sizes of one pump: what it is, its value, limits, the keys to look at."""
-
-    what: str
-    value: Callable[[PumpData, CamTable], float]
-    seen: tuple[float, float]
-    usual: tuple[float, float]
-    possible: tuple[float, float]
-    keys: str
-
-
-def _steel(radius: float) -> float:
-    return STEEL_DENSITY * radius**3
-
-
-def _mean(*sizes: float) -> float:
-    return float(math.prod(sizes)) ** (1.0 / len(sizes))
-
-
-def _roller_disc(pump: PumpData) -> float:
-    """Return the mass of a steel disc as large as the roller [kg]."""
-    return STEEL_DENSITY * math.pi * pump.roller_radius**2 * pump.roller_width
-
-
-def _pitch_curvature(pump: PumpData, table: CamTable) -> float:
-    """Return roller radius times the largest curvature of its centre's path: at 1 the cam ends in a point."""
-    step = np.radians(SMOOTHED)
-    angle = np.arange(0.0, 2.0 * np.pi, step)
-    before, lift, after = (table.at(angle + d) for d in (-step, 0.0, step))
-    slope, bend = (after - before) / (2.0 * step), (after - 2.0 * lift + before) / step**2
-    away, offset = slope - pump.follower_offset, pump.follower_offset
-    centre = np.sqrt(max((pump.base_circle_radius + pump.roller_radius) ** 2 - offset**2, 0.0)) + lift
-    curvature = (centre**2 + away * (slope + away) - centre * bend) / np.hypot(centre, away) ** 3
-    return float(np.max(curvature)) * pump.roller_radius
-
-
-PUMP_RATIOS: dict[str, Ratio] = {
-    "lift": Ratio("largest lift over base circle radius", lambda p, t: float(np.max(t.lift)) / p.base_circle_radius,
-                  (0.24, 0.54), (0.03, 1.0), (0.003, 1.6), "the unit of the lift table, base_circle_radius_m"),
-    "plunger": Ratio("plunger diameter over base circle radius", lambda p, t: p.plunger_diameter / p.base_circle_radius,
-                     (0.25, 0.68), (0.08, 1.6), (0.02, 3.0), "plunger_diameter_m, base_circle_radius_m"),
-    "roller": Ratio("roller radius over base circle radius", lambda p, t: p.roller_radius / p.base_circle_radius,
-                    (0.25, 0.59), (0.08, 1.6), (0.02, 4.0), "roller_radius_m, base_circle_radius_m"),
-    "roller_width": Ratio("roller width over its radius", lambda p, t: p.roller_width / p.roller_radius,
-                          (0.6, 1.5), (0.1, 6.0), (0.02, 20.0), "roller_width_m, roller_radius_m"),
-    "size": Ratio("mean of largest lift and plunger diameter over base circle radius",
-                  lambda p, t: _mean(float(np.ptp(t.lift)), p.plunger_diameter) / p.base_circle_radius,
-                  (0.22, 0.54), (0.21, 0.85), (0.02, 3.0),
-                  "base_circle_radius_m (is it the diameter?), the lift table, plunger_diameter_m (is it the radius?)"),
-    "roller_size": Ratio("roller radius over the mean of largest lift, plunger diameter and 0.4 base circle radii",
-                         lambda p, t: p.roller_radius / _mean(float(np.ptp(t.lift)), p.plunger_diameter,
-                                                              0.4 * p.base_circle_radius),
-                         (0.72, 1.46), (0.62, 1.6), (0.05, 10.0),
-                         "roller_radius_m (is it the diameter?), base_circle_radius_m, the lift table"),
-    "undercut": Ratio("roller radius times the curvature of its path about the cam, which no cam can drive above 1,",
-                      _pitch_curvature, (0.28, 0.7), (0.0, 0.85), (-1.0, 1.05),
-                      "roller_radius_m, base_circle_radius_m (too small), the lift table"),
-    "offset": Ratio("follower offset over base circle and roller radius",
-                    lambda p, t: abs(p.follower_offset) / (p.base_circle_radius + p.roller_radius),
-                    (0.0, 0.12), (0.0, 0.5), (0.0, 0.95), "follower_offset_m"),
-    "cam_inertia": Ratio("cam inertia over its mass times base circle radius squared",
-                         lambda p, t: p.cam_inertia / (p.cam_mass * p.base_circle_radius**2),
-                         (0.11, 1.03), (0.03, 5.0), (0.003, 50.0), "cam_inertia_kg_m2, cam_mass_kg"),
-    "cam_mass": Ratio("cam mass over that of a steel cube of its radius",
-                      lambda p, t: p.cam_mass / _steel(p.base_circle_radius),
-                      (1.4, 246.0), (0.2, 400.0), (0.02, 2000.0), "cam_mass_kg, base_circle_radius_m"),
-    "follower_mass": Ratio("follower mass over that of a steel cube of the cam's radius",
-                           lambda p, t: p.follower_mass / _steel(p.base_circle_radius),
-                           (0.42, 7.3), (0.06, 10.0), (0.005, 100.0), "follower_mass_kg, base_circle_radius_m"),
-    "spring": Ratio("spring preload over the force it gains by the lift",
-                    lambda p, t: p.spring_preload / (p.spring_stiffness * float(np.max(t.lift)))
-                    if p.spring_stiffness and p.spring_preload else 1.0,
-                    (0.22, 2.25), (0.1, 6.0), (0.003, 300.0), "spring_stiffness_N_per_m, spring_preload_N"),
-    "roller_mass": Ratio("roller mass over follower mass", lambda p, t: (p.roller_mass or 0.0) / p.follower_mass,
-                         (0.0, 0.5), (0.0, 0.9), (0.0, 1.0), "roller_mass_kg, follower_mass_kg"),
-    "roller_disc": Ratio("roller mass over that of a steel disc of its size",
-                         lambda p, t: p.roller_mass / _roller_disc(p) if p.roller_mass else 1.0,
-                         (1.0, 1.0), (0.3, 1.6), (0.05, 8.0),
-                         "roller_mass_kg, roller_radius_m (is it the diameter?), roller_width_m"),
-    "follower_disc": Ratio("follower mass over that of a steel disc as large as its roller",
-                           lambda p, t: p.follower_mass / _roller_disc(p), (1.4, 37.0), (1.0, 150.0), (0.2, 5000.0),
-                           "follower_mass_kg, roller_radius_m (is it the diameter?), roller_width_m"),
-    "roller_gyration": Ratio("roller inertia over its mass times radius squared, 0.5 to 1 for a disc with a bore,",
-                             lambda p, t: p.roller_inertia / (p.roller_mass * p.roller_radius**2)
-                             if p.roller_inertia and p.roller_mass else 0.6,
-                             (0.5, 0.7), (0.45, 1.0), (0.3, 1.3),
-                             "roller_radius_m (is it the diameter?), roller_inertia_kg_m2, roller_mass_kg"),
-    "roller_inertia": Ratio("roller inertia over that of a ring of the follower's mass",
-                            lambda p, t: (p.roller_inertia or 0.0) / (p.follower_mass * p.roller_radius**2),
-                            (0.0, 0.3), (0.0, 0.8), (0.0, 1.0), "roller_inertia_kg_m2, roller_radius_m"),
-}  # fmt: skip
-
-
-OF_ROLLERS = frozenset({"roller", "roller_width", "roller_size", "follower_disc"})
-"""Ratios that say nothing of a foot that slides (roller_inertia_kg_m2 = 0), whose radius is that of its crown."""
-
-
-def check_pump(config: RecordingConfig, table: CamTable) -> list[Finding]:
-    """Compare sizes of one pump with each other.
-
-    Raises
-    ------
-    Refusals : sizes that no one pump has, all of them
-    """
-    problems, findings = Problems(), []
-    where = f"{config.path} [pump]"
-    foot, (wrong, _) = config.pump.roller_inertia == 0.0, outliers_text(table)
-    # the cam sees the offset on its other side where it runs backwards
-    pump = replace(config.pump, follower_offset=config.pump.follower_offset * config.rotation)
-    for name, ratio in PUMP_RATIOS.items():
-        if foot and name in OF_ROLLERS:
-            continue
-        value = ratio.value(pump, table)
-        ask = f"{wrong}: measure them again" if wrong and "the lift table" in ratio.keys else f"check {ratio.keys}"
-        text = f"{ratio.what} is {short(value)}, usual are {ratio.usual[0]:g} to {ratio.usual[1]:g}; {ask}"
-        if not ratio.possible[0] <= value <= ratio.possible[1]:
-            problems.texts.append(f"{where}: {text}")
-        elif not ratio.usual[0] <= value <= ratio.usual[1]:
-            findings.append(Finding("pump_unusual", "warning", text, f"{config.path.name} [pump]"))
-    problems.raise_any()
-    return findings
 
 
 def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from camtorque.config.pump import PressureCurve, PumpConfig, load_pump_config
+from camtorque.config.pump import PressureCurve, PumpConfig, SectionSpec, load_pump_config
 from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.table_file import read_small_table
-from camtorque.records import Finding, Refusal
+from camtorque.records import CamTable, Finding, Refusal
 from camtorque.units import BAR, DEGREE, TURN
 
 LEAST_SPAN_DEG, MOST_BAR = 10.0, 10_000.0
@@ -19,17 +21,31 @@ CURVE_COLUMNS = ("cam_angle_deg", "pressure_bar")
 
 
 def read_pump(path: Path | str) -> tuple[PumpConfig, tuple[Finding, ...]]:
-    """Return a pump file, its lift table read, and what is to be known about the table.
+    """Return a pump file, its lift table read, and what is to be known about the table and the sizes of the pump.
 
     Raises
     ------
-    Refusal : see `load_pump_config` and `read_cam_table`
+    Refusal : see `load_pump_config`, `read_cam_table` and `check_pump`
     """
     config = load_pump_config(path)
     if config.sections:
-        return config, ()
+        # heights alone: where the path of the roller is too sharp for a cam, its law tells exactly
+        return config, _unusual(config, _heights(config.sections), but={"undercut"})
     table, findings = read_cam_table(config.pump)
-    return replace(config, cam_table=table), findings
+    return replace(config, cam_table=table), (*findings, *_unusual(config, table))
+
+
+def _unusual(config: PumpConfig, table: CamTable, but: AbstractSet[str] = frozenset()) -> tuple[Finding, ...]:
+    """Hold the sizes of a pump against each other, unless it has no lift: its cam is refused then."""
+    if not np.max(table.lift) > 0.0:
+        return ()
+    return tuple(check_pump(config.pump, table, config.rotation, config.path, but=but))
+
+
+def _heights(sections: tuple[SectionSpec, ...]) -> CamTable:
+    """Return the lifts at which sections begin, at even angles in place of theirs."""
+    rises = [rise for one in sections for rise in ((one.rise, -one.rise) if one.kind == "tangent" else (one.rise,))]
+    return CamTable(np.linspace(0.0, TURN, len(rises), endpoint=False), np.cumsum(rises), np.finfo(float).eps)
 
 
 def read_pressure_curve(path: Path | str) -> PressureCurve:

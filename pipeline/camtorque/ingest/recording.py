@@ -20,7 +20,8 @@ from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.largest import extent
-from camtorque.ingest.plausibility import check_loads, check_pump, check_trigger, check_trigger_exchanged
+from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged
+from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
@@ -85,7 +86,7 @@ def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]
         return []
     problems, findings = Problems(), _other_pump(config)
     with problems.collecting():
-        findings += check_pump(config, table)
+        findings += check_pump(config.pump, table, config.rotation, config.path)
     with problems.collecting():
         findings += check_trigger(config, table)
     problems.raise_any()
