@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -241,6 +242,7 @@ def test_pump_needs_exactly_one_cam(tmp_path):
     ("content", "message"),
     [
         ("cam_angle_deg,pressure_bar\n10,0\n0,0\n", "cam_angle_deg has to increase strictly"),
+        ("cam_angle_deg,pressure_bar\n0,-600\n90,5\n", r"goes down to -600 bar, expected gauge pressures of -1 bar"),
         ("cam_angle_deg,pressure_psi\n0,0\n10,0\n", "no column 'pressure_bar', did you mean 'pressure_psi'"),
     ],
 )
@@ -248,6 +250,40 @@ def test_wrong_pressure_curve_is_refused(tmp_path, content, message):
     (tmp_path / "p.csv").write_text(content)
     with pytest.raises(Refusal, match=message):
         read_pressure_curve(tmp_path / "p.csv")
+
+
+def test_a_measured_line_that_falls_a_little_below_vacuum_is_read(tmp_path):
+    (tmp_path / "p.csv").write_text("cam_angle_deg,pressure_bar\n0,-9.3\n90,926\n")  # the sensor's zero is off
+    assert read_pressure_curve(tmp_path / "p.csv").pressure[0] == pytest.approx(-9.3e5)
+
+
+@pytest.mark.parametrize(("turned", "told"), [(0, False), (20, False), (-90, True), (90, True), (180, True)])
+def test_a_pressure_that_the_plunger_does_not_make_is_told(turned, told):
+    curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
+    pressure = np.interp(curve.theta - np.radians(turned), curve.theta, curve.pressure, period=2.0 * np.pi)
+    findings = predict(load_pump_config(PAPER), [50.0], replace(curve, pressure=pressure)).findings
+    found = {row.code: row.text for row in findings}
+    assert ("pressure_misplaced" in found) == told
+    assert not told or " % of its rises are where the plunger rises, expected 60 %" in found["pressure_misplaced"]
+
+
+def test_a_rail_that_rings_has_no_place(tmp_path):
+    theta = np.radians(np.arange(0.0, 360.0, 1.0))
+    curve = PressureCurve(theta, 1e8 * (1.0 + 0.1 * np.exp(-(((theta - 4.0) / 0.2) ** 2))))
+    assert "pressure_misplaced" not in {row.code for row in predict(load_pump_config(PAPER), [50.0], curve).findings}
+
+
+@pytest.mark.parametrize(("width", "told"), [(0.005, False), (0.0015, True)])
+def test_a_contact_stress_that_no_steel_stands_is_told(width, told):
+    config = load_pump_config(PAPER)
+    narrow = replace(config, pump=replace(config.pump, roller_width=width))
+    found = predict(narrow, [50.0], read_pressure_curve(CALIBRATION / "paper_pressure.csv")).findings
+    texts = [row.text for row in found if row.code == "contact_stress_unusual"]
+    assert bool(texts) == told
+    assert all(
+        re.search(r"reaches 3\.\d+ GPa at 477 rpm, rolling steel has 0.5 to 2.5; check roller_width_m", t)
+        for t in texts
+    )
 
 
 def test_missing_files_are_refused(tmp_path):

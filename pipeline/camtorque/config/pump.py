@@ -21,6 +21,8 @@ from camtorque.units import BAR, DEGREE, short
 
 ONCE = ("pump", "cam", "mounting", "shaft", "friction")
 """Tables that are there once or not at all."""
+HERTZ_SEEN, HERTZ_USUAL, HERTZ_POSSIBLE = "0.5 to 2.5", 3.0e9, 6.0e9
+"""Contact stress of rolling steel [GPa] and limits [Pa]; 6 GPa marks any steel at first touch."""
 
 
 @dataclass(frozen=True)

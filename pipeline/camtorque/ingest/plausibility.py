@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
-from camtorque.config.pump import weak_pressure
+from camtorque.config.pump import HERTZ_POSSIBLE, HERTZ_SEEN, HERTZ_USUAL, weak_pressure
 from camtorque.ingest.largest import largest, marked_missing, overload_findings
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.pump_sizes import SMOOTHED
@@ -39,8 +39,6 @@ PRESSURE_SLIPS = {
 TORQUE_SLIPS = {1.0e3: "N mm read as N m, or N m as kN m", 1.0e-3: "N m read as N mm, or kN m as N m"}
 """Factor by which a torque is too large -> the slip."""
 LOAD_USUAL, LOAD_POSSIBLE = (0.55, 2.2), (0.3, 4.0)
-HERTZ_USUAL, HERTZ_POSSIBLE = 3.0e9, 6.0e9
-"""Contact stress of rolling steel is 0.5 to 2.5 GPa; 6 GPa marks any steel at first touch [Pa]."""
 
 
 def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:
@@ -205,7 +203,7 @@ def _contact(pump: PumpData, force: float, where: str) -> list[Finding]:
     curvature = 1.0 / pump.base_circle_radius + 1.0 / pump.roller_radius
     stress = math.sqrt(force * curvature / (math.pi * pump.roller_width * shares))
     text = (
-        f"the contact stress at the largest pressure is {1e-9 * stress:.3g} GPa, rolling steel has 0.5 to 2.5; check "
+        f"the contact stress at the largest pressure is {1e-9 * stress:.3g} GPa, rolling steel has {HERTZ_SEEN}; check "
         "roller_width_m, roller_radius_m, plunger_diameter_m, youngs_modulus_*_Pa"
     )
     if stress > HERTZ_POSSIBLE:

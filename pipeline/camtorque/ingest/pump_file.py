@@ -10,6 +10,7 @@ import numpy as np
 
 from camtorque.config.pump import PressureCurve, PumpConfig, SectionSpec, load_pump_config
 from camtorque.ingest.cam_table import read_cam_table
+from camtorque.ingest.check import VACUUM, VACUUM_SHARE
 from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import CamTable, Finding, Refusal
@@ -17,6 +18,8 @@ from camtorque.units import BAR, DEGREE, TURN
 
 LEAST_SPAN_DEG, MOST_BAR = 10.0, 10_000.0
 """A pressure curve over less, or to more than any pump gives, is one in another unit."""
+LARGEST_RANGE = 3.5
+"""Range of a sensor over the largest pressure that is measured with it; 46 recordings have 1.1 to 3.3."""
 CURVE_COLUMNS = ("cam_angle_deg", "pressure_bar")
 
 
@@ -77,7 +80,18 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
             f"{path}: pressure_bar reaches {np.max(pressure):.3g} bar, expected {MOST_BAR:g} bar or less; give bar, "
             "not Pa or kPa"
         )
-    return PressureCurve(angle * DEGREE, pressure * BAR)
+    return _of_a_line(PressureCurve(angle * DEGREE, pressure * BAR), str(path))
+
+
+def _of_a_line(curve: PressureCurve, where: str) -> PressureCurve:
+    """Refuse a pressure that no line holds, with room for the errors of the sensor that it may come from."""
+    low, high = float(np.min(curve.pressure)), float(np.max(curve.pressure))
+    if low < VACUUM - VACUUM_SHARE * LARGEST_RANGE * max(high, 0.0):
+        raise Refusal(
+            f"{where}: the pressure goes down to {low / BAR:.4g} bar, expected gauge pressures of -1 bar (vacuum) or "
+            "more, no line holds less; check its sign and its zero"
+        )
+    return curve
 
 
 def checked_curve(curve: PressureCurve) -> PressureCurve:
@@ -105,4 +119,4 @@ def checked_curve(curve: PressureCurve) -> PressureCurve:
             f"PressureCurve: found angles over {theta[-1] - theta[0]:.3g} and a pressure to {np.max(pressure):.3g}, "
             f"expected rad, all that is loaded of a revolution, and Pa up to {MOST_BAR * BAR:g}"
         )
-    return curve
+    return _of_a_line(curve, "PressureCurve")

@@ -130,6 +130,18 @@ def rises_together(pressure: Array, lift: Array) -> tuple[float, float]:
     return float(turned[0]), float(np.max(turned))
 
 
+def misplaced_text(theta: Array, pressure: Array, lift: Array) -> str:
+    """Return how a pressure that the plunger would make lies off its rise, "" where it does not or cannot be told."""
+    here, anywhere = rises_together(pressure, lift)
+    if here >= MADE_ELSEWHERE or anywhere < MADE:
+        return ""
+    peak, top = (math.degrees(theta[int(np.argmax(values))]) for values in (pressure, lift))
+    return (
+        f"{100.0 * here:.0f} % of its rises are where the plunger rises, expected {100.0 * MADE:.0f} % or more "
+        f"(highest pressure at {peak:.0f} deg, top of the lift at {top:.0f} deg)"
+    )
+
+
 def _refuse_misplaced_pressure(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> None:
     if cycles.torque is None:
         return
@@ -137,13 +149,8 @@ def _refuse_misplaced_pressure(cycles: CamCycles, rigid: RigidTorque, pump: Pump
     measured = 2.0 * math.pi * abs(float(np.mean(cycles.mean_torque)))
     if pump.plunger_area * float(np.ptp(pressure)) * float(np.ptp(rigid.lift)) < LARGE_SWING * measured:
         return
-    here, anywhere = rises_together(pressure, rigid.lift)
-    if here >= MADE_ELSEWHERE or anywhere < MADE:
-        return
-    peak, top = (math.degrees(cycles.theta[int(np.argmax(values))]) for values in (pressure, rigid.lift))
-    raise Refusal(
-        f"the line pressure swings by {np.ptp(pressure) / BAR:.0f} bar, but not while the plunger delivers: "
-        f"{100.0 * here:.0f} % of its rises are where the plunger rises, expected {100.0 * MADE:.0f} % or more "
-        f"(highest pressure at {peak:.0f} deg, top of the lift at {top:.0f} deg); check that both logs are of one run, "
-        "the clocks of their loggers, and the lift table"
-    )
+    if said := misplaced_text(cycles.theta, pressure, rigid.lift):
+        raise Refusal(
+            f"the line pressure swings by {np.ptp(pressure) / BAR:.0f} bar, but not while the plunger delivers: {said}"
+            "; check that both logs are of one run, the clocks of their loggers, and the lift table"
+        )

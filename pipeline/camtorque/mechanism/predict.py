@@ -18,7 +18,13 @@ from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting, PumpUnit, Roller, assumed_roller
-from camtorque.mechanism.predict_findings import cam_findings, curve_findings, flight_findings
+from camtorque.mechanism.predict_findings import (
+    cam_findings,
+    curve_findings,
+    flight_findings,
+    load_findings,
+    stress_findings,
+)
 from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
@@ -147,6 +153,8 @@ def predict(
     roller = assumed_roller(config.pump)
     findings = (
         *curve_findings(pressure), *weak_pressure(config.pump, float(np.max(curve.pressure))),
+        *load_findings(theta, own, tables.kinematics.lift),
+        *stress_findings(theta, np.stack([pump.forces.hertz for pump in pumps]), speed),
         *cam_findings(tables.kinematics, law, roller, pressure is None),
         *flight_findings(flights, speed),
     )  # fmt: skip

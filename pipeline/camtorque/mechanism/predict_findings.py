@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.config.pump import PressureCurve
+from camtorque.config.pump import HERTZ_SEEN, HERTZ_USUAL, PressureCurve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.flight import Flight
 from camtorque.mechanism.friction import jamming_friction
 from camtorque.mechanism.kinematics import Kinematics
+from camtorque.mechanism.load_check import misplaced_text
 from camtorque.mechanism.mounting import Roller
 from camtorque.records import Array, Finding
 from camtorque.units import DEGREE, RPM, TURN
 
 WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
 """Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
+
+LEAST_SWING = 0.3
+"""Share of the largest pressure by which one swings that tells its place; what swings less a rail holds."""
 
 
 def curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
@@ -34,6 +38,28 @@ def curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
         "points"
     )
     return (Finding("pressure_curve_coarse", "warning", text, where),)
+
+
+def load_findings(theta: Array, pressure: Array, lift: Array) -> tuple[Finding, ...]:
+    """Return a warning where the pressure is not one that the plunger makes: curve or lift table are turned."""
+    if np.ptp(pressure) <= LEAST_SWING * np.max(pressure):
+        return ()
+    said = misplaced_text(theta, pressure, lift)
+    text = f"the pressure is not one that this plunger makes: {said}; check the zero of the angles of curve and lift"
+    return (Finding("pressure_misplaced", "warning", text),) if said else ()
+
+
+def stress_findings(theta: Array, stress: Array, speeds: Array) -> tuple[Finding, ...]:
+    """Return a warning where the largest contact stress, (n_speeds, n_theta) [Pa], is beyond that of rolling steel."""
+    known = np.nan_to_num(stress)
+    row, column = np.unravel_index(int(np.argmax(known)), known.shape)
+    if known[row, column] <= HERTZ_USUAL:
+        return ()
+    text = (
+        f"the contact stress reaches {1e-9 * known[row, column]:.3g} GPa at {speeds[row] / RPM:.0f} rpm, rolling steel "
+        f"has {HERTZ_SEEN}; check roller_width_m, roller_radius_m, plunger_diameter_m, youngs_modulus_*_Pa"
+    )
+    return (Finding("contact_stress_unusual", "warning", text, f"{theta[column] / DEGREE:.1f} deg"),)
 
 
 def flight_findings(flights: tuple[tuple[Flight, ...], ...], speeds: Array) -> tuple[Finding, ...]:
