@@ -174,6 +174,23 @@ def test_unusual_sizes_are_told_without_a_recording(tmp_path):
     assert any("is it the diameter?" in row.text for row in read_pump(path)[1])
 
 
+@pytest.mark.parametrize(
+    ("cam", "roller", "told"),
+    [
+        ("210e9", "310e9", []),  # ceramics on steel
+        ("210e9", "650e9", []),
+        ("2.1e9", "210e9", ["the cam over that of steel is 0.01", "the roller over that of the cam is 100"]),
+        ("900e9", "900e9", ["the cam over that of steel is 4.29", "the roller over that of steel is 4.29"]),
+        ("120e9", "600e9", ["the roller over that of the cam is 5"]),
+    ],
+)
+def test_moduli_of_no_usual_pair_are_told(tmp_path, cam, roller, told):
+    keys = (("youngs_modulus_cam_Pa = 210e9", cam), ("youngs_modulus_roller_Pa = 210e9", roller))
+    found = read_pump(pump_file(tmp_path, *((old, f"{old.split('=')[0]}= {value}") for old, value in keys)))[1]
+    assert [row.code for row in found] == ["pump_unusual"] * len(told)
+    assert all(row.text.startswith(f"Young's modulus of {text}, usual") for row, text in zip(found, told, strict=True))
+
+
 def test_unread_lift_table_is_refused(tmp_path):
     with pytest.raises(Refusal, match="its lift table has not been read"):
         predict(load_pump_config(with_table(tmp_path)), [50.0])

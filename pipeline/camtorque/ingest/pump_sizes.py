@@ -23,6 +23,9 @@ from camtorque.units import STEEL_DENSITY, short
 SMOOTHED = 5.0
 """Slopes and bends of a lift table are taken over this many degrees, to suppress its noise."""
 
+STEEL = 210.0e9
+"""Young's modulus of steel [Pa]; cast iron and titanium have half of it, ceramics 1.5 and tungsten carbide 3 times."""
+
 
 @dataclass(frozen=True)
 class Ratio:
@@ -115,6 +118,14 @@ PUMP_RATIOS: dict[str, Ratio] = {
     "roller_inertia": Ratio("roller inertia over that of a ring of the follower's mass",
                             lambda p, t: (p.roller_inertia or 0.0) / (p.follower_mass * p.roller_radius**2),
                             (0.0, 0.3), (0.0, 0.8), (0.0, 1.0), "roller_inertia_kg_m2, roller_radius_m"),
+    "cam_modulus": Ratio("Young's modulus of the cam over that of steel", lambda p, t: p.youngs_modulus_cam / STEEL,
+                         (1.0, 1.0), (0.28, 3.4), (0.0, math.inf), "youngs_modulus_cam_Pa"),
+    "roller_modulus": Ratio("Young's modulus of the roller over that of steel",
+                            lambda p, t: p.youngs_modulus_roller / STEEL,
+                            (1.0, 1.0), (0.28, 3.4), (0.0, math.inf), "youngs_modulus_roller_Pa"),
+    "moduli": Ratio("Young's modulus of the roller over that of the cam",
+                    lambda p, t: p.youngs_modulus_roller / p.youngs_modulus_cam,
+                    (1.0, 1.0), (0.25, 4.0), (0.0, math.inf), "youngs_modulus_roller_Pa, youngs_modulus_cam_Pa"),
 }  # fmt: skip
 
 
