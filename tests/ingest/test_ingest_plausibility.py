@@ -377,3 +377,26 @@ def test_a_sensor_beyond_its_nominal_range_is_told(bench: Path):
     edit(sheet, lines[0], f"{lines[0].split('=')[0]}= [-20.0, 20.0]")
     (found,) = (finding for finding in read(bench).findings if finding.code == "beyond_nominal_range")
     assert "the torque reaches 309 % of nominal_range" in found.text
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_a_sensor_whose_range_a_loaded_pump_hardly_uses_is_told(bench: Path, quantity: str):
+    recording = read(bench)
+    (channel,) = recording.of(quantity)
+    sheet = channel.calibration
+    assert sheet is not None
+    for factor, told in ((10.0, []), (100.0, [sheet.serial])):
+        wide = replace(sheet, range_min=factor * sheet.range_min, range_max=factor * sheet.range_max)
+        changed = tuple(replace(c, calibration=wide) if c is channel else c for c in recording.channels)
+        found = check_loads(replace(recording, channels=changed))
+        assert [row.where for row in found if row.code == "far_below_nominal_range"] == told
+        assert all(f"the {quantity} reaches 0." in row.text for row in found)
+
+
+def test_a_sensor_of_a_pump_without_load_may_be_large(bench: Path):
+    recording = read(bench)
+    sheets = {c.quantity: c.calibration for c in recording.channels if c.calibration is not None}
+    idle = {name: replace(sheet, gain=0.005 * sheet.gain) for name, sheet in sheets.items()}
+    changed = tuple(replace(c, calibration=idle.get(c.quantity)) for c in recording.channels)
+    found = {row.code for row in check_loads(replace(recording, channels=changed))}
+    assert "far_below_nominal_range" not in found

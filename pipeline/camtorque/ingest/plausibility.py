@@ -14,7 +14,7 @@ import numpy as np
 
 from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.pump import HERTZ_POSSIBLE, HERTZ_SEEN, HERTZ_USUAL, weak_pressure
-from camtorque.ingest.largest import largest, marked_missing, overload_findings
+from camtorque.ingest.largest import largest, marked_missing, range_findings
 from camtorque.ingest.proposal import SURE_SHARE, level_share, pulse_count
 from camtorque.ingest.pump_sizes import SMOOTHED
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
@@ -123,11 +123,12 @@ def check_loads(recording: Recording) -> list[Finding]:
         for channel in recording.of(quantity)[:1]:
             if channel.calibration is not None:
                 sheets[quantity], peaks[quantity] = channel.calibration, largest(channel)
-    overload = [row for quantity, sheet in sheets.items() for row in overload_findings(sheet, peaks[quantity])]
+    is_loaded = peaks.get("pressure", 0.0) > LOADED
+    ranges = [row for name, sheet in sheets.items() for row in range_findings(sheet, peaks[name], is_loaded=is_loaded)]
     if recording.lift_table is None or "pressure" not in sheets:
-        return overload
+        return ranges
     _refuse_other_unit(recording, sheets["pressure"].range_max, peaks["pressure"])
-    return [*_against_each_other(recording, recording.lift_table, peaks), *overload]
+    return [*_against_each_other(recording, recording.lift_table, peaks), *ranges]
 
 
 def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[str, float]) -> list[Finding]:
