@@ -335,13 +335,24 @@ def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest
 
 def test_predict_leaves_out_speeds_at_which_the_follower_flies_on(capsys: pytest.CaptureFixture[str]) -> None:
     pump = str(EXAMPLES.parent / "calibration" / "paper_pump.toml")
-    assert cli.main(["predict", pump, "--speed", "1000", "3000", "15000"]) == 0
+    assert cli.main(["predict", pump, "--speed", "1000", "3000", "15000"]) == 1
     text = capsys.readouterr().out
     assert "no row: the follower is still in the air after 5 revolutions at 15000 rpm" in text
     assert [line.split()[0] for line in text.splitlines()[-2:]] == ["1000.0", "3000.0"]
     assert text.splitlines()[-1].endswith("THE FOLLOWER LEAVES THE CAM, see above")
     assert cli.main(["predict", pump, "--speed", "15000"]) == 2
     assert "still in the air after 5 revolutions at 15000 rpm" in capsys.readouterr().err
+
+
+def test_a_cam_that_cannot_be_made_has_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (EXAMPLES.parent / "calibration" / "paper_pump.toml").read_text(encoding="utf-8")
+    text = text.replace("roller_radius_m = 0.008", "roller_radius_m = 0.020")
+    text = text.replace("angle_deg = 55.0", "angle_deg = 30.0").replace("angle_deg = 225.0", "angle_deg = 250.0")
+    (tmp_path / "pump.toml").write_text(text, encoding="utf-8")
+    assert cli.main(["predict", str(tmp_path / "pump.toml"), "--speed", "500"]) == 1
+    printed = capsys.readouterr().out
+    assert "error     the roller is too large: no cam can drive this lift; take a smaller roller" in printed
+    assert "torque max" not in printed
 
 
 def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,8 +1,8 @@
 """The `camtorque` command: reads its arguments, has one command done, prints. The only room that prints.
 
-Exit status: 0 done, 1 a campaign with refused recordings (findings of severity error in `check`, changed files in
-`verify`), 2 refused, 3 a value outside its limits or not to be told, 70 an unexpected error, 130 stopped by Ctrl-C, 143
-terminated.
+Exit status: 0 done, 1 a campaign with refused recordings (findings of severity error in `check` and `predict`, changed
+files in `verify`), 2 refused, 3 a value outside its limits or not to be told, 70 an unexpected error, 130 stopped by
+Ctrl-C, 143 terminated.
 """
 
 from __future__ import annotations

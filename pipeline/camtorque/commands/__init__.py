@@ -42,8 +42,8 @@ COMMANDS: dict[str, Command] = {
 }
 """Every command in the order of the help; what does it is the module of its name."""
 
-OUTSIDE = 3
-"""Exit status where a value lies outside its limits."""
+ERRORS, OUTSIDE = 1, 3
+"""Exit status where a finding is an error, and where a value lies outside its limits."""
 Tell = Progress
 
 

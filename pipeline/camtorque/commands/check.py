@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from camtorque.align import align
-from camtorque.commands import Outcome, Tell
+from camtorque.commands import ERRORS, Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.tables import Refusals
@@ -21,7 +21,7 @@ from camtorque.units import RPM, counted
 LOUDEST = ("error", "warning", "info")
 """Severities in the order of the list: what has to be mended is not to stand between long notes."""
 SCHEMA = "camtorque.check/1"
-ERRORS, REFUSED = 1, 2
+REFUSED = 2
 RUN_REFUSED = "run_refused"
 LEAST_CYCLES = 4
 """Two to fit, two to score; a test holds it to the fit's own."""

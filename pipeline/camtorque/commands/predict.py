@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
-from camtorque.commands import Outcome, Tell
+from camtorque.commands import ERRORS, Outcome, Tell
 from camtorque.commands.arguments import METHODS
 from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
@@ -23,22 +23,26 @@ from camtorque.units import RPM
 
 WIDTHS = (20, 18, 20, 20, 18)
 """Widths of the columns of a sweep."""
+LEFT_OUT = "left_out"
+"""Finding of a speed that cannot be predicted, beside others that can."""
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
-    """Predict a pump at some speeds; write a page where a folder is given."""
+    """Predict a pump at some speeds; write a page where a folder is given; status 1 where a finding is an error."""
     if arguments.out is not None:
         check_output(arguments.out, "predict.json")
     _refuse_mixed(arguments)
     if arguments.fit is not None:
         return _from_fit(arguments)
     prediction = _prediction(arguments)
-    lines = [*finding_lines([asdict(row) for row in prediction.findings]), *_table(prediction)]
-
+    lines = finding_lines([asdict(row) for row in prediction.findings])
+    wrong = {row.code for row in prediction.findings if row.severity == "error"}
+    if wrong <= {LEFT_OUT}:  # torque and forces of a cam that cannot be made are those of nothing
+        lines += _table(prediction)
     if arguments.out is not None:
         write_prediction(prediction, arguments.pump.stem, arguments.out)
         lines.append(str(arguments.out / "predict.html"))
-    return Outcome("\n".join(lines), jsonable(prediction_document(prediction)))
+    return Outcome("\n".join(lines), jsonable(prediction_document(prediction)), ERRORS if wrong else 0)
 
 
 def _refuse_mixed(arguments: argparse.Namespace) -> None:
@@ -116,7 +120,7 @@ def _what_lands(
         if not kept:
             raise first
         found = [
-            Finding("left_out", "error", f"no row: {text.removeprefix('contact: ')}", f"{v / RPM:.0f} rpm")
+            Finding(LEFT_OUT, "error", f"no row: {text.removeprefix('contact: ')}", f"{v / RPM:.0f} rpm")
             for v, text in said.items()
         ]
         return at(kept), found

@@ -85,7 +85,12 @@ def cam_findings(path: Kinematics, law: CamLaw, roller: Roller, dry: bool) -> tu
         text = f"roller assumed to be a solid steel disk: {roller.mass:.4g} kg, {roller.inertia:.3g} kg m^2"
         found.append(Finding("roller_assumed", "info", text))
     flanks = (
-        ("undercut", "error", "the roller is too large: no cam can drive this lift", path.undercut),
+        (
+            "undercut",
+            "error",
+            "the roller is too large: no cam can drive this lift; take a smaller roller or a larger base circle",
+            path.undercut,
+        ),
         ("concave_flank", "info", "the cam is hollow on its flank: check the grinding wheel", path.concave),
     )
     for code, severity, text, mask in flanks:
