@@ -14,7 +14,7 @@ import pytest
 from camtorque import __version__, cli
 from camtorque.align import align
 from camtorque.align.options import LARGEST_GRID as LARGEST_ALIGNED
-from camtorque.commands import COMMANDS, Outcome, check, options, run, texts
+from camtorque.commands import COMMANDS, Outcome, campaign, check, options, run, texts
 from camtorque.commands.arguments import LARGEST_GRID, LEAST_GRID, SHELLS
 from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
@@ -211,6 +211,17 @@ def test_every_error_is_one_line(
     assert len(printed.strip().splitlines()) == (1 if text else 0)
 
 
+def test_a_stopped_campaign_says_how_to_go_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stops(*_: object) -> Outcome:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign, "execute", stops)
+    assert cli.main(["campaign", "x", "--out", "y"]) == 130
+    assert one_line(capsys) == "camtorque: stopped; the same command goes on where it was"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -241,11 +252,14 @@ def test_check_tells_what_a_recording_holds(capsys: pytest.CaptureFixture[str]) 
         assert word in printed
 
 
-def test_check_says_what_a_recording_of_three_cycles_lacks_for_run(tmp_path: Path) -> None:
-    recording = read_recording(write_folder(tmp_path / "r", [clean_log(revolutions=4.2)], PLANS["hdf5"]))
+@pytest.mark.parametrize(("revolutions", "number", "noun"), [(4.2, 3, "cycles"), (2.2, 1, "cycle")])
+def test_check_says_what_a_short_recording_lacks_for_run(
+    tmp_path: Path, revolutions: float, number: int, noun: str
+) -> None:
+    recording = read_recording(write_folder(tmp_path / "r", [clean_log(revolutions=revolutions)], PLANS["hdf5"]))
     cycles = align(recording)
-    assert check.missing_for_run(recording, cycles) == ["3 used cycles, at least 4 are needed"]
-    with pytest.raises(Refusal, match=f"at least {check.LEAST_CYCLES} are needed"):
+    assert check.missing_for_run(recording, cycles) == [f"{number} used {noun}, at least 4 are needed"]
+    with pytest.raises(Refusal, match=f"{number} usable {noun}, at least {check.LEAST_CYCLES} are needed"):
         mean_cycles(cycles)
 
 

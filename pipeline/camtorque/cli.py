@@ -117,6 +117,8 @@ def _status(parsed: argparse.Namespace) -> int:
             sys.stdout.flush()
             return status
     except KeyboardInterrupt as stop:
+        if parsed.command == "campaign":  # hours of work seem lost
+            tell("stopped; the same command goes on where it was")
         return getattr(stop, "status", STOPPED)
     except BrokenPipeError:
         silence_output()

@@ -16,6 +16,8 @@ from camtorque.campaign import flow, task
 from camtorque.records import Finding
 from camtorque.report.files import write_json
 
+STOPPED = "camtorque: stopped; the same command goes on where it was\n"
+
 
 def make(folder: Path, **words: str) -> Path:
     """Write recordings: name -> word."""

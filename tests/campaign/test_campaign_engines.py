@@ -17,7 +17,7 @@ from typing import Any
 
 import campaign_words
 import pytest
-from campaign_cases import make
+from campaign_cases import STOPPED, make
 from camtorque.campaign import cluster
 from camtorque.campaign.flow import CampaignOptions, with_help
 from camtorque.campaign.task import Task
@@ -235,5 +235,5 @@ def test_ctrl_c_ends_the_wait_for_workers_and_takes_the_jobs_back(
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors) == (130, "")
+    assert (process.returncode, errors) == (130, STOPPED)
     assert "42" in (tmp_path / "cancelled").read_text().split()

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from campaign_cases import make
+from campaign_cases import STOPPED, make
 
 SCRIPT = Path(__file__).with_name("campaign_cases.py")
 LIMIT = 90
@@ -58,7 +58,7 @@ def test_a_stopped_campaign(tmp_path: Path, number: signal.Signals, status: int)
     before = finished(out)
     process.send_signal(number)
     printed, errors = process.communicate(timeout=LIMIT)
-    assert (process.returncode, printed, errors) == (status, "", "")
+    assert (process.returncode, printed, errors) == (status, "", STOPPED)
     assert nobody_is_left(process.pid)
     assert sorted(path.name for path in out.iterdir()) == [".camtorque-campaign", "runs"]
     assert not list((out / "runs").glob(".*"))

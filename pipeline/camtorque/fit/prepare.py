@@ -15,6 +15,7 @@ from camtorque.laws.lift import lift_correction
 from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
 from camtorque.stacks import mean_of
+from camtorque.units import counted
 
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
@@ -64,7 +65,8 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
             f"fit: found an angle grid of {cycles.theta.size} points, expected at least {BINS}; choose a larger n_theta"
         )
     if cycles.speed.size < 4 or cycles.held_out.all() or not cycles.held_out.any():
-        raise Refusal(f"fit: {cycles.speed.size} usable cycles, at least 4 are needed (2 to fit, 2 to score)")
+        usable = counted(cycles.speed.size, "usable cycle", "usable cycles")
+        raise Refusal(f"fit: {usable}, at least 4 are needed (2 to fit, 2 to score)")
     fit, held = ~cycles.held_out, cycles.held_out
     torque, pressure = cycles.torque_halves, [mean_of(cycles.pressure, half) for half in (fit, held)]
     return MeanCycles(
