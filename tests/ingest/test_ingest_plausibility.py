@@ -177,7 +177,10 @@ SHEET_SLIPS = {
         ("spring_preload_N", "roller_mass_kg = 0.008\nroller_inertia_kg_m2 = 6.3e-7\nspring_preload_N"),
         "with a bore,",
     ),
-    "follower without its roller": (("follower_mass_kg = 0.075", "follower_mass_kg = 0.005"), "as large as its roller"),
+    "follower without its roller": (
+        ("follower_mass_kg = 0.075", "follower_mass_kg = 0.005"),
+        "slides has roller_inertia",
+    ),
 }
 
 
