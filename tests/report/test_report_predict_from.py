@@ -564,15 +564,13 @@ def test_a_cam_that_is_not_used_may_have_changed(tmp_path: Path) -> None:
 
 
 def test_another_pump_or_cam_than_the_fitted_one_is_held_against_itself(tmp_path: Path) -> None:
-    (tmp_path / "result.json").write_text(
-        json.dumps({"schema": "camtorque.result/1", "inputs": [{"path": str(BENCH / "recording.toml")}]})
-    )
+    report, _ = copied_report(tmp_path)
     text = (SHEETS / "pump_A.toml").read_text(encoding="utf-8").replace("cam_A.csv", str(SHEETS / "cam_A.csv"))
     (pump := tmp_path / "other.toml").write_text(text.replace("follower_mass_kg = 0.075", "follower_mass_kg = 0.75"))
     for other, told in ((SHEETS / "pump_A.toml", False), (pump, True)):
-        assert ("pump_unusual" in {row.code for row in rig_of(tmp_path, other, None).findings}) == told
+        assert ("pump_unusual" in {row.code for row in rig_of(report, other, None).findings}) == told
     rows = (SHEETS / "cam_A.csv").read_text(encoding="utf-8").splitlines()
     lifts = (f"{angle},{10.0 * float(lift)}" for angle, lift in (row.split(",") for row in rows[2:]))
     (cam := tmp_path / "cam.csv").write_text("\n".join([*rows[:2], *lifts]))
     with pytest.raises(Refusal, match="largest lift over base circle radius is 4"):
-        rig_of(tmp_path, None, cam)
+        rig_of(report, None, cam)

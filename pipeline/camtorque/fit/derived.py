@@ -6,7 +6,7 @@ import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
 from camtorque.fit.single import Fit
-from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED, secant_steps
+from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED
 from camtorque.laws.chain import SHIFT_NAMES, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import RIGID, cam_side_inertia
@@ -54,19 +54,22 @@ def delivered_volume(fit: Fit) -> Estimate | None:
     chain = fit.problem.data[0].chain
     if not chain.uses_chamber:
         return None
-    z = fit.solution.z
+    z, std = fit.solution.z, fit.statistical_std
 
     def volume(moved: Array) -> float:
         values, _ = fit.problem.values(moved, 0)
         return stroke_volume(chain, values, evaluate(chain, values))
 
     base, slope = volume(z), np.zeros(z.size)
-    steps = secant_steps(z, fit.std, *fit.problem.bounds)
+    low, high = fit.problem.bounds
     for k, parameter in enumerate(fit.problem.parameters):
-        if parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES) and steps[k]:
+        if parameter.row.name == "outlet_return" and z[k] <= low[k]:
+            continue  # an outlet that stays closed does so to any order
+        if parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
+            step = 0.5 * std[k] if z[k] + 0.5 * std[k] <= high[k] else max(-0.5 * std[k], low[k] - z[k])
             moved = z.copy()
-            moved[k] += steps[k]
-            slope[k] = (volume(moved) - base) / steps[k]
+            moved[k] += step
+            slope[k] = (volume(moved) - base) / step if step else 0.0
     variance = float(slope @ fit.deviation @ slope)
     total = variance + sum(float(np.sum((rows @ slope) ** 2)) for rows in fit.shifts.values())
     return Estimate(base, float(np.sqrt(total)), stderr_statistical=float(np.sqrt(variance)))

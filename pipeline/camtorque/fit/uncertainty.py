@@ -120,8 +120,8 @@ def deviation_within(known: Gaussian, stated: Array) -> Array:
 def secant_steps(values: Array, std: Array, lower: Array, upper: Array) -> Array:
     """Return a step of each parameter over which a difference stands for a slope, (k,) [SI]; 0 where it has no room.
 
-    It is one standard uncertainty, within the bounds: a model that jumps where an outlet opens has a slope without end
-    over less, and is off by the jump at most.
+    It is ``std`` within the bounds: over a part of the standard uncertainty a model that jumps where an outlet opens
+    would have a slope without end.
     """
     forth, back = np.minimum(std, upper - values), np.maximum(-std, lower - values)
     return np.where(forth >= np.minimum(std, -back), forth, back)

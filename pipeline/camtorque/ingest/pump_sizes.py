@@ -109,8 +109,8 @@ PUMP_RATIOS: dict[str, Ratio] = {
                          "roller_mass_kg, roller_radius_m (is it the diameter?), roller_width_m"),
     "follower_disc": Ratio("follower mass over that of a steel disc as large as its roller",
                            lambda p, t: p.follower_mass / _roller_disc(p), (1.4, 37.0), (1.0, 150.0), (0.2, 5000.0),
-                           "follower_mass_kg, roller_radius_m (is it the diameter?), roller_width_m; a foot that slides "
-                           "has roller_inertia_kg_m2 = 0"),
+                           "follower_mass_kg, roller_radius_m (is it the diameter?), roller_width_m; a foot that "
+                           "slides has roller_inertia_kg_m2 = 0"),
     "roller_gyration": Ratio("roller inertia over its mass times radius squared, 0.5 to 1 for a disc with a bore,",
                              lambda p, t: p.roller_inertia / (p.roller_mass * p.roller_radius**2)
                              if p.roller_inertia and p.roller_mass else 0.6,
