@@ -67,6 +67,7 @@ def test_a_descent_ends_where_what_promises_more_has_failed():
     )
     assert np.all(ended.trial.z == 0.0)
     assert ended.cost[1] < 40
+    assert not ended.cost[2], "what promises more is no minimum"
 
 
 def test_a_descent_that_will_not_come_below_what_is_asked_for_is_given_up():

@@ -135,7 +135,7 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> DescentResult[
             failed = True
             damping *= 4.0 if ratio > 0.0 else 8.0
         if not accepted:
-            converged = converged or gained < 5.0 * goal
+            converged = converged or (gained < 5.0 * goal and not failed)  # no way down from a kink is no minimum
             break
     return DescentResult(trial, known, (iterations, evaluations, converged))
 
