@@ -347,8 +347,7 @@ def test_a_report_on_a_finer_grid_shows_the_model_that_was_fitted(fit):
     torque, pressure = item.chain.shaft_torque, item.chain.line_pressure
     coarse = model_on_grid(fit, torque, pressure)
     fine = model_on_grid(fit, on_grid(torque, 3600), on_grid(pressure, 3600))
-    # apart by half of the harmonic of two points a swing, which a finer grid shows as it is
-    np.testing.assert_allclose(fine.output.pressure[::2], coarse.output.pressure, rtol=1e-6)
+    np.testing.assert_allclose(fine.output.pressure[::2], coarse.output.pressure, rtol=1e-9)
     np.testing.assert_allclose(fine.torque[::2], coarse.torque, atol=1e-6 * np.ptp(coarse.torque))
     middle = 0.5 * (coarse.torque + np.roll(coarse.torque, -1))
     np.testing.assert_allclose(fine.torque[1::2], middle, atol=1e-6 * np.ptp(middle))
@@ -431,8 +430,6 @@ def test_signals_keep_their_harmonics_on_another_grid():
     theta = np.arange(3600) * 2.0 * np.pi / 3600
     signal = 3.0 + np.sin(5.0 * theta) + 0.2 * np.cos(90.0 * theta)
     np.testing.assert_allclose(on_grid(signal, 1800), signal[::2], atol=1e-9)
-    swing = np.tile([1.0, -1.0], 300)
-    np.testing.assert_allclose(on_grid(swing, 1800)[::3], swing, atol=1e-12)  # passes through its own points
 
 
 def test_recordings_that_cannot_be_fitted_are_refused():

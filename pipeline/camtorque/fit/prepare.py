@@ -96,10 +96,7 @@ def on_grid(values: Array, n: int) -> Array:
     """Return a periodic signal (m,) on another uniform grid from the same zero, by its harmonics."""
     if values.size == n:
         return np.ascontiguousarray(values)
-    harmonics = np.fft.rfft(values)[: n // 2 + 1]
-    if n > values.size and values.size % 2 == 0:
-        harmonics[-1] *= 0.5  # that of two points a swing stands there once for both of its signs
-    return np.asarray(np.fft.irfft(harmonics, n) * (n / values.size))
+    return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
 
 
 def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:
