@@ -6,7 +6,7 @@ import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
 from camtorque.fit.single import Fit
-from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED
+from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED, secant_steps
 from camtorque.laws.chain import SHIFT_NAMES, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import RIGID, cam_side_inertia
@@ -62,14 +62,14 @@ def delivered_volume(fit: Fit) -> Estimate | None:
 
     base, slope = volume(z), np.zeros(z.size)
     low, high = fit.problem.bounds
+    steps = secant_steps(z, 0.5 * std, low, high)
     for k, parameter in enumerate(fit.problem.parameters):
         if parameter.row.name == "outlet_return" and z[k] <= low[k]:
             continue  # an outlet that stays closed does so to any order
-        if parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES):
-            step = 0.5 * std[k] if z[k] + 0.5 * std[k] <= high[k] else max(-0.5 * std[k], low[k] - z[k])
+        if parameter.row.name in (*CHAMBER_NAMES, *SHIFT_NAMES) and steps[k]:
             moved = z.copy()
-            moved[k] += step
-            slope[k] = (volume(moved) - base) / step if step else 0.0
+            moved[k] += steps[k]
+            slope[k] = (volume(moved) - base) / steps[k]
     variance = float(slope @ fit.deviation @ slope)
     total = variance + sum(float(np.sum((rows @ slope) ** 2)) for rows in fit.shifts.values())
     return Estimate(base, float(np.sqrt(total)), stderr_statistical=float(np.sqrt(variance)))

@@ -209,7 +209,10 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
 
 def in_structure(data: FitData, structure: str) -> FitData:
     """Return the recording with another structure, with a chamber where it has one."""
-    return replace(data, structure=structure, chain=replace(data.chain, uses_chamber=structure != "line"))
+    chain, uses_chamber = data.chain, structure != "line"
+    if chain.uses_chamber != uses_chamber:  # a chain that is made anew works its twist out again
+        chain = replace(chain, uses_chamber=uses_chamber)
+    return replace(data, structure=structure, chain=chain)
 
 
 def with_rows(data: FitData, changes: Mapping[str, Mapping[str, object]]) -> FitData:
