@@ -78,7 +78,7 @@ def test_what_gains_nothing_leaves_the_minimum_as_it_is(best, halves):
     assert values == sorted(values)
     # starts that come back are no minima of their own
     assert 1 < len(values) < 1 + len(turned(settled))
-    assert again[0].solution.converged
+    assert ended(again[0], halves).solution.converged  # a bent valley is left early; the fit goes on from there
     assert not any(settled.basin.holds(item.solution) for item in again[1:])
 
 
