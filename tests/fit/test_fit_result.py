@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit import result as result_room
+from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
+    fit_findings,
     implausible_findings,
     largest_chi_square,
     light_cam_findings,
@@ -204,6 +206,25 @@ def test_what_else_fits_is_measured_beside_the_lift_correction(fit):
     (before, *_), (after, *_) = (alternatives(replace(fit, candidates=(item, *rest)), 0.0) for item in (best, off))
     assert 20.0 * (1.0 - lift.shrink[strongest]) < 3.0
     assert after.rms_nm == pytest.approx(before.rms_nm, rel=0.3)
+
+
+def test_a_search_that_ended_early_is_told_where_values_may_still_move(fit):
+    against = np.where(fit.solution.z <= fit.problem.bounds[0], -1.0, 1.0)  # what lies at a bound pushes against it
+    free = np.flatnonzero(free_at(fit.solution.z, against, *fit.problem.bounds))
+    place = int(np.flatnonzero(free == fit.problem.index("trigger_offset"))[0])
+    matrix = fit.solution.hessian[np.ix_(free, free)]
+    along = np.linalg.inv(matrix)[place]
+
+    def told(moved):
+        step = moved * np.sqrt(fit.covariance.inflation / along[place]) * along  # of the trigger by so many of its std
+        gradient = against.copy()
+        gradient[free] = matrix @ step
+        early = replace(fit, solution=replace(fit.solution, converged=False, gradient=gradient))
+        return [item.text for item in fit_findings(early, 1.0, np.ones(8), None) if item.code == "not_converged"]
+
+    assert told(0.4) == []
+    (text,) = told(2.0)
+    assert "by up to 2.0 of their standard uncertainty" in text
 
 
 def test_nuisances_pulled_off_their_sheet_are_told(record):

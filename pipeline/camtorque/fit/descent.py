@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.records import Array, ReadOnly
 
@@ -138,6 +139,17 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> DescentResult[
             converged = converged or (gained < 5.0 * goal and not failed)  # no way down from a kink is no minimum
             break
     return DescentResult(trial, known, (iterations, evaluations, converged))
+
+
+def free_at(z: Array, vector: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
+    """Return which parameters are not held by a bound that the descent pushes against."""
+    return ~(((z <= lower) & (vector < 0.0)) | ((z >= upper) & (vector > 0.0)))
+
+
+def promised(matrix: Array, vector: Array, free: NDArray[np.bool_]) -> float:
+    """Return how much chi-square the undamped step in the free parameters promises."""
+    rhs = vector[free]
+    return float(rhs @ np.linalg.lstsq(matrix[np.ix_(free, free)], rhs, rcond=1e-12)[0])
 
 
 def cannot_catch_up(reached: Sequence[float], limit: float) -> bool:

@@ -27,9 +27,9 @@ from functools import partial
 import numpy as np
 
 from camtorque import laws
-from camtorque.fit.descent import Effort
+from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.problem import Problem, build_problem
-from camtorque.fit.solver import Solution, free_at, solve
+from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
 from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput

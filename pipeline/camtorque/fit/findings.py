@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
@@ -19,6 +20,8 @@ RARE = 3.0902
 """Standard deviations that a normal number stays below in 999 of 1000 cases."""
 PULLED = 2.5
 """A nuisance pulled this many standard deviations off its prior is told."""
+MOVES = 0.5
+"""Standard uncertainties that values may still move by, where a search ended early, without a word."""
 MOUNTING, EDGE, BEYOND = "trigger_offset", math.sqrt(3.0), 2.0
 """A mounting tolerance is a rectangle whose edge lies at so many standard deviations: what lies so many of its own
 standard uncertainties beyond is told."""
@@ -134,25 +137,7 @@ def fit_findings(fit: Fit, least_guide: float, contact: Array, unexplained: floa
     contact : (n,) contact force, 0 where the cam would have to pull [N]
     unexplained : rms that the fit leaves [% of the peak], None where that is as it should be
     """
-    result = []
-    if unexplained is not None:
-        text = (
-            f"the model leaves {unexplained:.2f} % of the peak unexplained, far above what the cycles repeat: values "
-            "and intervals of this recording are not to be relied on"
-        )
-        result.append(Finding("unexplained", "error", text))
-    if not fit.solution.converged:
-        text = (
-            "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
-            "up may still move within their uncertainty"
-        )
-        result.append(Finding("not_converged", "warning", text))
-    if fit.covariance.inflation > 1.0:
-        text = (
-            "the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
-            f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
-        )
-        result.append(Finding("model_discrepancy", "info", text))
+    result = [*_met_findings(fit, unexplained)]
     order = fit.problem.data[0].chain.ripple_order
     if order:
         _, coefficients = fit.problem.values(fit.solution.z, 0)
@@ -173,6 +158,39 @@ def fit_findings(fit: Fit, least_guide: float, contact: Array, unexplained: floa
         text = f"another structure fits about as well: {STRUCTURES[second.data.structure]}; both are reported"
         result.append(Finding("two_minima", "warning", text))
     return tuple(result)
+
+
+def _met_findings(fit: Fit, unexplained: float | None) -> list[Finding]:
+    """Return how well a fit meets its recording: what it leaves, whether it ended, what widens its uncertainties."""
+    result = []
+    if unexplained is not None:
+        text = (
+            f"the model leaves {unexplained:.2f} % of the peak unexplained, far above what the cycles repeat: values "
+            "and intervals of this recording are not to be relied on"
+        )
+        result.append(Finding("unexplained", "error", text))
+    moves = 0.0 if fit.solution.converged else _moves(fit)
+    if moves > MOVES:
+        text = (
+            "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
+            f"up may still move by up to {moves:.1f} of their standard uncertainty"
+        )
+        result.append(Finding("not_converged", "warning", text))
+    if fit.covariance.inflation > 1.0:
+        text = (
+            "the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
+            f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
+        )
+        result.append(Finding("model_discrepancy", "info", text))
+    return result
+
+
+def _moves(fit: Fit) -> float:
+    """Return by how many standard uncertainties, at most, a further undamped step would move a value."""
+    solution, steps = fit.solution, fit.problem.steps
+    free = free_at(solution.z, solution.gradient, *fit.problem.bounds)
+    promise = promised(solution.hessian * np.outer(steps, steps), solution.gradient * steps, free)
+    return math.sqrt(promise / fit.covariance.inflation)
 
 
 def _second(candidates: tuple[Candidate, ...], probabilities: tuple[float, ...]) -> Candidate | None:

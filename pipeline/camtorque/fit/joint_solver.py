@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.arrow import Arrow, Mask, Places
-from camtorque.fit.descent import Descent, Effort, minimise
+from camtorque.fit.arrow import Arrow, Places
+from camtorque.fit.descent import Descent, Effort, free_at, minimise
 from camtorque.fit.problem import Problem
 from camtorque.fit.quadratic import scaled_columns, weighted_columns
 from camtorque.fit.solver import (
@@ -269,15 +269,9 @@ def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int,
     )  # fmt: skip
 
 
-def _free(task: Task, point: Linearised, z: Array) -> Mask:
-    """Return which parameters are not held by a bound that the descent pushes against."""
-    lower, upper = task.bounds
-    return ~(((z <= lower) & (point.vector < 0.0)) | ((z >= upper) & (point.vector > 0.0)))
-
-
 def _promise(task: Task, point: Linearised, z: Array) -> float:
     """Return how much chi-square the undamped step in the free parameters promises."""
-    free = _free(task, point, z)
+    free = free_at(z, point.vector, *task.bounds)
     return float(point.vector[free] @ point.matrix.solve(free, point.vector, pseudo=True)[free])
 
 
@@ -288,7 +282,7 @@ def _step(task: Task, point: Linearised, z: Array, damping: float) -> tuple[Arra
     first = task.problem.n_nonlinear
     more[:first] += damping * np.maximum(point.matrix.main_diagonal()[:first], 1e-3)
     damped = replace(point.matrix, diagonal=point.matrix.diagonal + more)
-    free = _free(task, point, z)
+    free = free_at(z, point.vector, *task.bounds)
     step = np.zeros(z.size)
     for _ in range(8):
         held = np.where(free, 0.0, step)

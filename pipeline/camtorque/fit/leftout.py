@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.descent import Effort
+from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import endings_of
@@ -31,7 +31,7 @@ from camtorque.fit.modelled import modelled
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
-from camtorque.fit.solver import free_at, solve
+from camtorque.fit.solver import solve
 from camtorque.laws import ripple
 from camtorque.laws.chain import coefficients_of, evaluate
 from camtorque.records import Array, Finding, Metrics

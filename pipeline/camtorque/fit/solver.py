@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.fit.descent import Descent, Effort, minimise
+from camtorque.fit.descent import Descent, Effort, free_at, minimise, promised
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
@@ -313,7 +312,7 @@ def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -
         try_at=lambda point: try_at(problem, point, modes, smooth),
         linearise=linearise,
         step=lambda point, at, damping: _step(problem, point, at, damping),
-        promise=lambda point, at: _promise(point.matrix, point.vector, free_at(at, point.vector, *bounds)),
+        promise=lambda point, at: promised(point.matrix, point.vector, free_at(at, point.vector, *bounds)),
         bounds=bounds,
     )
 
@@ -327,17 +326,6 @@ def lifts_at(
         lift_modes(item, output, problem.values(z, index)[0], cut=cut)
         for index, (item, output) in enumerate(zip(problem.data, outputs, strict=True))
     )
-
-
-def free_at(z: Array, vector: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
-    """Return which parameters are not held by a bound that the descent pushes against."""
-    return ~(((z <= lower) & (vector < 0.0)) | ((z >= upper) & (vector > 0.0)))
-
-
-def _promise(matrix: Array, vector: Array, free: NDArray[np.bool_]) -> float:
-    """Return how much chi-square the undamped step in the free parameters promises."""
-    rhs = vector[free]
-    return float(rhs @ np.linalg.lstsq(matrix[np.ix_(free, free)], rhs, rcond=1e-12)[0])
 
 
 def _step(problem: Problem, point: Point, z: Array, damping: float) -> tuple[Array, float]:
