@@ -98,6 +98,20 @@ def test_price_of_a_limit_is_what_loosening_it_brings(tmp_path):
     assert price["convex radius at least 7 mm"] < 0.0
 
 
+def test_price_at_the_best_design_of_one_of_two_aims_is_that_of_this_aim(tmp_path):
+    answers = []
+    for delivery in (150.0, 149.5):
+        task = task_of(tmp_path, free="base_circle_radius_mm = [15, 25]\nplunger_diameter_mm = [7, 9]",
+                       aims='cam_radius_mm = "least"\nhertz_gpa = "least"',
+                       limits=f"delivery_mm3 = {{ least = {delivery} }}",
+                       more='[answer]\npoints = 4\nstarts = 1\nchoose = "hertz_gpa"')  # fmt: skip
+        answers.append(solve_task(task, silent))
+    values = [answer.chosen.responses["hertz_gpa"] for answer in answers]
+    price = {p.what: p.per_aim for p in answers[0].prices}["delivery at least 150 mm³"]
+    assert list(price) == ["hertz_gpa"]
+    assert price["hertz_gpa"] == pytest.approx((values[1] - values[0]) / 0.5, rel=0.02)
+
+
 def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):
     more = FEW + "[tolerances]\nlift_um = 2\nfollower_offset_mm = 0.05\nplunger_clearance_um = 4\nsamples = 10\n"
     path = design_file(tmp_path, free=FREE, aims=AIMS, limits=LIMITS, more=more)

@@ -72,14 +72,13 @@ def limit_words(limit: Limit) -> str:
     return f"{plain_name(limit.response)} {KINDS[limit.kind]} {limit.value:g} {unit_of(limit.response)}".strip()
 
 
-def prices(problem: Problem, scale: Scale, variables: Array, reference: Array | None) -> tuple[Price, ...]:
+def prices(problem: Problem, scale: Scale, variables: Array, reference: Array) -> tuple[Price, ...]:
     """Return what every active limit and bound costs at a point of the front, most expensive first.
 
     The stationarity of the programme is ``sum mu_i grad f_i = sum lambda_j grad g_j``: with the other aims held, a
     limit loosened by d changes aim i by ``-lambda_j d / mu_i``, each in its own scale.
     """
-    goal = np.zeros(len(problem.task.aims)) if reference is None else reference
-    found = multipliers(problem, scale, variables, goal)
+    found = multipliers(problem, scale, variables, reference)
     aims = problem.task.aims
     weights = {name: found.get(("aim", name), 0.0) for name in aims}
     signs = dict(zip(aims, signs_of(problem) * scale.width, strict=True))

@@ -26,17 +26,19 @@ SAME = 1.0e-4
 """Scaled distance of two points of the front below which they are one."""
 WORTHWHILE = 1.0e-6
 """Gain in every aim, scaled, from which one design is better than another."""
+FREE = 2.0
+"""Reference of the other aims at the best design of one: none is so far from its ideal, so that none holds it."""
 NARROW = 1.0e-6
 """Distance of ideal and worst value over the value below which an aim does not pull against the others."""
 
 
 @dataclass(frozen=True)
 class FrontPoint(ReadOnly):
-    """One design of the front: the variables of its problem, and its aims 0 to 1."""
+    """One design of the front: the variables of its problem, the reference that it is closest to, its aims 0 to 1."""
 
     problem: Problem
     variables: Array
-    reference: Array | None
+    reference: Array
     aims: Array
 
     @property
@@ -165,7 +167,9 @@ def references(aims: int, count: int) -> Array:
 def _between(problem: Problem, scale: Scale, ends: list[Solution], count: int, tell: Progress) -> Iterator[FrontPoint]:
     """Yield the points of a family, two at a time, each started from the solved one that is nearest."""
     goals = references(len(ends), count)
-    solved = [FrontPoint(problem, s.variables, None, scaled_aims(problem, scale, s.variables)) for s in ends]
+    own = FREE * (1.0 - np.eye(len(ends)))
+    solved = [FrontPoint(problem, s.variables, goal, scaled_aims(problem, scale, s.variables))
+              for s, goal in zip(ends, own, strict=True)]  # fmt: skip
     yield from solved
     if len(ends) == 1:
         return

@@ -84,7 +84,8 @@ def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Arr
                 ) -> Mapping[Label, float]:  # fmt: skip
     """Return the multipliers of everything that is active at a solution; bounds are ``lower`` and ``upper``.
 
-    Non-negative least squares of the objective's gradient on those of the active constraints.
+    Non-negative least squares of the objective's gradient on those of the active constraints. `AUGMENT` is left out: in
+    the scale of an aim that hardly changes along the front it would be the price of that aim.
     """
     programme = Programme(problem, scale, reference, relaxed)
     vector = programme.first(variables)
@@ -105,6 +106,7 @@ def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Arr
                 columns.append(unit)
                 signed.append(((side, name), 1.0))
     gradient = programme.objective()
+    gradient[programme.at_aims : programme.at_floors] = 0.0
     weights, _ = nnls(np.concatenate(columns, axis=1), gradient)
     found: dict[Label, float] = {}
     for (label, sign), weight in zip(signed, weights, strict=True):
