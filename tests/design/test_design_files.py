@@ -112,6 +112,22 @@ def test_price_at_the_best_design_of_one_of_two_aims_is_that_of_this_aim(tmp_pat
     assert price["hertz_gpa"] == pytest.approx((values[1] - values[0]) / 0.5, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("aim", "side", "moved"), [("peak_torque_nm", "upwards", 0.01), ("lobe_angle_deg", "downwards", -0.01)]
+)
+def test_a_limit_that_is_met_exactly_is_loosened_to_the_better_side(tmp_path, aim, side, moved):
+    values, found = [], []
+    for angle in (14.0, 14.0 + moved):
+        task = task_of(tmp_path, free="rise_deg = [50, 75]", aims=f'{aim} = "least"',
+                       limits=f"delivery_angle_deg = {{ equal = {angle} }}", more="[answer]\nstarts = 1")  # fmt: skip
+        answer = solve_task(task, silent)
+        values.append(answer.chosen.responses[aim])
+        found.append({p.what: p.per_aim[aim] for p in answer.prices})
+    price = found[0][f"delivery angle equal to 14 deg ({side})"]
+    assert price == pytest.approx((values[1] - values[0]) / 0.01, rel=0.02)
+    assert price < 0.0
+
+
 def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):
     more = FEW + "[tolerances]\nlift_um = 2\nfollower_offset_mm = 0.05\nplunger_clearance_um = 4\nsamples = 10\n"
     path = design_file(tmp_path, free=FREE, aims=AIMS, limits=LIMITS, more=more)

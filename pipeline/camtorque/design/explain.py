@@ -76,7 +76,8 @@ def prices(problem: Problem, scale: Scale, variables: Array, reference: Array) -
     """Return what every active limit and bound costs at a point of the front, most expensive first.
 
     The stationarity of the programme is ``sum mu_i grad f_i = sum lambda_j grad g_j``: with the other aims held, a
-    limit loosened by d changes aim i by ``-lambda_j d / mu_i``, each in its own scale.
+    limit loosened by d changes aim i by ``-lambda_j d / mu_i``, each in its own scale. A limit of kind ``equal`` is
+    loosened towards the side that is better, which its words name.
     """
     found = multipliers(problem, scale, variables, reference)
     aims = problem.task.aims
@@ -88,7 +89,9 @@ def prices(problem: Problem, scale: Scale, variables: Array, reference: Array) -
         limited = _limited(problem, label)
         if limited is not None and abs(weight) >= NOTHING * heaviest:
             what, unit, size = limited
-            per_aim = {name: -weight / size * signs[name] / weights[name] for name in aims
+            if isinstance(label[1], Limit) and label[1].kind == EQUAL:
+                what += " (upwards)" if weight < 0.0 else " (downwards)"
+            per_aim = {name: -abs(weight) / size * signs[name] / weights[name] for name in aims
                        if weights[name] > CORNER * heaviest}  # fmt: skip
             rows.append(Price(what, unit, per_aim))
     return tuple(rows)
