@@ -215,8 +215,13 @@ def test_tangent_cam_from_a_file(tmp_path):
     cam = '[cam]\n[[cam.sections]]\nkind = "tangent"\nrise_mm = 8.0\nnose_radius_mm = 5.0\n'
     path = tmp_path / "tangent.toml"
     path.write_text(head + cam + "[mounting]" + tail.split("[mounting]")[1])
-    with pytest.raises(Refusal, match=r"add up to .* expected 360; adjust the last dwell"):
+    with pytest.raises(Refusal, match=r"add up to .* expected 360; adjust the last dwell") as refused:
         predict(load_pump_config(path), [50.0])
+    taken = float(re.search(r"add up to ([\d.]+) deg", str(refused.value))[1])
+    dwell = f'[[cam.sections]]\nkind = "dwell"\nangle_deg = {360.0 - taken:.6f}\n'
+    path.write_text(head + cam + dwell + "[mounting]" + tail.split("[mounting]")[1])
+    path_of_lobe = predict(load_pump_config(path), [50.0]).kinematics
+    assert 1e3 / np.max(path_of_lobe.surface_curvature) == pytest.approx(5.0, rel=1e-6)
 
 
 REFUSED = [

@@ -17,10 +17,12 @@ from scipy.interpolate import PPoly
 
 from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, Refusal
-from camtorque.units import TURN
+from camtorque.units import DEGREE, TURN
 
 PIECE = np.deg2rad(2.5)
 ORDER = 9
+CLOSES = 1.0e-6 * DEGREE
+"""By how much the angles of sections may miss a revolution: the last digit that the refusal of a gap states."""
 UNIT_TOLERANCE = 1.0e-9
 """A jump of lift or velocity beyond this share of the lift (per radian) is a mistake of the drawing, not rounding."""
 
@@ -165,7 +167,7 @@ def section_law(sections: Sequence[Section], start: float = 0.0) -> CamLaw:
     Refusal : the angles do not make one revolution, the lift does not come back to 0, or lift or velocity jumps
     """
     total = sum(section.angle for section in sections)
-    if abs(total - TURN) > 1e-9:
+    if abs(total - TURN) > CLOSES:
         raise Refusal(
             f"cam sections: their angles add up to {np.rad2deg(total):.6f} deg, expected 360; adjust the last dwell"
         )
