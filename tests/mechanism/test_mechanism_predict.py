@@ -222,6 +222,9 @@ def test_tangent_cam_from_a_file(tmp_path):
     path.write_text(head + cam + dwell + "[mounting]" + tail.split("[mounting]")[1])
     path_of_lobe = predict(load_pump_config(path), [50.0]).kinematics
     assert 1e3 / np.max(path_of_lobe.surface_curvature) == pytest.approx(5.0, rel=1e-6)
+    path.write_text(path.read_text().replace("follower_offset_m = 0.0", "follower_offset_m = 0.005"))
+    with pytest.raises(Refusal, match=r"found 'tangent' beside a follower_offset_m of 0\.005, expected 0"):
+        predict(load_pump_config(path), [50.0])
 
 
 REFUSED = [

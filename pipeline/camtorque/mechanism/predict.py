@@ -89,6 +89,12 @@ def cam_of(config: PumpConfig) -> CamLaw:
             sections.append(dwell(spec.angle))
         elif spec.kind == "tangent":
             pump = config.pump
+            if pump.follower_offset != 0.0:
+                raise Refusal(
+                    f"{config.path} [[cam.sections]] kind: found 'tangent' beside a follower_offset_m of "
+                    f"{pump.follower_offset:g}, expected 0: by its lift no flank would be straight and no nose round; "
+                    "give the lift that this follower has as a table (cam_table in [pump])"
+                )
             sections.extend(tangent_sections(pump.base_circle_radius, pump.roller_radius, spec.rise, spec.nose_radius))
         else:
             sections.append(flank(spec.kind, spec.angle, spec.rise))
