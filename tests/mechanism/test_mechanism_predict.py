@@ -227,6 +227,16 @@ def test_tangent_cam_from_a_file(tmp_path):
         predict(load_pump_config(path), [50.0])
 
 
+def test_the_height_of_the_guide_counts_from_the_axis_of_the_cam(tmp_path):
+    path = pump_file(tmp_path, ("[mounting]", '[mounting]\nguide_height_m = "?"'))
+    with pytest.raises(Refusal, match="guide_height_m: is still '\\?'; middle of the guide above the cam's axis"):
+        load_pump_config(path)
+    path = pump_file(tmp_path, ("[mounting]", "[mounting]\nguide_height_m = 0.06"))
+    found = predict(load_pump_config(path), [50.0], n_theta=360)
+    moment, force = found.pumps[0].forces.guide_moment, found.pumps[0].forces.guide
+    assert np.allclose(moment, (0.06 - found.kinematics.centre_height) * force, rtol=1e-12)
+
+
 REFUSED = [
     (("base_circle_radius_m = 0.020\n", ""), r"\[pump\] base_circle_radius_m: this key is missing"),
     (("base_circle_radius_m", "base_circel_radius_m"), "did you mean 'base_circle_radius_m'"),

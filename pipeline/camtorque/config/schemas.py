@@ -262,7 +262,7 @@ PUMP_FILE_TABLES: dict[str, TableSchema] = {
         Key("gravity_m_per_s2", "pair", "along X1 and Y1", "m_per_s2", (0.0, 0.0), Band(-20.0, 20.0, "on earth"),
             attribute="gravity"),
         Key("spring_mass_kg", "number", "of the return spring", "kg", 0.0, Band(0.0, 100.0, "of any spring")),
-        Key("guide_height_m", "number", "middle of the guide above the roller centre", "m", None,
+        Key("guide_height_m", "number", "middle of the guide above the cam's axis", "m", None,
             Band(-2.0, 2.0, "a follower is shorter")),
     ), required=False),
     "shaft": TableSchema("[shaft]", "several pumps on one shaft", (

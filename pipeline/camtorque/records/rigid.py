@@ -12,8 +12,9 @@ from camtorque.records.base import Array, ReadOnly
 class Forces(ReadOnly):
     """Forces over the angle grid, each (n_theta,).
 
-    contact_normal, contact_tangential, bearing_x, bearing_y, guide [N]; guide_moment [N m] about the roller centre;
-    hertz [Pa]; hertz_shear_max [Pa] and hertz_shear_depth [m] below the surface.
+    contact_normal, contact_tangential, bearing_x, bearing_y, guide [N]; guide_moment [N m] about the guide's height,
+    about the roller centre where none is given; hertz [Pa]; hertz_shear_max [Pa] and hertz_shear_depth [m] below the
+    surface.
     """
 
     contact_normal: Array
