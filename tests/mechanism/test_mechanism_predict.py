@@ -135,6 +135,16 @@ def test_pumps_on_one_shaft_elastic_or_rigid(tmp_path):
         predict(load_pump_config(elastic), [50.0], curve, method="denoc")
 
 
+def test_a_follower_that_only_the_swing_of_the_shaft_takes_off_its_cam_is_refused():
+    config = replace(load_pump_config(PAPER), shaft_stiffness=2000.0, shaft_damping=0.3)
+    curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
+    slow = predict(config, [1000.0 * RPM], curve)
+    assert [row.code for row in slow.findings if "a cam that turns evenly" in row.text] == ["forces_at_even_speed"]
+    assert not predict(replace(config, shaft_stiffness=np.inf), [1500.0 * RPM], curve).pumps[0].contact_lost
+    with pytest.raises(Refusal, match="at 1500 rpm the follower leaves the cam, and flight on an elastic shaft"):
+        predict(config, [1500.0 * RPM], curve)
+
+
 def test_lift_table_is_read_with_its_resolution(tmp_path):
     config, findings = read_pump(with_table(tmp_path))
     assert config.cam_table.resolution == 2e-6

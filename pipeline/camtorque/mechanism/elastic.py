@@ -137,7 +137,7 @@ class _Shaft:
     def answer(self, twist: Array) -> Array:
         """Return the twist that the loads at a twist cause, (n_pumps, n_theta)."""
         rate, change = (_derivative(twist, self.frequency, order) for order in (1, 2))
-        torque = _lobe_torque(self.units, self.curves, self.theta, twist, self.speed + rate, change)
+        torque = _lobe_output("torque", self.units, self.curves, self.theta, twist, self.speed + rate, change)
         rest = np.fft.rfft(torque - self.inertia[:, None] * change)
         solved = _solve_harmonics(rest, self.frequency, self.inertia, self.stiffness, self.damping)
         return np.fft.irfft(solved, self.shape[1])
@@ -194,15 +194,28 @@ def _derivative(values: Array, frequency: Array, order: int) -> Array:
     return np.fft.irfft(np.fft.rfft(values) * (1j * frequency) ** order, values.shape[1])
 
 
-def _lobe_torque(
-    units: Sequence[PumpUnit], curves: list[CubicSpline], theta: Array, twist: Array, speed: Array, acceleration: Array
+def contact_forces(units: Sequence[PumpUnit], pressure: Array, found: ElasticShaft) -> Array:
+    """Return the contact normal force of each swinging lobe (n_pumps, n_theta), below 0 where it leaves its cam [N]."""
+    theta = np.asarray(np.arange(pressure.shape[1]) * (TURN / pressure.shape[1]), dtype=np.float64)
+    curves = [_periodic(theta, row) for row in pressure]
+    return _lobe_output("contact_normal", units, curves, theta, found.twist, found.speed, found.acceleration)
+
+
+def _lobe_output(
+    name: str,
+    units: Sequence[PumpUnit],
+    curves: list[CubicSpline],
+    theta: Array,
+    twist: Array,
+    speed: Array,
+    acceleration: Array,
 ) -> Array:
-    """Return the torque of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
+    """Return an output of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
     rows = []
     for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
         angle = theta + ahead
         tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting, unit.friction)
-        rows.append(tables.evaluate("torque", curve(angle), rate, change))
+        rows.append(tables.evaluate(name, curve(angle), rate, change))
     return np.array(rows)
 
 

@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from camtorque.config.pump import PressureCurve, PumpConfig, weak_pressure
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss
-from camtorque.mechanism.elastic import solve_elastic
+from camtorque.mechanism.elastic import contact_forces, solve_elastic
 from camtorque.mechanism.flight import Aloft, Flight, flights_at
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
@@ -23,6 +23,7 @@ from camtorque.mechanism.predict_findings import (
     curve_findings,
     flight_findings,
     load_findings,
+    shaft_findings,
     stress_findings,
 )
 from camtorque.mechanism.sections import FLANKS, Section, dwell, flank, section_law, tangent_sections
@@ -161,7 +162,7 @@ def predict(
         *curve_findings(pressure), *weak_pressure(config.pump, float(np.max(curve.pressure))),
         *load_findings(theta, own, tables.kinematics.lift),
         *stress_findings(theta, np.stack([pump.forces.hertz for pump in pumps]), speed),
-        *cam_findings(tables.kinematics, law, roller, pressure is None),
+        *cam_findings(tables.kinematics, law, roller, pressure is None), *shaft_findings(config.shaft_stiffness),
         *flight_findings(flights, speed),
     )  # fmt: skip
     return Prediction(
@@ -189,16 +190,23 @@ def _shaft_torque(config: PumpConfig, units: list[PumpUnit], load: Array, speed:
     if method != "closed":
         raise Refusal(f"{config.path}: method {method!r} knows rigid shafts only, found a stiffness; use 'closed'")
     stiffness = np.full(len(units), config.shaft_stiffness)
-    return solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping)).torque
+    found = solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping))
+    if np.min(contact_forces(units, load, found)) < 0.0:
+        raise _aloft(config, speed)
+    return found.torque
+
+
+def _aloft(config: PumpConfig, speed: float) -> Aloft:
+    return Aloft(
+        f"{config.path} [shaft]: at {speed / RPM:.0f} rpm the follower leaves the cam, and flight on an elastic "
+        "shaft is not modelled; predict lower speeds, or leave the stiffness out"
+    )
 
 
 def _flown_torque(config: PumpConfig, pump: RigidTorque, speed: float) -> Array:
     """Return the torque of all pumps on a rigid shaft where followers fly; every pump flies as the first one does."""
     if np.isfinite(config.shaft_stiffness):
-        raise Aloft(
-            f"{config.path} [shaft]: at {speed / RPM:.0f} rpm the follower leaves the cam, and flight on an elastic "
-            "shaft is not modelled; predict lower speeds, or leave the stiffness out"
-        )
+        raise _aloft(config, speed)
     local = pump.theta[None, :] - np.array(config.phases)[:, None]
     return np.asarray(np.interp(local, pump.theta, pump.torque, period=TURN).sum(axis=0), dtype=np.float64)
 

@@ -76,6 +76,14 @@ def flight_findings(flights: tuple[tuple[Flight, ...], ...], speeds: Array) -> t
     return tuple(found)
 
 
+def shaft_findings(stiffness: float) -> tuple[Finding, ...]:
+    """Return which curves do not hold the swing of an elastic shaft [N m/rad]."""
+    if np.isinf(stiffness):
+        return ()
+    text = "forces, Hertz pressure and torque by cause are those of a cam that turns evenly; the shaft's torque swings"
+    return (Finding("forces_at_even_speed", "info", text),)
+
+
 def cam_findings(path: Kinematics, law: CamLaw, roller: Roller, dry: bool) -> tuple[Finding, ...]:
     """Return what the designer has to know."""
     found = []
