@@ -75,6 +75,15 @@ def test_nothing_flies_below_the_jump_speed():
     assert len(airborne(1.02 * speed).flights) >= 1
 
 
+def test_a_follower_without_preload_leaves_its_cam_where_inertia_pulls_alone():
+    # on the base circle its force is zero: it rests there, and nothing pulls
+    loose = replace(PUMP, spring_preload=0.0)
+    jump = closed_form_tables(loose, LAW, THETA).jump()
+    assert 50.0 < jump.speed < closed_form_tables(PUMP, LAW, THETA).jump().speed
+    assert not solve_rigid(loose, LAW, THETA, DRY, 0.99 * jump.speed).contact_lost
+    assert solve_rigid(loose, LAW, THETA, DRY, 1.01 * jump.speed).contact_lost
+
+
 def test_without_a_revolution_the_torque_is_refused_where_the_cam_would_pull():
     part = THETA[200:1500]
     assert is_revolution(THETA)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.records import Array
 
+ROUNDING = 1.0e-12
+"""Share of the largest force below which one is none."""
 SHEAR_VALUE = 0.300
 """Greatest shear stress below a line contact over p0 (Johnson, Contact Mechanics, 1985, Section 4.2)."""
 SHEAR_DEPTH = 0.786
@@ -37,6 +40,11 @@ def half_width(pump: PumpData, hertz: Array, relative_radius: Array) -> Array:
     return 2.0 * hertz * relative_radius / contact_modulus(pump)
 
 
+def pulls(force: Array) -> NDArray[np.bool_]:
+    """Return where a force on the follower would have to pull it; one that only rests on its cam has none."""
+    return np.asarray(force < -ROUNDING * np.max(np.abs(force), initial=0.0))
+
+
 @dataclass(frozen=True)
 class ContactLoss:
     """Where and how fast the follower jumps: lowest such speed [rad/s] and its cam angle [rad]; inf, nan for never."""
@@ -62,7 +70,7 @@ def jump_speed(theta: Array, force_at_rest: Array, force_per_speed_squared: Arra
     pulled = force_per_speed_squared < -least
     squared = np.maximum(force_at_rest, 0.0) / np.where(pulled, -force_per_speed_squared, least)
     squared = np.where(pulled, squared, np.inf)
-    squared = np.where(force_at_rest <= 0.0, 0.0, squared)
+    squared = np.where(pulls(force_at_rest), 0.0, squared)
     lowest = int(np.argmin(squared))
     if not np.isfinite(squared[lowest]):
         return ContactLoss(float("inf"), float("nan"))

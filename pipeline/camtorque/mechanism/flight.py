@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from camtorque.compiled import njit
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.contact import pulls
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
@@ -80,6 +81,7 @@ def fly(
     lift = law.derivatives(fine, 2)
     force = c.preload + c.weight + c.stiffness * lift[0] + c.area * load
     force += c.mass * (lift[2] * speed**2 + lift[1] * change)
+    force = np.where(pulls(force), force, np.abs(force))
     gap, events = np.zeros(fine.size), np.zeros((fine.size, 3))
     steps = np.diff(np.append(fine, fine[0] + TURN))
     count = _fly(c, lift, force, (load, speed, change), steps, _surest(force), gap, events)

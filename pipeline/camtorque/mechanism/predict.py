@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from camtorque.config.pump import PressureCurve, PumpConfig, weak_pressure
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.contact import ContactLoss
+from camtorque.mechanism.contact import ContactLoss, pulls
 from camtorque.mechanism.elastic import contact_forces, solve_elastic
 from camtorque.mechanism.flight import Aloft, Flight, flights_at
 from camtorque.mechanism.friction import NO_FRICTION, Friction
@@ -191,7 +191,7 @@ def _shaft_torque(config: PumpConfig, units: list[PumpUnit], load: Array, speed:
         raise Refusal(f"{config.path}: method {method!r} knows rigid shafts only, found a stiffness; use 'closed'")
     stiffness = np.full(len(units), config.shaft_stiffness)
     found = solve_elastic(units, load, speed, stiffness, np.full(len(units), config.shaft_damping))
-    if np.min(contact_forces(units, load, found)) < 0.0:
+    if np.any(pulls(contact_forces(units, load, found))):
         raise _aloft(config, speed)
     return found.torque
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure
+from camtorque.mechanism.contact import SHEAR_DEPTH, SHEAR_VALUE, half_width, hertz_pressure, pulls
 from camtorque.mechanism.flight import fly, is_revolution
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.mounting import NO_GRAVITY, Mounting, PumpUnit
@@ -61,7 +61,7 @@ def solve_rigid(
         unit = PumpUnit(pump, law, mounting=mounting, friction=friction)
         outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
     causes = tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration)
-    lost = outputs["contact_normal"] <= 0.0
+    lost = pulls(outputs["contact_normal"])
     if np.any(lost):
         flown = is_revolution(tables.theta)
         if flown:
@@ -101,14 +101,14 @@ def forces_of(
 def _forces(pump: PumpData, tables: ClosedForm, outputs: Mapping[str, Array]) -> Forces:
     """Return the record; no contact force, and none passed on, where the cam would have to pull."""
     normal = np.maximum(outputs["contact_normal"], 0.0)
-    pulls = normal <= 0.0
-    lost_x, lost_y = (np.where(pulls, outputs[name], 0.0) for name in ("contact_x", "contact_y"))
+    none = normal <= 0.0
+    lost_x, lost_y = (np.where(none, outputs[name], 0.0) for name in ("contact_x", "contact_y"))
     height = tables.mounting.guide_height
     lever = 0.0 if height is None else tables.kinematics.centre_height - height
     hertz = hertz_pressure(tables.hertz_factor, normal)
     return Forces(
         contact_normal=normal,
-        contact_tangential=np.where(pulls, 0.0, outputs["contact_tangential"]),
+        contact_tangential=np.where(none, 0.0, outputs["contact_tangential"]),
         bearing_x=outputs["bearing_x"] - lost_x,
         bearing_y=outputs["bearing_y"] - lost_y,
         guide=outputs["guide"] + lost_x,
