@@ -96,9 +96,15 @@ def test_without_a_revolution_the_torque_is_refused_where_the_cam_would_pull():
 
 
 def test_follower_that_never_lands_is_refused():
-    with pytest.raises(Refusal, match=r"still in the air after 5 revolutions at 47746 rpm, expected it to land"):
+    with pytest.raises(Refusal, match=r"after 5 revolutions at 47746 rpm the follower has not landed, or flies"):
         fly(replace(PUMP, spring_stiffness=0.0, spring_preload=1.0), LAW, THETA, DRY,
             (np.full(3600, 5000.0), np.zeros(3600)), Mounting())  # fmt: skip
+
+
+def test_flights_that_repeat_every_second_revolution_are_not_called_endless():
+    # from 30 degrees it flies to 563, and takes off again at 30 of the revolution after
+    with pytest.raises(Refusal, match="or flies otherwise from one revolution to the next, expected flights that rep"):
+        airborne(16000.0 * RPM)
 
 
 def test_prediction_tells_take_off_and_landing(tmp_path):

@@ -27,7 +27,7 @@ SUBSTEPS = 8
 WIDEST_GAP = np.deg2rad(3.0)
 """Distance of two angles beyond which a grid is no revolution to fly over."""
 TURNS = 5
-"""Revolutions after which a follower that is still in the air never comes to a periodic motion."""
+"""Revolutions after which a follower that does not repeat its flights never does: in the air, or every second one."""
 
 
 class Aloft(Refusal):
@@ -72,7 +72,7 @@ def fly(
 
     Raises
     ------
-    Refusal : the follower is in the air for whole revolutions
+    Aloft : the flights do not come to repeat with the revolution
     """
     c = constants_of(pump, mounting, NO_FRICTION)
     ends = np.append(theta, theta[0] + TURN)
@@ -87,8 +87,9 @@ def fly(
     count = _fly(c, lift, force, (load, speed, change), steps, _surest(force), gap, events)
     if count < 0:
         raise Aloft(
-            f"contact: the follower is still in the air after {TURNS} revolutions at {np.mean(speed) / RPM:.0f} rpm, "
-            "expected it to land; lower the speed, or choose a stiffer or more preloaded spring"
+            f"contact: after {TURNS} revolutions at {np.mean(speed) / RPM:.0f} rpm the follower has not landed, or "
+            "flies otherwise from one revolution to the next, expected flights that repeat with the revolution; lower "
+            "the speed, or choose a stiffer or more preloaded spring"
         )
     rows = events[:count]
     flights = tuple(Flight(float(fine[int(a)]), float(fine[int(b)]), float(v), float(c.mass * v)) for a, b, v in rows)
