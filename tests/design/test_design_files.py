@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.cli import main
 from camtorque.design import read_task
-from camtorque.design.answer import lift_table_text, pump_text, solve_task
+from camtorque.design.answer import lift_table_text, pump_text, solve_task, write_chosen
 from camtorque.design.front import find_front, references
 from camtorque.design.problem import Problem
 from camtorque.design.quantities import QUANTITIES
@@ -150,6 +150,20 @@ def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):
     assert spread["low"] < spread["high"] < 1.1 * spread["nominal"]
     # again into the same folder: it is the product's own
     assert main(["predict", str(out / "pump.toml"), "--speed", "500", "--pressure", str(out / "pressure_1.csv")]) == 0
+
+
+def test_files_of_a_design_count_from_the_start_of_the_rise_wherever_the_pump_file_begins(tmp_path):
+    turned = tmp_path / "turned.toml"
+    turned.write_text(PAPER.read_text().replace("start_deg = 0.0", "start_deg = 300.0"))
+    texts = []
+    for pump in (PAPER, turned):
+        path = design_file(tmp_path, free=FREE, aims='peak_torque_nm = "least"', limits=LIMITS, more=FEW, pump=pump)
+        answer = solve_task(read_task(path), silent)
+        folder = tmp_path / pump.stem
+        folder.mkdir()
+        write_chosen(answer.chosen.evaluated, folder)
+        texts.append([(folder / name).read_text() for name in ("cam.csv", "pressure_1.csv")])
+    assert texts[0] == texts[1]
 
 
 def test_page_opens_every_design_without_a_script(tmp_path):

@@ -59,10 +59,9 @@ def solve_task(task: Task, tell: Progress) -> Answer:
 
 
 def lift_table_text(design: Evaluated) -> str:
-    """Return the lift table over one revolution in the direction of running, as `read_cam_table` reads it."""
-    start = design.config.sections_start
+    """Return the lift table in the direction of running from the start of the rise, as `read_cam_table` wants it."""
     degrees = np.arange(0.0, 360.0, TABLE_STEP_DEG)
-    lift = 1e3 * design.lobe.law(start).evaluate(degrees * DEGREE)
+    lift = 1e3 * design.lobe.law().evaluate(degrees * DEGREE)
     rows = "\n".join(f"{a:.1f},{y:.{TABLE_DECIMALS}f}" for a, y in zip(degrees, np.maximum(lift, 0.0), strict=True))
     return (
         f"# lift of the chosen design, resolution {10.0 ** (3 - TABLE_DECIMALS):g} um\ncam_angle_deg,lift_mm\n{rows}\n"
@@ -70,18 +69,15 @@ def lift_table_text(design: Evaluated) -> str:
 
 
 def pressure_text(design: Evaluated, number: int) -> str:
-    """Return the pressure of a load over cam angle, as `read_pressure_curve` reads it."""
-    start = design.config.sections_start / DEGREE
+    """Return the pressure of a load over the angle of the lift table, as `read_pressure_curve` reads it."""
     order = design.order
     angle, pressure = design.theta[order] / DEGREE, design.solved[number].pressure[order] / BAR
     grid = np.arange(0.0, 360.0, PRESSURE_STEP_DEG)
     # the corners of the load as well, apart from grid points that would coincide with them
     corners, _ = design.lobe.crossings(design.loads[number].events)
-    local = np.unique(np.round(np.concatenate([np.mod(grid - start, 360.0), corners / DEGREE]), 6))
-    values = np.interp(local, angle, pressure, period=360.0)
-    turned = np.round(np.mod(local + start, 360.0), 6)
-    ranks = np.argsort(turned, kind="stable")
-    rows = "\n".join(f"{turned[k]:.6f},{values[k]:.4f}" for k in ranks)
+    degrees = np.unique(np.round(np.concatenate([grid, corners / DEGREE]), 6))
+    values = np.interp(degrees, angle, pressure, period=360.0)
+    rows = "\n".join(f"{a:.6f},{p:.4f}" for a, p in zip(degrees, values, strict=True))
     return f"cam_angle_deg,pressure_bar\n{rows}\n"
 
 

@@ -169,8 +169,8 @@ class Lobe(ReadOnly):
         _cross(self.flanks[0], self.angles[0] / SAMPLES, lifts, self.lift, out)
         return out[ORDERS], out[:ORDERS]
 
-    def law(self, start: float = 0.0) -> CamLaw:
-        """Return the lift law over one revolution, the rise at ``start`` [rad]."""
+    def law(self) -> CamLaw:
+        """Return the lift law over one revolution from the start of the rise."""
         rise, dwell, fall = self.angles
         up, down = self.family.curve(self.rise), self.family.curve(self.fall)
         order = up.c.shape[0]
@@ -185,4 +185,4 @@ class Lobe(ReadOnly):
         if dwell <= 0.0:
             del blocks[1]
         knots = np.concatenate([block[1] for block in blocks])
-        return CamLaw(start + np.append(knots, TURN), np.concatenate([block[0] for block in blocks], axis=1))
+        return CamLaw(np.append(knots, TURN), np.concatenate([block[0] for block in blocks], axis=1))
