@@ -85,6 +85,9 @@ def test_refusals_say_what_to_do():
         dwell(0)
     with pytest.raises(Refusal, match=r"lift jumps by 0\.001"):
         section_law([flank("cycloidal", 1.0, 1e-3), dwell(TURN - 1.0)])
+    fall, rise = flank("cycloidal", 1.0, -8e-3), flank("cycloidal", 1.0, 8e-3)
+    with pytest.raises(Refusal, match=r"the lift goes down to -8 mm at 57\.296 deg, expected 0 mm or more"):
+        section_law([fall, rise, dwell(TURN - 2.0)])
     ramp = Section("ramp", 1.0, lambda x: 1e-3 * x)
     back = Section("ramp", 1.0, lambda x: -1e-3 * x)
     with pytest.raises(Refusal, match=r"velocity jumps by 0\.00\d+ at"):

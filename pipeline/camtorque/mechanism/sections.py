@@ -23,6 +23,8 @@ PIECE = np.deg2rad(2.5)
 ORDER = 9
 CLOSES = 1.0e-6 * DEGREE
 """By how much the angles of sections may miss a revolution: the last digit that the refusal of a gap states."""
+BELOW = 1.0e-9
+"""Rounding of lifts that add up to 0 [m]."""
 UNIT_TOLERANCE = 1.0e-9
 """A jump of lift or velocity beyond this share of the lift (per radian) is a mistake of the drawing, not rounding."""
 
@@ -164,7 +166,8 @@ def section_law(sections: Sequence[Section], start: float = 0.0) -> CamLaw:
 
     Raises
     ------
-    Refusal : the angles do not make one revolution, the lift does not come back to 0, or lift or velocity jumps
+    Refusal : the angles do not make one revolution, the lift goes below 0 or does not come back to it, or lift or
+        velocity jumps
     """
     total = sum(section.angle for section in sections)
     if abs(total - TURN) > CLOSES:
@@ -177,6 +180,12 @@ def section_law(sections: Sequence[Section], start: float = 0.0) -> CamLaw:
         widths.append(width)
         blocks.append(block)
         lift += float(section.lift(np.array(section.angle)))
+        if lift < -BELOW:
+            end = np.rad2deg(start + float(np.sum(np.concatenate(widths))))
+            raise Refusal(
+                f"cam sections: the lift goes down to {1e3 * lift:.4g} mm at {end:.3f} deg, expected 0 mm or more: "
+                "sections begin on the base circle; begin with the rise, and turn it by start_deg"
+            )
     knots = start + np.append(0.0, np.cumsum(np.concatenate(widths)))
     knots[-1] = start + TURN
     return _checked(CamLaw(knots, np.concatenate(blocks, axis=1)))
