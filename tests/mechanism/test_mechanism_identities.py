@@ -423,7 +423,7 @@ def test_rolling_roller_turns_against_the_cam_and_faster():
 
 def test_flat_check_bounds_the_pressure_angle_closely():
     theta = np.arange(3600) * (2.0 * np.pi / 3600)
-    for offset in (0.0, 5e-3):
+    for offset in (0.0, 5e-3, 2e-2):
         for rotation in (1, -1):
             pump = paper_pump(follower_offset=offset)
             steep, back = flat_pressure_angle(pump, LAW, rotation)

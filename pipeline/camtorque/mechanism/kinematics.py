@@ -159,8 +159,11 @@ def flat_pressure_angle(pump: PumpData, law: CamLaw, rotation: int) -> tuple[flo
     """Return bounds on the greatest and least pressure angle from the extreme velocity and the base height alone [rad].
 
     The flat check of a drawing: tan(phi) = (y'_max - e) / s_0 with the rise as if it lay on the base circle. It can
-    only overstate the angle, since s >= s_0.
+    only overstate the angle, since s >= s_0; beside an offset beyond the velocity the full lift bounds it instead.
     """
     velocity = law.evaluate(np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False), 1)
-    offset, height = rotation * pump.follower_offset, base_height(pump)
-    return float(np.arctan((velocity.max() - offset) / height)), float(np.arctan((velocity.min() - offset) / height))
+    steep, back = np.array([velocity.max(), velocity.min()]) - rotation * pump.follower_offset
+    low = base_height(pump)
+    high = low + law.lift
+    steep, back = steep / (low if steep > 0.0 else high), back / (low if back < 0.0 else high)
+    return float(np.arctan(steep)), float(np.arctan(back))
