@@ -19,6 +19,8 @@ from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, Refusal
 from camtorque.units import RPM, did_you_mean
 
+WAYS = (("pressure_bar", "closes_mm", "spills_mm", "ramp_mm"), ("pressure_file",), ("recording",))
+"""Keys of the ways to a pressure, of which a load takes one."""
 Corners = tuple[Array, Array, Array, Array, Array]
 """Lifts and pressures of a load on the rise and on the return, and lifts at which it is evaluated exactly."""
 
@@ -28,6 +30,12 @@ def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> lis
     one = table.values.get("speed_rpm")
     given = {**table.values, "speed_rpm": [one]} if isinstance(one, int | float) else table.values
     values = read_values(Table(given, table.file, table.header), LOAD)
+    named = [next(key for key in way if table.has(key)) for way in WAYS if any(map(table.has, way))]
+    if len(named) > 1:
+        raise Refusal(
+            f"{table.where(named[0])}: found {' and '.join(named)} in one load, expected one of them; leave the other "
+            "out, or write a [[load]] for each"
+        )
     stated = values["pressure_bar"] is not None or values["pressure_file"] is not None
     if values["recording"] or (fitted is not None and not stated):
         return [_fitted_load(table, values["recording"], speed, fitted) for speed in values["speed_rpm"]]
