@@ -261,6 +261,8 @@ REFUSED = [
     (("[mounting]", "[shaft]\nstiffness_N_m_per_rad = -1\n[mounting]"), "found -1, expected a number from 1 to"),
     (("[mounting]", "[mounting]\nspring_mass_kg = -1"), "spring_mass_kg: found -1, expected a number from 0 to"),
     (('kind = "dwell"', "kind = 3"), "kind: found 3, expected text"),
+    (("angle_deg = 20.0", "angle_deg = 20.0\nrise_mm = 3"), "rise_mm: found 3 for a section of kind 'dwell', where"),
+    (("rise_mm = 8.0", "rise_mm = 8.0\nnose_radius_mm = 2"), "nose_radius_mm: found 2 for a section of kind 'poly"),
     (("[pump]", "[pump"), "is not valid TOML"),
     (("[pump]", '[pump]\ncam_table = "x.csv"'), "expected either cam_table in"),
     (("[cam]   ", "[cam]\nstart_degrees = 3\n#"), "did you mean 'start_deg'"),

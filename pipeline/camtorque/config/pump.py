@@ -169,5 +169,10 @@ def _section(table: Table) -> SectionSpec:
     for key in schema.keys:
         if key.attribute in needed and not table.has(key.name):
             raise Refusal(f"{table.where(key.name)}: this key is missing; {key.meaning}")
+        if key.attribute not in ("kind", *needed) and values[key.attribute]:
+            raise Refusal(
+                f"{table.where(key.name)}: found {key.of_si(values[key.attribute]):g} for a section of kind "
+                f"{values['kind']!r}, where nothing reads it; leave it out, or name the kind that is meant"
+            )
     unused = set(values) - set(needed) - {"kind"}
     return SectionSpec(**{**values, **dict.fromkeys(unused, 0.0)})
