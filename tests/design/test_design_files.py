@@ -16,6 +16,7 @@ from camtorque.design.quantities import QUANTITIES
 from camtorque.design.responses import RESPONSES
 from camtorque.design.tolerances import shifted_follower, spreads
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
+from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.mechanism.shaft import solve_shaft
@@ -84,6 +85,14 @@ def test_a_fixed_flank_competes_where_nothing_but_the_other_flank_is_free(tmp_pa
     lift = '[lift]\nlaw = ["bspline", "modified_sine"]\npieces = 4\n'
     front = find_front(task_of(tmp_path, lift=lift, aims='peak_torque_nm = "least"', more=FEW), silent)
     assert {point.problem.family.name for point in front.points} == {"bspline"}
+
+
+@pytest.mark.parametrize("offset", [0.0, 9.0, -9.0])
+def test_radius_of_a_cam_is_that_of_its_farthest_contact(tmp_path, offset):
+    task = task_of(tmp_path, free=f"follower_offset_mm = [{offset - 1.0}, {offset + 1.0}]", aims=AIMS)
+    design = Problem(task, task.families[0]).evaluated(np.array([0.5]))
+    x, y = kinematics(design.pump, design.lobe.law(), np.linspace(0.0, 2.0 * np.pi, 3601)).contact_point
+    assert RESPONSES["cam_radius_mm"].value(design) == pytest.approx(1e3 * np.max(np.hypot(x, y)), rel=1e-6)
 
 
 def test_price_of_a_limit_is_what_loosening_it_brings(tmp_path):

@@ -101,6 +101,12 @@ def _delivery(design: Evaluated) -> float:
     return 1e9 * design.pump.plunger_area * max(load.delivered(design.lobe.lift) for load in design.loads)
 
 
+def _cam_radius(design: Evaluated) -> float:
+    # on the upper dwell the roller's centre, the contact and the axis are in line
+    c = design.constants
+    return 1e3 * (float(np.hypot(c.offset, c.base + design.lobe.lift)) - c.radius)
+
+
 def _delivery_rate(design: Evaluated, k: int) -> Array:
     corners, share = design.loads[k].share
     rate = design.pump.plunger_area * design.lift[1] * np.interp(design.lift[0], corners, share)
@@ -139,7 +145,7 @@ RESPONSES: dict[str, Response] = {
     "delivery_mm3": Response("single", _single(_delivery), MOST),
     "delivery_rate_mm3_per_deg": Response("max", _over_loads(_delivery_rate)),
     "delivery_angle_deg": Response("single", _single(_delivery_angle)),
-    "cam_radius_mm": Response("single", _single(lambda d: 1e3 * (d.pump.base_circle_radius + d.lobe.lift))),
+    "cam_radius_mm": Response("single", _single(_cam_radius)),
     "spring_force_n": Response(
         "single", _single(lambda d: d.pump.spring_preload + d.pump.spring_stiffness * d.lobe.lift)
     ),
