@@ -87,6 +87,23 @@ def test_a_fixed_flank_competes_where_nothing_but_the_other_flank_is_free(tmp_pa
     assert {point.problem.family.name for point in front.points} == {"bspline"}
 
 
+def test_an_acceleration_that_jumps_is_that_of_the_flank_alone(tmp_path):
+    rough = tmp_path / "rough.toml"
+    friction = "[friction]\nguide = 0.1\nbearing_arm_um = 100\npin_arm_um = 30\n"
+    rough.write_text(PAPER.read_text().replace("follower_offset_m = 0.0", "follower_offset_m = -0.003") + friction)
+    task = task_of(tmp_path, pump=rough, lift='[lift]\nlaw = "simple_harmonic"\n', free=FREE, aims=AIMS,
+                   load="[[load]]\nspeed_rpm = 2000\npressure_bar = 0\nspills_mm = 4\n")  # fmt: skip
+    problem = Problem(task, task.families[0])
+    design = problem.evaluated(problem.start())
+    theta = np.linspace(0.0, 2.0 * np.pi, 36000, endpoint=False)
+    tables = closed_form_tables(design.pump, design.lobe.law(), theta, design.mounting, design.friction)
+    causes = tables.torque_by_cause(np.zeros(theta.size), 2000.0 * RPM, 0.0)
+    work = 2.0 * np.pi * sum(np.mean(causes[name]) for name in causes if name.endswith("_friction"))
+    assert RESPONSES["friction_work_j"].value(design) == pytest.approx(work, rel=2e-3)
+    hollow = -1e3 / np.min(tables.kinematics.surface_curvature)
+    assert RESPONSES["hollow_radius_mm"].value(design) == pytest.approx(hollow, rel=1e-4)
+
+
 @pytest.mark.parametrize("offset", [0.0, 9.0, -9.0])
 def test_radius_of_a_cam_is_that_of_its_farthest_contact(tmp_path, offset):
     task = task_of(tmp_path, free=f"follower_offset_mm = [{offset - 1.0}, {offset + 1.0}]", aims=AIMS)

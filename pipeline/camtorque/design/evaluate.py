@@ -87,16 +87,17 @@ class Evaluated:
         """Angles (n,), and lift with three derivatives (4, n)."""
         rise, dwell, fall = self.lobe.angles
         up, down = self.lobe.flanks
-        still = np.zeros((4, 2))
-        still[0, 0] = self.lobe.lift
+        still = np.zeros((4, 4))
+        still[0, :2] = self.lobe.lift
         angles, events = self.lobe.crossings(np.unique(np.concatenate([load.events for load in self.loads])))
-        rest = 0.5 * (TURN + rise + dwell + fall)
-        theta = [self.lobe.theta, np.array([rise + 0.5 * dwell, rest]), angles]
+        # both ends of a dwell: where the acceleration jumps the flank beside it has another load
+        ends = np.nextafter([rise + dwell, TURN], 0.0)
+        theta = [self.lobe.theta, np.array([rise, ends[0], rise + dwell + fall, ends[1]]), angles]
         return np.concatenate(theta), np.concatenate([up, down, still, events], axis=1)
 
     @property
     def theta(self) -> Array:
-        """Cam angle of the nodes: rise, return, upper dwell, base circle, events [rad]."""
+        """Cam angle of the nodes: rise, return, ends of upper dwell and base circle, events [rad]."""
         return self._nodes[0]
 
     @property
@@ -128,7 +129,7 @@ class Evaluated:
         lift = self.lift[0]
         pressure = load.on_rise(lift)
         pressure[PER_FLANK : 2 * PER_FLANK] = load.on_return(lift[PER_FLANK : 2 * PER_FLANK])
-        pressure[2 * PER_FLANK + 1] = load.on_return(np.zeros(1))[0]
+        pressure[2 * PER_FLANK + 2 : 2 * PER_FLANK + 4] = load.on_return(np.zeros(1))[0]
         return pressure
 
     def outputs(self, pressure: Array, speed: float, constants: Constants) -> Array:
@@ -186,5 +187,5 @@ class Evaluated:
 
     def shape_peaks(self, values: Array) -> Array:
         """Return the same of the flanks alone, for what has no corners where the load has them."""
-        flanks = values[..., : 2 * PER_FLANK].reshape(*values.shape[:-1], 2, PER_FLANK)[..., :-1]
+        flanks = values[..., : 2 * PER_FLANK].reshape(*values.shape[:-1], 2, PER_FLANK)
         return np.maximum.reduceat(flanks, self.design.family.windows, axis=-1).ravel()
