@@ -203,11 +203,10 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
                              linear=np.zeros((400, 1)), pressure=np.zeros(400), flows=np.zeros((400, 4)))  # fmt: skip
     monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
     monkeypatch.setattr(forecast_module, "evaluate", lambda chain, values: output)
-    monkeypatch.setattr(forecast_module, "cam_torques", lambda chain, values, output, linear, slope: {
-        "pressure": np.full(400, 20.0), "lift_table": output.load * slope})  # fmt: skip
+    monkeypatch.setattr(forecast_module, "cam_torques", lambda chain, values, output, linear, slope: ({
+        "pressure": np.full(400, 20.0), "lift_table": output.load * slope}, np.zeros(400)))  # fmt: skip
     monkeypatch.setattr(forecast_module, "measured_torques", lambda chain, values, cam, zero: {
         **cam, "torque_zero": np.zeros(400)})  # fmt: skip
-    monkeypatch.setattr(forecast_module, "plunger_force", lambda *values: np.zeros(400))
     monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: output.load)
     monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
     chain = SimpleNamespace(speed=50.0, theta=theta)

@@ -20,7 +20,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
-from camtorque.laws.causes import cam_torques, contact_load, measured_torques, plunger_force
+from camtorque.laws.causes import cam_torques, contact_load, measured_torques
 from camtorque.laws.chain import (
     COLUMN_NAMES,
     NONLINEAR_NAMES,
@@ -264,11 +264,11 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     linear = coefficients_of(values)
     output: ChainOutput = evaluate(chain, values)
     slope = np.zeros(chain.theta.size) if lift is None else lift.slope(output.motion.theta)
-    causes = measured_torques(chain, values, cam_torques(chain, values, output, linear, slope), linear)
+    torques, force = cam_torques(chain, values, output, linear, slope)
+    causes = measured_torques(chain, values, torques, linear)
     left_out = ("torque_zero", "lift_table") if lift is None else ("torque_zero",)
     named = {f"cause {name}": part for name, part in causes.items() if name not in left_out}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
-    force = plunger_force(chain, values, output, linear)
     return {
         **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,
         "contact": contact_load(chain, values, output, force), "plunger_force": force, "angle": output.motion.theta,

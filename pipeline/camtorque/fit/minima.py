@@ -140,7 +140,7 @@ def lost_torque(found: Candidate) -> Array:
     """
     chain = found.data.chain
     values, coefficients = found.problem.values(found.solution.z, 0)
-    torques = cam_torques(chain, values, found.solution.outputs[0], coefficients, np.zeros(chain.theta.size))
+    torques, _ = cam_torques(chain, values, found.solution.outputs[0], coefficients, np.zeros(chain.theta.size))
     return filtered_out_torque(chain, values, torques)
 
 

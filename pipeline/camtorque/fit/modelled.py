@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import Problem
 from camtorque.fit.single import Fit
-from camtorque.laws.causes import cam_torques, measured_torques, plunger_force
+from camtorque.laws.causes import cam_torques, measured_torques
 from camtorque.laws.chain import ChainInput, ChainOutput, Motion, angle_grid, evaluate
 from camtorque.records import Array
 
@@ -58,10 +58,10 @@ def modelled(
     chain = replace(item.chain, line_pressure=on_grid(pressure, grid), shaft_torque=on_grid(torque, grid) + lost)
     output = evaluate(chain, values, coefficients, tangents=True)
     basis = item.lift_basis
-    cam = cam_torques(chain, values, output, coefficients, basis.correction(output.motion.theta, lifts, 1))
+    slope = basis.correction(output.motion.theta, lifts, 1)
+    cam, force = cam_torques(chain, values, output, coefficients, slope)
     by_cause = measured_torques(chain, values, cam, coefficients)
     correction = basis.correction(output.motion.theta, lifts)
-    force = plunger_force(chain, values, output, coefficients)
     return _on_cycles(Modelled(chain, output, values, cam, by_cause, correction, force), torque.size)
 
 

@@ -82,7 +82,7 @@ def _caused(
     chain: ChainInput, values: Mapping[str, float], coefficients: Array
 ) -> tuple[ChainOutput, dict[str, Array]]:
     output = evaluate(chain, values, coefficients)
-    return output, cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))
+    return output, cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))[0]
 
 
 def _work(

@@ -29,8 +29,10 @@ LOSS_GROUPS: dict[str, tuple[str, ...]] = {
 
 def cam_torques(
     data: ChainInput, values: Mapping[str, float], output: ChainOutput, coefficients: Array, lift_slope: Array
-) -> dict[str, Array]:
-    """Return the torque on the cam by cause, before shaft and sensor; each (n,) [N m].
+) -> tuple[dict[str, Array], Array]:
+    """Return the torque on the cam by cause, before shaft and sensor, and the plunger's force; each (n,) [N m], [N].
+
+    The force is what packing, damping and the spring's errors push against the lift along the plunger.
 
     Parameters
     ----------
@@ -39,12 +41,9 @@ def cam_torques(
     """
     pump, motion = data.pump, output.motion
     y, slope, curve = motion.lift[:3]
-    zero = np.zeros(len(LINEAR_NAMES))
-    rates = (motion.rate, motion.second)
-    numbers = data.constants
-    mu = values["guide_friction"]
-    whole, columns, _, load, *_ = cam_torque(numbers, mu, motion.theta, motion.lift, *rates, output.pressure, zero)
-    smooth, *_ = cam_torque(numbers, 0.0, motion.theta, motion.lift, *rates, output.pressure, zero)
+    state = (motion.theta, motion.lift, motion.rate, motion.second, output.pressure, coefficients[:ON_CAM])
+    whole, columns, _, load, _, force = cam_torque(data.constants, values["guide_friction"], *state)
+    smooth, *_ = cam_torque(data.constants, 0.0, *state)
     parts = dict.fromkeys(CAUSES, np.zeros_like(y))
     for k, name in enumerate(LINEAR_NAMES):
         parts[cause_of(name)] = parts[cause_of(name)] + coefficients[k] * columns[:, k]
@@ -54,29 +53,11 @@ def cam_torques(
     parts["inertia"] = parts["inertia"] + slope * axial_inertia
     parts["guide_friction"] = whole - smooth
     parts["lift_table"] = load * lift_slope
-    return parts
-
-
-def plunger_force(data: ChainInput, values: Mapping[str, float], output: ChainOutput, coefficients: Array) -> Array:
-    """Return what packing, damping and the spring's errors push against the lift along the plunger, (n,) [N].
-
-    ``coefficients`` as in `cam_torques`.
-    """
-    motion, mu = output.motion, values["guide_friction"]
-    return cam_torque(
-        data.constants,
-        mu,
-        motion.theta,
-        motion.lift,
-        motion.rate,
-        motion.second,
-        output.pressure,
-        coefficients[:ON_CAM],
-    )[-1]
+    return parts, force
 
 
 def contact_load(data: ChainInput, values: Mapping[str, float], output: ChainOutput, force: Array) -> Array:
-    """Return the contact force along the follower with a `plunger_force` (n,), which the guide raises too, (n,) [N]."""
+    """Return the contact force along the follower with the plunger's (n,), which the guide raises too, (n,) [N]."""
     pump, lift = data.constants, output.motion.lift
     _, tangent, *_ = path_at(*lift[:3], pump.base, pump.offset, pump.radius)
     return np.asarray(output.load + force * guide_gain(tangent, lift[1], values["guide_friction"]))
