@@ -23,7 +23,6 @@ class Modelled:
     values: dict[str, float]
     cam: dict[str, Array]
     by_cause: dict[str, Array]
-    lift_correction: Array
     plunger_force: Array
 
     @property
@@ -57,12 +56,10 @@ def modelled(
     lost = item.chain.shaft_torque - measured
     chain = replace(item.chain, line_pressure=on_grid(pressure, grid), shaft_torque=on_grid(torque, grid) + lost)
     output = evaluate(chain, values, coefficients, tangents=True)
-    basis = item.lift_basis
-    slope = basis.correction(output.motion.theta, lifts, 1)
+    slope = item.lift_basis.correction(output.motion.theta, lifts, 1)
     cam, force = cam_torques(chain, values, output, coefficients, slope)
     by_cause = measured_torques(chain, values, cam, coefficients)
-    correction = basis.correction(output.motion.theta, lifts)
-    return _on_cycles(Modelled(chain, output, values, cam, by_cause, correction, force), torque.size)
+    return _on_cycles(Modelled(chain, output, values, cam, by_cause, force), torque.size)
 
 
 def _on_cycles(model: Modelled, n: int) -> Modelled:
@@ -94,7 +91,7 @@ def _on_cycles(model: Modelled, n: int) -> Modelled:
         substeps=np.zeros(0, dtype=np.int64),
     )  # fmt: skip
     cam, by_cause = ({name: at(part) for name, part in parts.items()} for parts in (model.cam, model.by_cause))
-    return Modelled(chain, output, model.values, cam, by_cause, at(model.lift_correction), at(model.plunger_force))
+    return Modelled(chain, output, model.values, cam, by_cause, at(model.plunger_force))
 
 
 def resampled(values: Array, n: int) -> Array:

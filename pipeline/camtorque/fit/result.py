@@ -116,7 +116,7 @@ def fitted_torque(
             *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
             *fit_findings(fit, fitted.output.least_guide, forces.contact_normal, None if explained else left),
         ),
-        details={**_details(fit, fitted, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
+        details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
         bumps=residual_bumps(residual, means.torque - means.held_torque, fitted), explained=explained,
     )  # fmt: skip
@@ -159,7 +159,7 @@ def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
     return tuple(rows)
 
 
-def _details(fit: Fit, fitted: Modelled, recording: Recording, peak: float) -> dict[str, object]:
+def _details(fit: Fit, recording: Recording, peak: float) -> dict[str, object]:
     solution, problem = fit.solution, fit.problem
     blocks = 100.0 / peak * block_cross_validation(problem, solution, fit.covariance)
     sheet = recording.of("torque")[0].calibration
@@ -168,12 +168,9 @@ def _details(fit: Fit, fitted: Modelled, recording: Recording, peak: float) -> d
         absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(zero[1], sheet.nonlinearity_std) / peak))
     spreads = {name: np.sqrt(np.sum(rows**2, axis=0)) for name, rows in fit.shifts.items()}
     return {
-        "inflation": fit.covariance.inflation, "iterations": solution.iterations, "converged": solution.converged,
-        "chi_square": solution.chi_square, "lift_correction": fitted.lift_correction, "flows": fitted.output.flows,
         "delivery": problem.data[0].structure,
         "budget": uncertainty_budget(problem, fit.covariance, fit.deviation, spreads),
         "block_cv_percent": blocks.tolist(), "absolute_uncertainty_percent": absolute,
-        "freedom": fit.covariance.freedom,
     }  # fmt: skip
 
 
