@@ -21,14 +21,15 @@ from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest import read_recording
 from camtorque.ingest.recording import recording_of
+from camtorque.mechanism.load_check import BASE_LIFT
 from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
 from camtorque.units import DEGREE, RPM
 
 LOOK_SHARE = 0.25
 """Looking takes at most this share of the time: a long file is read from its begin each time."""
-BASE_LIFT, LEAST_BASE = 0.01, 5.0 * DEGREE
-"""The base circle is where the lift is below this share of its largest, at least this many radians."""
+LEAST_BASE = 5.0 * DEGREE
+"""The base circle is at least so long [rad]."""
 SAME_SPEED = 0.02
 WIDE, DRIFT_SHARE = 3.0, 0.002
 """A drift is beyond this many standard errors and this share of the peak torque: twice the model error that the fit
