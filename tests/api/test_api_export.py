@@ -152,12 +152,13 @@ def test_tables_do_not_go_into_a_finished_report(
 def test_reports_of_one_name_do_not_overwrite_each_other(
     report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for above in ("before", "after"):
+    folders = ("before", "after 1", "after_1", "after+1")
+    for above in folders:
         (tmp_path / above / "case").mkdir(parents=True)
         for name in ("result.json", "cycles.h5"):
             (tmp_path / above / "case" / name).write_bytes((report / name).read_bytes())
     paths = exported(tmp_path, tmp_path / "out", "mat", capsys)
-    assert len({path.name for path in paths}) == 2
+    assert len({path.name for path in paths}) == len(folders)
 
 
 def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
