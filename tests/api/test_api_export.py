@@ -182,6 +182,15 @@ def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.Ca
     assert "speed / rpm" not in svg  # all three ran at one speed
 
 
+def test_a_trend_of_reports_that_are_all_unexplained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "case").mkdir()
+    write_run(run_result(explained=False), tmp_path / "case")
+    assert cli.main(["export", "--trend", str(tmp_path), "--out", str(tmp_path / "out")]) == 0, capsys.readouterr().err
+    table = pd.read_csv(tmp_path / "out" / "reports_trend.csv")
+    assert table["chamber_peak_bar"].notna().all()
+    assert table["chamber_peak_bar_stderr"].isna().all()
+
+
 def test_a_trend_draws_what_is_measured_and_no_bar_below_a_bound() -> None:
     def document(knowledge: str, explained: bool = True) -> dict[str, object]:
         document = result_document(run_result(explained=explained))

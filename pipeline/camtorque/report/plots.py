@@ -44,7 +44,7 @@ def trend_figure(table: Any, axes: Mapping[str, str], quantities: Mapping[str, s
 def _draw(panel: Axes, table: Any, name: str, quantity: str) -> None:
     rows = table[table[name].notna() & table[quantity].notna()].sort_values(name, kind="stable")
     ends = [column for end in ("down", "up") if (column := f"{quantity}_{end}") in table]
-    error = rows[ends].to_numpy(float).T if ends else rows.get(f"{quantity}_stderr")
+    error = rows.reindex(columns=ends or 2 * [f"{quantity}_stderr"]).to_numpy(float).T  # what nothing states is nan
     place = rows[name].astype("datetime64[ns]") if name == "date" else rows[name]
     panel.errorbar(place, rows[quantity], yerr=error, fmt="o", markersize=4, linewidth=1.0, color=light("fitted"))
 
