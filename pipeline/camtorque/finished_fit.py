@@ -28,7 +28,7 @@ from camtorque.laws.chain import ChainInput, angle_grid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
-from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed
+from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed, report_named
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -154,9 +154,10 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     ------
     Refusal : it is neither, or has no pressure
     """
-    if (path / CYCLES).is_file():
-        said = read_result(path / "result.json")["recording"]
-        return said["name"], curve_of(path, said["speed_rpm"] * RPM)
+    report = report_named(path)
+    if report is not None:
+        said = read_result(report / "result.json")["recording"]
+        return said["name"], curve_of(report, said["speed_rpm"] * RPM)
     recording = read_recording(path)
     cycles = align(recording)
     if not cycles.pressure.size:
@@ -171,12 +172,12 @@ def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
     ------
     Refusal : see above; a recording without [pump] does not tell whose load it is
     """
-    is_report = (path / CYCLES).is_file()
-    config = load_recording_config(recording_of(path) if is_report else path)
+    report = report_named(path)
+    config = load_recording_config(path if report is None else recording_of(report))
     if config.pump_sheet is None:
         return
-    if is_report:
-        refuse_changed(path, [input_file(config.pump_sheet.cam_table_path)])
+    if report is not None:
+        refuse_changed(report, [input_file(config.pump_sheet.cam_table_path)])
     other = _sizes(config.pump_sheet, read_cam_table(config.pump_sheet)[0])
     known = [_sizes(rig.pump, rig.table) for rig in rigs]
     if any(np.allclose(other, sizes, rtol=SAME_SIZE) for sizes in known):

@@ -16,7 +16,7 @@ from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.config.pump import PressureCurve
-from camtorque.finished_fit import read_fit, refuse_load_of_another_pump, rig_of
+from camtorque.finished_fit import load_curve, read_fit, refuse_load_of_another_pump, rig_of
 from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
@@ -35,6 +35,7 @@ from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of
 from camtorque.report.forecast_texts import assumptions, beyond_text, elsewhere_text, step_text
+from camtorque.report.write import write_run
 from report_cases import THETA, falling, run_result
 
 SHEETS = Path(__file__).resolve().parents[2] / "calibration"
@@ -558,8 +559,20 @@ def test_a_cam_that_is_not_used_may_have_changed(tmp_path: Path) -> None:
     other = shutil.copy(files["cam_A"], tmp_path / "other.csv")
     files["cam_A"].write_text("gone")
     assert rig_of(report, None, other).table.theta.size
-    with pytest.raises(Refusal, match="other content in"):
-        refuse_load_of_another_pump(report, [])
+    for named in (report, report / "result.json"):
+        with pytest.raises(Refusal, match="other content in"):
+            refuse_load_of_another_pump(named, [])
+
+
+def test_the_report_of_a_load_may_be_named_by_its_result(tmp_path: Path) -> None:
+    write_run(run_result(), tmp_path)
+    for named in (tmp_path, tmp_path / "result.json"):
+        name, curve = load_curve(named)
+        assert (name, round(curve.speed, 3), float(np.max(curve.pressure))) == (
+            "case",
+            105.0,
+            pytest.approx(9e7, rel=1e-4),
+        )
 
 
 def test_another_pump_or_cam_than_the_fitted_one_is_held_against_itself(tmp_path: Path) -> None:
