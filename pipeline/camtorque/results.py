@@ -18,18 +18,29 @@ SCHEMA, CAMPAIGN_SCHEMA = "camtorque.result/1", "camtorque.campaign/1"
 def find_results(path: Path) -> list[Path]:
     """Return every result.json that a path names: the file itself, or all in and below a folder, in order.
 
+    Of a campaign those that its campaign.json names: its ``runs`` keep what older inputs, options and versions gave.
+
     Raises
     ------
-    Refusal : there is none
+    Refusal : there is none; a campaign.json cannot be used
     """
     if path.is_file():
         return [path]
-    files = sorted(path.rglob(NAME)) if path.is_dir() else []
-    # a folder that begins with a point is one that is being written, or was left behind
-    found = [file for file in files if not any(part.startswith(".") for part in file.relative_to(path).parts)]
+    found = _below(path, NAME)
+    for campaign in _below(path, CAMPAIGN):
+        runs, rows = campaign.parent / "runs", read_campaign(campaign)["recordings"]
+        named = {campaign.parent / row["folder"] / NAME for row in rows if row["folder"]}
+        found = [file for file in found if file in named or runs not in file.parents]
     if not found:
         raise Refusal(f"{path}: found no {NAME} in or below it, expected a report of `camtorque run`; check the path")
     return found
+
+
+def _below(folder: Path, name: str) -> list[Path]:
+    """Return the files of a name in and below a folder, in order."""
+    files = sorted(folder.rglob(name)) if folder.is_dir() else []
+    # a folder that begins with a point is one that is being written, or was left behind
+    return [file for file in files if not any(part.startswith(".") for part in file.relative_to(folder).parts)]
 
 
 def read_result(path: Path) -> dict[str, Any]:

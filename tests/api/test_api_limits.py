@@ -180,6 +180,21 @@ def test_unfinished_reports_are_left_out(tmp_path: Path) -> None:
     assert find_results(tmp_path) == [tmp_path / "b" / "deep" / "result.json"]
 
 
+def test_results_of_a_campaign_are_those_that_it_names(tmp_path: Path) -> None:
+    """What older options or inputs gave stays in `runs` until --prune: a trend showed those recordings twice."""
+    for name in ("runs/older", "runs/newer", "runs/refused", "alone"):
+        (tmp_path / "campaign" / name).mkdir(parents=True)
+    for name in ("runs/older", "runs/newer", "alone"):
+        (tmp_path / "campaign" / name / "result.json").touch()
+    rows = [{"folder": "runs/newer"}, {"folder": "runs/refused"}, {"folder": None}]
+    index = {"schema": "camtorque.campaign/1", "recordings": rows}
+    (tmp_path / "campaign" / "campaign.json").write_text(json.dumps(index), encoding="utf-8")
+    for path in (tmp_path, tmp_path / "campaign"):
+        named = [file.parent.relative_to(tmp_path / "campaign").as_posix() for file in find_results(path)]
+        assert named == ["alone", "runs/newer"]
+    assert find_results(tmp_path / "campaign" / "runs" / "older"), "a report that is named itself"
+
+
 def test_limits_stand_in_the_result_of_a_run(tmp_path: Path) -> None:
     limits = (Limit("parameters.feed_pressure.value", None, 1.0),)
     doc = write_run(replace(run_result(), limits=limits), tmp_path)
