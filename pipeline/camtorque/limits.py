@@ -22,6 +22,8 @@ LIMITS_SCHEMA = "camtorque-limits/1"
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
 FITTED = (
     "parameters.",
+    "uncertainty.",
+    "evidence.",
     "chamber.",
     "losses",
     "gap_by_cause.",
@@ -38,6 +40,7 @@ NUMBER = Band(-1e15, 1e15, "any number that a report holds")
 UNIT_OF_ENDING = {
     "_nm": "N m", "_bar": "bar", "_deg": "deg", "_s": "s", "_percent": "%", "_rpm": "rpm", "_n": "N", "_gpa": "GPa",
     "_percent_of_peak": "%", "_c": "degC", "_mb": "MB", "_j": "J", "_hz": "Hz", "_ppm": "ppm",
+    "_mm3": "mm3",
 }  # fmt: skip
 """How the name of a number ends -> its unit (docs/result_schema.md)."""
 LIMIT = TableSchema("[[limit]]", "one band", (

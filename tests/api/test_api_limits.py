@@ -139,11 +139,12 @@ def test_reports_are_judged_in_the_order_of_their_recordings(
     ("metrics.fitted.rms_nm", "N m", "pass"), ("metrics.fitted.rms_nm", "%", "cannot tell"),
     ("chamber.peak_bar.value", "bar", "pass"), ("chamber.peak_bar.value", "MPa", "cannot tell"),
     ("recording.cycles_used", "1", "cannot tell"), ("metrics.fitted.rms_percent_of_peak", "%", "pass"),
-    ("recording.angle.value", "°", "pass"),
+    ("recording.angle.value", "°", "pass"), ("measured.delivered_volume.measured_mm3", "mm³", "pass"),
 ])  # fmt: skip
 def test_a_band_in_another_unit_decides_nothing(quantity: str, unit: str, told: str) -> None:
     document = {"metrics": {"fitted": {"rms_nm": 0.5, "rms_percent_of_peak": 0.1}},
                 "chamber": {"peak_bar": {"value": 1.0, "stderr": 0.1}},
+                "measured": {"delivered_volume": {"measured_mm3": 5.0}},
                 "recording": {"cycles_used": 7, "angle": {"value": 0.5, "unit": "deg"}}}  # fmt: skip
     (verdict,) = judge(document, [Limit(quantity, None, 10.0, unit)])
     assert verdict.verdict == told
@@ -224,7 +225,7 @@ def test_a_guard_on_a_loss_takes_the_uncertainty_that_stands_beside_it() -> None
 
 @pytest.mark.parametrize("quantity", [
     "alignment.torque_delay_s.value", "measured.chamber_pressure.rebuilt_peak_bar",
-    "measured.delivered_volume.modelled_mm3.value",
+    "measured.delivered_volume.modelled_mm3.value", "evidence.friction.size", "uncertainty.budget.leakage.others",
 ])  # fmt: skip
 def test_nothing_of_a_fit_that_explains_nothing_passes(quantity: str) -> None:
     *above, last = quantity.split(".")
