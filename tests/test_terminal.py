@@ -147,6 +147,8 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     assert max(map(len, lines)) <= 80
     assert lines[1].endswith("5.000 %     +40.0 %")
     assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")
+    asked = {**doc, "recordings": [{**good, "verdict": "look"}]}
+    assert campaign_table(asked).splitlines()[-1] == f"LOOK CLOSER: {good['name']}: the reports say why"
 
 
 def test_a_check_lists_warnings_before_notes() -> None:

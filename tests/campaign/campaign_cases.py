@@ -43,7 +43,7 @@ def write_run(result: Any, folder: Path) -> dict[str, Any]:
         "schema": "camtorque.result/1",
         "recording": {"name": result.name, "speed_rpm": 1000.0, "cycles_found": 9, "cycles_used": 9},
         "metrics": {"rigid": nothing, "fitted": nothing, "fitted_held_out_cycles": nothing},
-        "explained": True, "effects": [], "losses": {}, "chamber": None, "forces": {},
+        "explained": True, "verdict": {"level": "good"}, "effects": [], "losses": {}, "chamber": None, "forces": {},
     }  # fmt: skip
     write_json(folder / "result.json", doc)
     return doc

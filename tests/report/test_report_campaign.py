@@ -305,6 +305,20 @@ def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: t
     assert 'class="verdict look"' in page
 
 
+def test_a_recording_whose_report_asks_to_look_closer_does_so_on_the_page_of_the_campaign(
+    small: tuple[Path, CampaignResult],
+) -> None:
+    folder, result = small
+    asked = replace(result.entries[1], summary={**result.entries[1].summary, "verdict": "look"})
+    entries = (result.entries[0], asked)
+    doc, view = campaign_document(replace(result, entries=entries)), campaign_view(entries, folder)
+    page = campaign_page(doc, view, dict.fromkeys(view.names, ""), ())
+    assert re.findall(r'">([^<]*)</a> <span class="tag warning">look closer', page) == ["run 1 #1"]
+    assert 'class="verdict look"' in page
+    assert "Look closer at run 1 #1." in verdict_text(doc)
+    assert "Look closer at run 1 #1: why, the top of its report says." in campaign_answer(doc)[-1]["text"]
+
+
 def test_every_link_of_the_campaign_page_leads_somewhere(small: tuple[Path, CampaignResult]) -> None:
     folder, _ = small
     page = (folder / "campaign.html").read_text(encoding="utf-8")

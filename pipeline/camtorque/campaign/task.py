@@ -88,6 +88,6 @@ def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
     doc = write_run(result, folder)
     recording = doc["recording"]
     summary = {name: recording[name] for name in ("speed_rpm", "cycles_found", "cycles_used")}
-    summary |= {name: doc[name] for name in SUMMARY_KEYS}
+    summary |= {name: doc[name] for name in SUMMARY_KEYS} | {"verdict": doc["verdict"]["level"]}
     write_joint_input(folder, joint_input(prepared))
     return CampaignEntry(task.name, recording["name"], "ok", "", summary, thumbnail(result), f"runs/{key}")

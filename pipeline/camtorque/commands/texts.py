@@ -87,6 +87,8 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
     failed = [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
     told = [f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where"] if failed else []
+    look = [row["name"] for row in doc["recordings"] if row.get("verdict") == "look"]
+    told += [f"LOOK CLOSER: {', '.join(look)}: the reports say why"] if look else []
     return "\n".join([*lines, *told, *loud_findings(doc["findings"])])
 
 

@@ -30,7 +30,7 @@ from camtorque.report.page import Drawing, live_charts, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
 from camtorque.report.texts import parameter_row
-from camtorque.report.verdict import known_metrics, missed_limits
+from camtorque.report.verdict import known_metrics
 from camtorque.units import LOGARITHM
 
 MOST_NAMED, MOST_QUOTED = 5, 2
@@ -80,6 +80,8 @@ def verdict_text(doc: Mapping[str, Any]) -> str:
     text = f"{used} of {len(doc['recordings'])} recordings used."
     if odd := unexplained(doc):
         text += f" Not explained: {_some(odd)}."
+    if look := doubtful(doc):
+        text += f" Look closer at {_some(look)}."
     text += left_out_text(doc)
     serious = sum(row["severity"] != "info" for row in doc["findings"])
     return text + (f" {serious} warning{'s' if serious > 1 else ''} below." if serious else "")
@@ -88,6 +90,11 @@ def verdict_text(doc: Mapping[str, Any]) -> str:
 def unexplained(doc: Mapping[str, Any]) -> list[str]:
     """Return the names of the recordings that the model does not explain."""
     return [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
+
+
+def doubtful(doc: Mapping[str, Any]) -> list[str]:
+    """Return the names of the recordings whose own page asks to look closer."""
+    return [row["name"] for row in doc["recordings"] if row.get("verdict") == "look"]
 
 
 def left_out_text(doc: Mapping[str, Any]) -> str:
@@ -132,6 +139,9 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     advice = []
     if odd:
         advice.append(f"Not explained: {_some(odd)}; open {'their reports' if len(odd) > 1 else 'its report'} first.")
+    if look := doubtful(doc):
+        whose = "their reports say" if len(look) > 1 else "its report says"
+        advice.append(f"Look closer at {_some(look)}: why, the top of {whose}.")
     if doc["n_refused"]:
         advice.append(f"{doc['n_refused']} refused: the reasons stand below; mend them and run the same command again.")
     urgent = sorted(doc["findings"], key=lambda row: URGENT.get(row.get("code"), len(URGENT)))
@@ -167,9 +177,8 @@ def campaign_page(
     thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
         "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
-        good=not doc["n_refused"] and not serious and not unexplained(doc),
-        missed=missed_limits, known_metrics=known_metrics, drawings=drawings, answer=campaign_answer(doc),
-        shared=_shared_rows(doc),
+        good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
+        drawings=drawings, answer=campaign_answer(doc), shared=_shared_rows(doc),
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
         ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],

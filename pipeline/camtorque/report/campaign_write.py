@@ -62,7 +62,7 @@ def _entry(entry: CampaignEntry, fitted: JointRecording | None) -> Mapping[str, 
     row: dict[str, Any] = {
         "name": entry.name, "id": entry.id or None, "status": entry.status, "error": entry.error or None,
         "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
-        "explained_joint": None, **entry.summary,
+        "explained_joint": None, "verdict": None, **entry.summary,
     }  # fmt: skip
     if fitted is not None and entry.status == "ok":
         row["metrics_joint"] = {name: asdict(fitted.metrics[name]) for name in JOINT_METRICS}
