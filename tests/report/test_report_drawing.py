@@ -29,7 +29,7 @@ from camtorque.report.numbers import (
 from camtorque.report.payload import MISSING, chart_data, packed
 from camtorque.report.phases import bump_spans, phases, strokes
 from camtorque.report.rows_svg import rows_svg
-from camtorque.report.svg import Scale, dots, path_data, simplified, tick_text, ticks
+from camtorque.report.svg import Scale, dots, path_data, simplified, text_width, tick_text, ticks
 from report_cases import NASTY, run_result
 
 
@@ -93,6 +93,20 @@ def test_a_stretch_outside_what_is_shown_hides_no_other() -> None:
     spans = (Span(0.0, 50.0, "before"), Span(120.0, 180.0, "within", loud=True), Span(300.0, 310.0, "after"))
     drawn = curves_svg(replace(curves(), x_range=(100.0, 200.0), spans=spans), "torque")
     assert [name in drawn for name in ("before", "within", "after")] == [False, True, False]
+
+
+def test_names_of_near_bumps_stand_below_each_other() -> None:
+    starts = (40.0, 27.0, 120.0, 34.0, 356.0)
+    spans = tuple(Span(low, low + 4.0, f"bump {k}", loud=True) for k, low in enumerate(starts, 1))
+    drawn = curves_svg(replace(curves(), spans=spans), "torque")
+    found = [re.search(rf'x="([\d.]+)" y="([\d.]+)"[^>]*>bump {k}<', drawn) for k in range(1, 6)]
+    places = [(float(one[1]), float(one[2])) for one in found if one]
+    assert len(places) == len(starts)
+    for k, (x, y) in enumerate(places):
+        assert all(abs(x - other[0]) > text_width("bump 1") or abs(y - other[1]) >= 12.0 for other in places[:k])
+    assert places[0][1] == places[2][1], "names with room stand in one line"
+    assert places[-1][0] + 0.5 * text_width("bump 5") <= curves().width
+    assert drawn.rindex('class="f-warnsoft"') < drawn.index(">bump 1<"), "no stretch covers the name of another"
 
 
 def test_a_gap_in_a_curve_stays_a_gap() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,8 @@ Mask = NDArray[np.bool_]
 LEFT, RIGHT, TOP, BOTTOM, LEGEND_LINE, GAP = 64.0, 12.0, 8.0, 38.0, 18.0, 14.0
 POINT = 5.2
 """Width of a point [px]."""
+BETWEEN_NAMES, NAME_LINE = 4.0, 13.0
+"""Least room between the names of two stretches, and how far below each other they stand where they have less [px]."""
 TURN_TICKS = tuple(range(0, 361, 45))
 
 
@@ -55,19 +59,22 @@ def curves_svg(chart: Curves, label: str) -> str:
 
 
 def _shaded(chart: Curves, across: Scale, y: float, height: float, first: bool, above: float) -> list[str]:
-    """Return the named spans behind a panel; names stand above the first panel."""
-    parts = []
+    """Return the named spans behind a panel; names stand above the first panel, loud ones in it, below each other."""
+    boxes, names, written = list[str](), list[str](), list[tuple[float, int]]()
     for span in chart.spans:
         start, stop = across(max(span.low, across.low)), across(min(span.high, across.high))
         if stop <= start:
             continue
-        parts.append(box(start, y, stop - start, height, "warnsoft" if span.loud else "soft"))
-        middle = 0.5 * (start + stop)
+        boxes.append(box(start, y, stop - start, height, "warnsoft" if span.loud else "soft"))
+        middle, width = 0.5 * (start + stop), text_width(span.label)
         if first and span.loud:
-            parts.append(text(middle, y + 11.0, span.label, "middle", "warn"))
-        elif first and stop - start > text_width(span.label):
-            parts.append(text(middle, above - 4.0, span.label, "middle", "muted"))
-    return parts
+            middle = min(max(middle, across.start + 0.5 * width), across.stop - 0.5 * width)
+            under = {place for other, place in written if abs(other - middle) < width + BETWEEN_NAMES}
+            written.append((middle, place := next(k for k in count() if k not in under)))
+            names.append(text(middle, y + 11.0 + NAME_LINE * place, span.label, "middle", "warn"))
+        elif first and stop - start > width:
+            names.append(text(middle, above - 4.0, span.label, "middle", "muted"))
+    return boxes + names
 
 
 def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> list[str]:
