@@ -10,6 +10,7 @@ import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
 from camtorque.report.bundle import RunResult
 from camtorque.report.measured import measured_chamber, measured_document
+from camtorque.report.texts import measured_text
 from camtorque.report.write import write_run
 from report_cases import run_result
 
@@ -57,6 +58,21 @@ def test_the_volume_of_a_stroke_stands_beside_that_of_the_model(tmp_path: Path) 
     assert doc["recording"]["fuel_temperature_c"] == pytest.approx(330.0 - 273.15)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Delivered per stroke: 70 mm³ measured, 66.5 ± 4.0 mm³ by the model (+5.3 %)" in page
+
+
+def test_nothing_is_said_to_agree_within_uncertainties_where_the_model_fails() -> None:
+    chamber = {
+        **dict.fromkeys(("peak_bar", "rebuilt_peak_bar", "rms_difference_bar", "rms_difference_percent"), 9.0),
+        "largest_difference_bar": 3.0,
+        "largest_difference_at_deg": 40.0,
+        "loaded_inside_two_std_percent": 98.0,
+    }
+    volume = {"measured_mm3": 70.0, "modelled_mm3": {"value": 66.5, "stderr": 4.0}, "difference_percent": 5.3}
+    doc = {"measured": {"chamber_pressure": chamber, "delivered_volume": volume}}
+    sure, unsure = (measured_text({**doc, "explained": explained}) for explained in (True, False))
+    assert "(+3 bar), and agree within two standard uncertainties at 98 % of the loaded angles. Delivered" in sure
+    assert "66.5 ± 4.0 mm³ by the model" in sure
+    assert "(+3 bar). Delivered per stroke: 70 mm³ measured, 66.5 mm³ by the model (+5.3 %)." in unsure
 
 
 def test_a_channel_that_covers_no_cycle_is_not_compared() -> None:

@@ -46,12 +46,12 @@ def inside_text(doc: Document) -> str:
         if value and value["value"] is not None:
             text += f"The chamber pressure {what} {estimate_text(doc, value, 'bar')}. "
     lost = "The follower leaves the cam." if forces["contact_lost"] else "The follower stays on the cam."
-    return text + lost + measured_text(doc["measured"])
+    return text + lost + measured_text(doc)
 
 
-def measured_text(measured: Document) -> str:
+def measured_text(doc: Document) -> str:
     """Return measured chamber pressure and delivered volume against the model in words, empty without them."""
-    text, chamber, volume = "", measured["chamber_pressure"], measured["delivered_volume"]
+    text, chamber, volume = "", doc["measured"]["chamber_pressure"], doc["measured"]["delivered_volume"]
     if chamber:
         text += (
             f" The measured chamber pressure peaks at {significant(chamber['peak_bar'], 4)} bar, the rebuilt one at "
@@ -59,14 +59,21 @@ def measured_text(measured: Document) -> str:
             f"{significant(chamber['rms_difference_bar'], 2)} bar RMS "
             f"({significant(chamber['rms_difference_percent'], 2)} % of the peak), most at "
             f"{with_decimals(chamber['largest_difference_at_deg'], 0)} deg "
-            f"({signed_significant(chamber['largest_difference_bar'])} bar), and agree within two standard "
-            f"uncertainties at {with_decimals(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
+            f"({signed_significant(chamber['largest_difference_bar'])} bar)"
+        )
+        text += (
+            "."
+            if not doc["explained"]
+            else (
+                ", and agree within two standard uncertainties at "
+                f"{with_decimals(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
+            )
         )
     if volume:
         model = volume["modelled_mm3"]
         text += (
             f" Delivered per stroke: {significant(volume['measured_mm3'], 4)} mm³ measured, "
-            f"{rounded_to_error(model['value'], model['stderr'])} ± {plus_minus(model['stderr'])} mm³ by the model "
+            f"{estimate_text(doc, model, 'mm³')} by the model "
             f"({signed_significant(volume['difference_percent'])} %)."
         )
     return text
