@@ -218,6 +218,19 @@ def test_a_drift_is_the_slope_over_speed_in_the_units_of_the_report(prepared):
     assert row.significant
 
 
+@pytest.mark.parametrize("step", [0.0, 1e-6, 2e-3, 20.0])
+def test_recordings_at_one_speed_tell_no_slope_over_speed(prepared, step):
+    """Three runs within 2 mrpm made a slope of 10^5 per 1000 rpm, whose factor ended a campaign as unexpected."""
+    same = []
+    for k, item in enumerate(prepared):
+        chain = replace(item.data.chain, speed=(1000.0 + step * k) * np.pi / 30.0)
+        same.append(replace(item, data=replace(item.data, chain=chain)))
+    rows = shared_drifts(same)
+    assert rows
+    assert all(np.isnan(row.slope_per_1000_rpm) and not row.significant and row.chance == 1.0 for row in rows)
+    assert drift_findings(rows) == ()
+
+
 def test_one_of_many_that_drifts_by_chance_widens_its_interval_and_is_no_finding():
     rows = [Drift(f"p{k}", "mm", ("a", "b", "c"), (5.0, 7.0, 9.0), (1.0,) * 3, (1.0,) * 3, slope, 1.0)
             for k, slope in enumerate([2.6, 3.6, *[0.5] * 58])]  # fmt: skip

@@ -203,6 +203,10 @@ def test_a_shared_parameter_that_acts_by_its_logarithm_is_shown_as_it_is() -> No
     page = campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), ())
     cells = re.findall(r"<td[^>]*>(.*?)</td>", page[page.index("drive lag<small>") - 9 :])[:6]
     assert cells == ["drive lag<small>the lag</small>", "0.002", "×/÷ 1.5", "s", "0.002 ×/÷ 3.7", "× 0.5 ×/÷ 1.2"]
+    untold = replace(drift, slope_per_1000_rpm=np.nan, slope_stderr=np.nan)  # all at one speed
+    result = replace(result, joint=replace(joint, shared_parameters=(row,), drifts=(untold,)))
+    page = campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), ())
+    assert '0.002 ×/÷ 3.7</td><td class="n">–</td>' in page
 
 
 def test_a_thousand_recordings_fit_into_three_megabytes() -> None:

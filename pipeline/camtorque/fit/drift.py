@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.joint_input import Known
+from camtorque.fit.joint_input import SAME_SPEED, Known
 from camtorque.fit.problem import Problem
 from camtorque.records import Array, Finding
 from camtorque.units import short
@@ -62,14 +62,20 @@ def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
             continue
         values = np.array([item.alone[name].value for item in inputs]) / first.per_unit
         errors = np.array([item.alone[name].std for item in inputs]) / first.per_unit
-        design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / errors[:, None]
-        cov = np.linalg.pinv(design.T @ design)
-        slope = float((cov @ design.T @ (values / errors))[1])
         result.append(Drift(
             name, first.unit, names, tuple(speeds.tolist()), tuple(values.tolist()), tuple(errors.tolist()),
-            slope, float(np.sqrt(cov[1, 1])),
+            *_slope(speeds, values, errors),
         ))  # fmt: skip
     return tuple(result)
+
+
+def _slope(speeds: Array, values: Array, errors: Array) -> tuple[float, float]:
+    """Return the slope of a weighted straight line per 1000 rpm and its standard error, nan at one speed."""
+    if np.max(speeds) <= (1.0 + SAME_SPEED) * np.min(speeds):
+        return math.nan, math.nan
+    design = np.column_stack([np.ones_like(speeds), (speeds - np.mean(speeds)) / 1000.0]) / errors[:, None]
+    cov = np.linalg.pinv(design.T @ design)
+    return float((cov @ design.T @ (values / errors))[1]), float(np.sqrt(cov[1, 1]))
 
 
 def contradiction(inflation: float, alone: Sequence[float]) -> float:

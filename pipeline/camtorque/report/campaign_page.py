@@ -161,7 +161,7 @@ def _shared_rows(doc: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _drift_text(row: Mapping[str, Any], drift: Mapping[str, Any] | None) -> str:
     """Return how much a parameter drifts per 1000 rpm; as a factor where it acts by its logarithm."""
-    if drift is None:
+    if drift is None or drift["slope_per_1000_rpm"] is None:
         return UNKNOWN
     slope, stderr = drift["slope_per_1000_rpm"], drift["slope_stderr"]
     if LOGARITHM.fullmatch(row["unit"]):
