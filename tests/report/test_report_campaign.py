@@ -74,6 +74,23 @@ def test_what_is_shown_comes_from_the_reports(small: tuple[Path, CampaignResult]
     np.testing.assert_allclose(view.torque[0], np.mean(run_result().cycles.torque, axis=0)[::2])
 
 
+def test_a_trend_shows_no_interval_of_a_recording_that_is_not_explained(tmp_path: Path) -> None:
+    entries = []
+    for name, explained in (("a", True), ("b", False)):
+        (tmp_path / name).mkdir()
+        doc = write_run(run_result(name, explained=explained), tmp_path / name)
+        doc["uncertainty"]["budget"] = {"feed_pressure": {"the recording itself": 1.0}}
+        doc["parameters"]["feed_pressure"]["knowledge"] = "measured"
+        (tmp_path / name / "result.json").write_text(json.dumps(doc), encoding="utf-8")
+        entries.append(entry(name, doc, name))
+    view = campaign_view(entries, tmp_path)
+    shown = {column.label: column for column in view.quantities}
+    for label in ("chamber peak", "trigger angle", "parameter: feed pressure"):
+        assert np.isfinite(shown[label].values).all()
+        assert np.isfinite(shown[label].stderr).tolist() == [True, False], label
+    assert [bool(campaign_view([one, one], tmp_path).budget) for one in entries] == [True, False]
+
+
 def test_what_a_revolution_gives_back_is_no_trend() -> None:
     documents = [{"losses": {"unit": "J", "input": 15.0, "friction": 4.0, "inertia": 1e-7, "closure_percent": 0.1}}]
     assert [column.label for column in trends_of_losses(documents)] == ["work: friction"]

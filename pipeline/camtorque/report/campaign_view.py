@@ -112,7 +112,7 @@ def _document(path: Path) -> Mapping[str, Any]:
     doc = json.loads(path.read_text(encoding="utf-8"))
     rows = doc.get("parameters", {})
     return {
-        **{key: doc[key] for key in SECTIONS if key in doc},
+        **{key: doc[key] for key in ("explained", *SECTIONS) if key in doc},
         "parameters": {
             intern(name): {key: intern(v) if isinstance(v := row.get(key), str) else v for key in PARAMETER_KEYS}
             for name, row in rows.items()
@@ -132,13 +132,13 @@ def _curves(path: Path, points: int) -> Array:
 
 
 def _value(document: Mapping[str, Any], path: Sequence[str]) -> tuple[float, float]:
-    """Return a number with its standard error, NaN where there is none."""
+    """Return a number with its standard error, NaN where there is none or the model explains nothing."""
     value: Any = document
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None
     pair = (value.get("value"), value.get("stderr")) if isinstance(value, Mapping) else (value, None)
     number, error = (np.nan if item is None else float(item) for item in pair)
-    return number, error
+    return number, error if document.get("explained", True) else np.nan
 
 
 def _column(label: str, unit: str, path: Sequence[str], documents: Sequence[Mapping[str, Any]]) -> Column:
@@ -172,7 +172,7 @@ def _parameters(documents: Sequence[Mapping[str, Any]]) -> list[Column]:
 def _budget(documents: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
     """Return for each outcome that some recording states the mean share of each source in its variance [%]."""
     found: dict[str, list[dict[str, float]]] = {}
-    for doc in documents:
+    for doc in (doc for doc in documents if doc.get("explained", True)):
         rows = doc.get("parameters", {})
         source_of = {name: row["source"] for name, row in rows.items()}
         for name, parts in doc.get("uncertainty", {}).get("budget", {}).items():
