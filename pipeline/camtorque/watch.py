@@ -134,7 +134,7 @@ class Memory:
     """What a watch remembers between two looks."""
 
     pools: list[Pool] = field(default_factory=list)
-    rejected: dict[tuple[str, str], int] = field(default_factory=dict)
+    rejected: dict[tuple[Path, str], int] = field(default_factory=dict)
 
     def pool(self, speed: float) -> Pool:
         """Return the cycles at about that speed."""
@@ -144,10 +144,10 @@ class Memory:
         self.pools.append(Pool(speed))
         return self.pools[-1]
 
-    def newly_rejected(self, name: str, cut_flow: Sequence[CutFlowRow]) -> dict[str, int]:
+    def newly_rejected(self, path: Path, cut_flow: Sequence[CutFlowRow]) -> dict[str, int]:
         """Return by reason how many cycles of a recording were rejected since the last look: a log tells all of it."""
-        found = {row.reason: row.cycles_single - self.rejected.get((name, row.reason), 0) for row in cut_flow}
-        self.rejected |= {(name, row.reason): row.cycles_single for row in cut_flow}
+        found = {row.reason: row.cycles_single - self.rejected.get((path, row.reason), 0) for row in cut_flow}
+        self.rejected |= {(path, row.reason): row.cycles_single for row in cut_flow}
         return {reason: number for reason, number in found.items() if number > 0}
 
 
@@ -175,7 +175,7 @@ def look(
     drift, limit = _drift(pool.first, level)
     _remember(pool, cycles, rows)
     noise, wanted = _noise(pool, enough_percent)
-    rejected = memory.newly_rejected(recording.config.id, cycles.cut_flow)
+    rejected = memory.newly_rejected(recording.config.path, cycles.cut_flow)
     speed = float(np.mean(cycles.speed[rows]))
     return Block(
         name, int(cycles.speed[rows].size), lost,

@@ -173,13 +173,26 @@ def test_blocks_of_one_recording_tell_each_rejected_cycle_once(
     assert [block.reasons for block in blocks] == [("3 misfire",), ()]
 
 
-def test_a_growing_log_tells_each_rejected_cycle_once() -> None:
+def test_two_recordings_of_one_id_tell_each_its_own_rejected_cycles(
+    aligned: tuple[camtorque.Recording, camtorque.CamCycles],
+) -> None:
+    """Of repeats whose recording.toml was copied the second said neither why cycles were lost nor that they clip."""
+    recording, cycles = aligned
+    clipped = replace(cycles, cut_flow=(CutFlowRow("pressure_clipped", 3, "", 3),))
     memory = Memory()
+    for name in ("a", "b"):
+        one = replace(recording, config=replace(recording.config, path=Path(name) / "recording.toml"))
+        block = look(name, one, clipped, slice(None), 3, memory, 0.1)
+        assert (block.reasons, block.clipped) == (("3 pressure_clipped",), 3)
+
+
+def test_a_growing_log_tells_each_rejected_cycle_once() -> None:
+    memory, a, b = Memory(), Path("a"), Path("b")
     first = (CutFlowRow("pressure_clipped", 3, "", 3), CutFlowRow("missed_trigger", 0, ""))
-    assert memory.newly_rejected("a", first) == {"pressure_clipped": 3}
-    assert memory.newly_rejected("a", first) == {}
-    assert memory.newly_rejected("a", (replace(first[0], cycles_single=5), *first[1:])) == {"pressure_clipped": 2}
-    assert memory.newly_rejected("b", first) == {"pressure_clipped": 3}
+    assert memory.newly_rejected(a, first) == {"pressure_clipped": 3}
+    assert memory.newly_rejected(a, first) == {}
+    assert memory.newly_rejected(a, (replace(first[0], cycles_single=5), *first[1:])) == {"pressure_clipped": 2}
+    assert memory.newly_rejected(b, first) == {"pressure_clipped": 3}
 
 
 def test_a_watch_ends_when_its_seconds_are_over(replay: Replay, bench: Path) -> None:
