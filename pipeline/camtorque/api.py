@@ -96,7 +96,7 @@ class Recording(records.Recording):
         Raises
         ------
         Refusal : an array that is empty, not of one dimension or without a finite number; no positive rate or speed;
-            a delay, tolerance or uncertainty that none can be
+            a delay, tolerance or uncertainty that none can be; a blank name
 
         Examples
         --------

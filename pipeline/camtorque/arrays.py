@@ -100,7 +100,7 @@ def recording_from_arrays(
     ------
     Refusal : an array that is missing, empty, not of one dimension, not of real or finite numbers; arrays of different
         lengths at one rate; a rate or speed that is not positive; an angle of the trigger beyond a turn; a sensor of
-        another name; torque and pressure that cannot come from this pump
+        another name; a blank name; torque and pressure that cannot come from this pump
     """
     if not isinstance(sensors, Mapping):
         raise Refusal(
@@ -114,6 +114,8 @@ def recording_from_arrays(
             raise Refusal(
                 f"sensors[{key!r}]: found {sensor!r}, expected a camtorque.Sensor, such as Sensor(gain_std=0.002)"
             )
+    if not (isinstance(name, str) and name.strip()):
+        raise Refusal(f"name: found {name!r}, expected a text; pages and tables go by it")
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
     values = {quantity: _checked(arrays[quantity], quantity) for quantity in QUANTITIES if quantity in arrays}
     every = {quantity: _rate(rates, quantity) for quantity in values}

@@ -172,6 +172,8 @@ def test_a_cam_drawn_by_sections_serves_too(arrays: dict[str, np.ndarray]) -> No
             "arrays at one sample_rate: found .* 9 of pressure.* expected as many of each",
         ),
         ({"speed_rpm": -1.0}, "speed_rpm: found -1.0, expected a positive number"),
+        ({"name": " "}, "name: found ' ', expected a text"),
+        ({"name": None}, "name: found None, expected a text"),
         ({"sample_rate": "20e3"}, "sample_rate: found '20e3', expected a positive number"),
         ({"trigger_tolerance_deg": -1.0}, "trigger_tolerance_deg: found -1.0, expected a number from 0 to 180"),
         ({"trigger_tolerance_deg": np.nan}, "trigger_tolerance_deg: found nan"),
