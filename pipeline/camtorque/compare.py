@@ -24,7 +24,7 @@ from camtorque.ingest.stated import DIMENSIONS, differences, stated
 from camtorque.jsonable import now
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
-from camtorque.records import Array, Recording, Refusal
+from camtorque.records import Array, Finding, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, write_compare
 from camtorque.report.files import inputs_document
@@ -236,14 +236,14 @@ def torque_ratio(before: Sequence[MeanCycles], after: Sequence[MeanCycles]) -> f
 
 
 def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
-    """Return the warnings and errors of both sides, each once, with the recording that it is of."""
-    rows = {
-        (finding.text, finding.where): {**asdict(finding), "recording": name}
-        for item in compared for name, side in _by_name(item.before, item.after).items()
-        for finding in (*summarise(side.recording, side.cycles.pulses).findings, *side.cycles.findings)
-        if finding.severity != "info"
-    }  # fmt: skip
-    return list(rows.values())
+    """Return the warnings and errors of both sides, each once, with the recordings that it is of."""
+    names: dict[Finding, dict[str, None]] = {}
+    for item in compared:
+        for name, side in _by_name(item.before, item.after).items():
+            for finding in (*summarise(side.recording, side.cycles.pulses).findings, *side.cycles.findings):
+                if finding.severity != "info":
+                    names.setdefault(finding, {})[name] = None
+    return [{**asdict(finding), "recording": ", ".join(found)} for finding, found in names.items()]
 
 
 def _sheets(compared: Sequence[Compared]) -> list[str]:

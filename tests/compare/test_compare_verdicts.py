@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque import compare as compare_flow
 from camtorque.commands.compare import compare_table
 from camtorque.compare import (
     _sheets,
@@ -26,7 +27,7 @@ from camtorque.fit.verdicts import Difference, pooled, verdict, whole_verdict
 from camtorque.ingest import read_recording
 from camtorque.laws import ROWS
 from camtorque.progress import silent
-from camtorque.records import InputFile, Refusal
+from camtorque.records import Finding, InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out
 from camtorque.results import recording_path
 from camtorque.units import RPM
@@ -158,6 +159,20 @@ def test_recordings_of_two_speeds_are_refused_before_a_fit(tmp_path: Path) -> No
     with pytest.raises(Refusal, match=r"at 500\.0 rpm and A_1000rpm at 1000\.1 rpm, expected one speed within 2 %"):
         compare(examples / "A_0500rpm", examples / "A_1000rpm", tmp_path / "out", told.append)
     assert not [text for text in told if text.startswith("fitting")]
+
+
+def test_a_warning_on_both_sides_is_told_of_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A zero that both transducers have off was told of the recording after alone."""
+
+    def side(name: str, *codes: str) -> SimpleNamespace:
+        found = tuple(Finding(code, "warning", f"text of {code}", "sheet.toml") for code in codes)
+        cycles = SimpleNamespace(pulses={}, findings=found)
+        return SimpleNamespace(recording=SimpleNamespace(config=SimpleNamespace(id=name)), cycles=cycles)
+
+    monkeypatch.setattr(compare_flow, "summarise", lambda recording, pulses: SimpleNamespace(findings=()))
+    pair = SimpleNamespace(before=side("old", "zero", "short"), after=side("new", "zero", "hum"))
+    rows = compare_flow._loud([pair])
+    assert {row["code"]: row["recording"] for row in rows} == {"zero": "old, new", "short": "old", "hum": "new"}
 
 
 def test_every_event_moves_parameters_that_exist() -> None:
