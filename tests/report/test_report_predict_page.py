@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.config.pump import load_pump_config
-from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.contact import ContactLoss
 from camtorque.mechanism.predict import predict, sweep_rows
 from camtorque.report.predict_page import FIGURES, SWEEP, chart_of, prediction_page
@@ -46,6 +46,12 @@ def test_page_says_what_the_model_found(prediction):
 
 def test_every_figure_of_the_sweep_has_a_name_on_the_page(prediction):
     assert set(SWEEP) == set(sweep_rows(prediction)[0])
+
+
+def test_a_mean_torque_that_is_rounding_alone_reads_zero():
+    dry = predict(read_pump(CALIBRATION / "pump_A.toml")[0], np.array([500.0]) * RPM)
+    assert abs(sweep_rows(dry)[0]["shaft_torque_mean_nm"]) < 1e-12
+    assert '<th scope="row">shaft torque, mean [N m]</th><td class="n">0</td>' in prediction_page(dry, "pump")
 
 
 def test_page_of_a_follower_that_never_jumps(prediction):

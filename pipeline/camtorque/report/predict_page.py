@@ -41,6 +41,8 @@ SWEEP = {
 """Key of a row of the sweep -> what the page calls it."""
 
 
+NOISE_DECIMALS = 9
+"""Decimals of any number of the sweep beyond which there is rounding alone: the mean torque of a dry pump is none."""
 MOST_NAMED = 3
 """Speeds beyond which the headline names the worst one only."""
 
@@ -111,7 +113,7 @@ def _cell(key: str, value: float | bool) -> str:
     """Return a number with four digits, an angle with one decimal, or yes or no."""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return with_decimals(value, 1) if key.endswith("_deg") else significant(value, 4)
+    return with_decimals(value, 1) if key.endswith("_deg") else significant(round(value, NOISE_DECIMALS) + 0.0, 4)
 
 
 def contact_text(prediction: Prediction) -> str:
