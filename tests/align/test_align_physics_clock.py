@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,42 @@ def test_clock_without_trigger_from_torque_and_pressure(lost: str) -> None:
     found = fit.offset_s + 1e-6 * fit.skew_ppm * middle
     assert abs(found - CLOCK.offset - CLOCK.skew * middle) < 2.0 * fit.stderr_s
     assert {f.code for f in cycles.findings if f.severity != "info"} == {"clock_from_physics"}
+
+
+def edited(recording: Recording, quantity: str, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    channels = tuple(
+        replace(c, source=Samples(change(c.source.values.copy()))) if c.quantity == quantity else c
+        for c in recording.channels
+    )
+    return replace(recording, channels=channels)
+
+
+def without_one_sample(values: np.ndarray) -> np.ndarray:
+    values[values.size // 2] = np.nan
+    return values
+
+
+@pytest.mark.parametrize("lost", ["trigger", "trigger_b"])
+@pytest.mark.parametrize("change", [np.negative, without_one_sample])
+def test_an_inverted_torque_and_a_missing_sample_leave_the_clock_as_it_is(
+    lost: str, change: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    cycles = align(edited(without(make(RIG), lost), "torque", change))
+    fit = next(c for c in cycles.clocks if c.logger == "B")
+    found = fit.offset_s + 1e-6 * fit.skew_ppm * 4.0
+    assert abs(found - CLOCK.offset - CLOCK.skew * 4.0) < 2.0 * fit.stderr_s
+    codes = {f.code for f in cycles.findings if f.severity != "info"}
+    assert codes == {"clock_from_physics"} | ({"torque_inverted"} if change is np.negative else set())
+    assert np.mean(cycles.torque) > 0.0
+
+
+def test_cycles_that_all_lack_samples_tie_no_clock() -> None:
+    def holed(values: np.ndarray) -> np.ndarray:
+        values[::500] = np.nan
+        return values
+
+    with pytest.raises(Refusal, match="found 0 whole revolutions in common"):
+        align(edited(without(make(RIG), "trigger_b"), "pressure", holed))
 
 
 def test_equal_revolutions_leave_the_lag_open() -> None:

@@ -61,8 +61,8 @@ def physics_clock(pair: Pair) -> Clock:
     ------
     Refusal : fewer than five revolutions in common
     """
-    offset, skew, evidence, stderr_skew = _coarse_offset(pair), 0.0, 0.0, 0.0
-    stderr = np.inf
+    offset, sign = _coarse_offset(pair)
+    skew, evidence, stderr_skew, stderr = 0.0, 0.0, 0.0, np.inf
     for round_ in range(3):
         clock = Clock(ClockFit(pair.logger, offset, 1e6 * skew, 0.0))
         rows, middle, period = _rows(pair, clock)
@@ -70,8 +70,9 @@ def physics_clock(pair: Pair) -> Clock:
             turns, evidence = _whole_turns(rows, pair.own)
             offset += turns * float(np.median(period))
             continue
-        shift = np.array([_best_shift(*row) for row in _matched(rows, pair)]) * period / N_THETA
+        shift = np.array([_best_shift(*row) for row in _matched(rows, pair, sign)]) * period / N_THETA
         good = np.isfinite(shift)
+        _refuse_few(pair, int(good.sum()))
         line = robust_line(middle[good], shift[good])
         # Drift is only read where the scatter of the shifts lets it stand out.
         drift = line.slope if abs(line.slope) > 3.0 * line.stderr_slope else 0.0
@@ -86,8 +87,11 @@ def physics_clock(pair: Pair) -> Clock:
     return Clock(fit, stderr_skew, evidence=evidence, findings=tuple(findings))
 
 
-def _coarse_offset(pair: Pair) -> float:
-    """Return own time minus known time where the correlation of the two is largest, from decimated signals."""
+def _coarse_offset(pair: Pair) -> tuple[float, float]:
+    """Return own time minus known time where the correlation of the two is largest, from decimated signals.
+
+    Second comes the sign of the torque: -1 where it is inverted, so that it follows the pressure best against it.
+    """
     signals = {}
     for quantity, channel in pair.channels.items():
         step = max(1, round(channel.sample_rate / COARSE_RATE))
@@ -107,8 +111,9 @@ def _coarse_offset(pair: Pair) -> float:
     known = np.interp(known_start + even, known_time, known * weight)
     raw = _correlation(own - own.mean(), known - known.mean())
     # Not divided by the overlap: of equal peaks, one per revolution, the longest overlap is taken first.
-    lag = int(np.argmax(raw)) - (known.size - 1)
-    return own_start + lag / COARSE_RATE - known_start
+    sign = 1.0 if np.max(raw) >= -np.min(raw) else -1.0
+    lag = int(np.argmax(sign * raw)) - (known.size - 1)
+    return own_start + lag / COARSE_RATE - known_start, sign
 
 
 def _correlation(own: Array, known: Array) -> Array:
@@ -129,21 +134,26 @@ def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
     clocks = {pair.known: Clock(ClockFit(pair.known, 0.0, 0.0, 0.0)), pair.logger: clock}
     cycles = pair.angle.candidate_cycles()
     complete = covered(pair.angle, cycles, pair.channels, clocks)
-    if complete.sum() < LEAST_CYCLES:
-        raise Refusal(
-            f"logger {pair.logger!r}: found {int(complete.sum())} revolutions in common with logger {pair.known!r}, "
-            f"expected at least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
-        )
+    _refuse_few(pair, int(complete.sum()))
     aligned = align_channels(pair.channels, pair.angle, cycles, complete, clocks, AlignOptions(n_theta=N_THETA))
     begin, end = (pair.angle.time_at((cycles[complete] + k) * TURN) for k in (0, 1))
     return {quantity: item.rows[complete] for quantity, item in aligned.items()}, 0.5 * (begin + end), end - begin
 
 
-def _matched(rows: Mapping[str, Array], pair: Pair) -> list[tuple[Array, Array, Array, bool]]:
+def _refuse_few(pair: Pair, count: int) -> None:
+    if count < LEAST_CYCLES:
+        raise Refusal(
+            f"logger {pair.logger!r}: found {count} whole revolutions in common with logger {pair.known!r}, "
+            f"expected at least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
+        )
+
+
+def _matched(rows: Mapping[str, Array], pair: Pair, sign: float) -> list[tuple[Array, Array, Array, bool]]:
     velocity = lift_velocity(pair.table, N_THETA)
     pressure = np.maximum(rows["pressure"], 0.0)
     return [
-        (torque, line, velocity, pair.own == "pressure") for torque, line in zip(rows["torque"], pressure, strict=True)
+        (torque, line, velocity, pair.own == "pressure")
+        for torque, line in zip(sign * rows["torque"], pressure, strict=True)
     ]
 
 
@@ -172,7 +182,10 @@ def _whole_turns(rows: Mapping[str, Array], own: str) -> tuple[int, float]:
     scores = []
     for turns in range(-(n - least), n - least + 1):
         x, y = a[max(0, -turns) : n - max(0, turns)], b[max(0, turns) : n - max(0, -turns)]
-        correlation = max(0.0, float(np.corrcoef(x, y)[0, 1])) if np.ptp(x) > 0.0 and np.ptp(y) > 0.0 else 0.0
+        known = np.isfinite(x + y)  # a cycle without some samples has no height
+        x, y = x[known], y[known]
+        correlation = float(np.corrcoef(x, y)[0, 1]) if known.any() and np.ptp(x) * np.ptp(y) > 0.0 else 0.0
+        correlation = max(0.0, correlation)
         scores.append((-0.5 * x.size * np.log(max(1e-12, 1.0 - correlation**2)), turns))
     scores.sort(reverse=True)
     if len(scores) < 2:
