@@ -237,6 +237,27 @@ def test_crank_wheel_without_index_is_told_from_the_lift() -> None:
     assert "cycle_phase_open" in {finding.code for finding in open_.findings}
 
 
+@pytest.mark.parametrize("start", [0.3, 0.3 + np.pi])
+@pytest.mark.parametrize("damage", ["inverted torque", "one sample missing"])
+def test_the_turn_of_a_crank_is_told_from_damaged_torque(start: float, damage: str) -> None:
+    wheel = replace(WHEELS["60-2 on the crank, index"], index=False)
+    bare = wheel_recording(replace(wheel, shaft=replace(wheel.shaft, start=start)))
+    torque = bare.of("torque")[0].source.values.copy()
+    if damage == "inverted torque":
+        torque *= -1.0
+    else:
+        torque[torque.size // 2] = np.nan
+    channels = tuple(
+        replace(channel, source=Samples(torque)) if channel.quantity == "torque" else channel
+        for channel in bare.channels
+    )
+    cycles = align(replace(bare, channels=channels))
+    codes = {finding.code for finding in cycles.findings}
+    assert "cycle_phase_by_lift" in codes
+    assert ("torque_inverted" in codes) == (damage == "inverted torque")
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+
+
 def test_index_of_another_shaft_is_refused() -> None:
     wheel = Wheel(missing=0, index=True)
     slow = replace(wheel, shaft=Shaft(rpm=170.0))

@@ -14,7 +14,7 @@ from camtorque.align.angle import cam_angle
 from camtorque.align.channels import align_channels, covered
 from camtorque.align.measured import Measured
 from camtorque.align.options import AlignOptions
-from camtorque.align.polarity import lift_velocity
+from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
 from camtorque.align.timebase import TimeBase
 from camtorque.records import Array, CamTable, Finding, Recording
 from camtorque.signal.threshold import Threshold
@@ -31,12 +31,7 @@ def settled_phase(recording: Recording, base: TimeBase, channels: Measured, opti
         return base
     scores = np.zeros(turns)
     if recording.lift_table is not None and "pressure" in channels.main:
-        means = _means(recording, base, channels, options)
-        for turn in range(turns):
-            # the table read from another turn: what is at theta then was at theta + turn
-            scores[turn] = _score(
-                {k: np.roll(v, -turn * COARSE // turns) for k, v in means.items()}, recording.cam_table
-            )
+        scores = _scores(_means(recording, base, channels, options), recording.cam_table, turns)
     order = np.argsort(scores)[::-1]
     best = int(order[0])
     clear = scores[best] > scores[order[1]] + CLEARER
@@ -60,14 +55,26 @@ def _means(recording: Recording, base: TimeBase, channels: Measured, options: Al
     if not complete.any():
         return {}
     aligned = align_channels(channels.main, angle, cycles, complete, base.clocks, coarse)
-    return {quantity: np.median(item.rows[complete], axis=0) for quantity, item in aligned.items()}
+    whole = np.all([np.isfinite(item.rows).all(axis=1) for item in aligned.values()], axis=0)
+    if not whole.any():
+        return {}
+    return {quantity: np.median(item.rows[whole], axis=0) for quantity, item in aligned.items()}
 
 
-def _score(means: dict[str, Array], table: CamTable) -> float:
-    """Return how well a mean cycle follows the lift."""
+def _scores(means: dict[str, Array], table: CamTable, turns: int) -> Array:
+    """Return how well the mean cycle follows the lift, for each turn that it may begin with, (turns,).
+
+    A torque that is against the lift where the pressure rises with it is inverted: it is turned later on.
+    """
     if "pressure" not in means:
-        return 0.0
-    velocity = lift_velocity(table, COARSE)
-    line = np.maximum(means["pressure"], 0.0)
-    pair = (means["torque"], line * velocity) if "torque" in means else (line, np.maximum(velocity, 0.0))
-    return float(np.corrcoef(*pair)[0, 1]) if min(np.ptp(item) for item in pair) > 0.0 else 0.0
+        return np.zeros(turns)
+    velocity, line = lift_velocity(table, COARSE), np.maximum(means["pressure"], 0.0)
+    # the table read from another turn: what is at theta then was at theta + turn
+    read = [np.roll(velocity, turn * COARSE // turns) for turn in range(turns)]
+    rises = np.array([correlation(line, np.maximum(slope, 0.0)) for slope in read])
+    if "torque" not in means:
+        return rises
+    drives = np.array([correlation(means["torque"], line * slope) for slope in read])
+    likely = np.argsort(rises)[::-1]
+    told = rises[likely[0]] > rises[likely[1]] + CLEARER
+    return -drives if told and drives[likely[0]] < INVERTED_CORRELATION else drives

@@ -103,7 +103,7 @@ def check_quantities(
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     repeating = (*repeating, *_strokes(torque, velocity, recording))
     _refuse_swapped(torque, pressure, velocity, recording.config.id)
-    straight = _correlation(torque, np.maximum(pressure, 0.0) * velocity)
+    straight = correlation(torque, np.maximum(pressure, 0.0) * velocity)
     # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
     work = float(np.mean(torque) - at_rest(torque, velocity))
     if straight > INVERTED_CORRELATION or work > 0.0:
@@ -135,7 +135,7 @@ def _strokes(torque: Array, velocity: Array, recording: Recording) -> tuple[Find
     """Tell a revolution that holds the torque several times where the lift table rises once: pulses are missing."""
     for n in range(MOST_STROKES, 1, -1):
         turned = [np.roll(curve, curve.size // n) for curve in (torque, velocity)]
-        if _correlation(torque, turned[0]) > SAME_STROKE and _correlation(velocity, turned[1]) < 0.5:
+        if correlation(torque, turned[0]) > SAME_STROKE and correlation(velocity, turned[1]) < 0.5:
             text = (
                 f"a revolution by the pulses holds the same torque {n} times, the lift table rises once: {n - 1} "
                 f"of {n} pulses are missing, or the lift table lacks lobes; check the sensor's gap and its pulses, or "
@@ -223,13 +223,14 @@ def _typical(
     )
 
 
-def _correlation(a: Array, b: Array) -> float:
+def correlation(a: Array, b: Array) -> float:
+    """Return the correlation of two signals, 0 where one of them is constant."""
     return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
 
 
 def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) -> None:
-    straight = abs(_correlation(torque, pressure * velocity))
-    swapped = abs(_correlation(pressure, torque * velocity))
+    straight = abs(correlation(torque, pressure * velocity))
+    swapped = abs(correlation(pressure, torque * velocity))
     dwell = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
     rest = [abs(float(np.median(signal[dwell]))) / np.max(np.abs(signal)) for signal in (torque, pressure)]
     lowest = float(pressure.min()) / np.max(np.abs(pressure))
