@@ -92,6 +92,12 @@ def test_revolutions_that_scatter_are_not_said_to_repeat():
     assert repeats_every(np.where(np.arange(16)[:, None] == 3, np.nan, alternating)) == 2
 
 
+def test_a_stray_sample_in_most_revolutions_makes_none_alternate():
+    rows = torque_of(np.linspace(0.0, TWO_PI, 720)) + 0.3 * np.random.default_rng(1).standard_normal((10, 720))
+    rows[np.arange(2, 8), 9 * np.arange(6)] = 2000.0
+    assert repeats_every(rows) == 1
+
+
 def test_an_angle_tells_speed_and_turns():
     angle = np.degrees(SHAFT.angle(np.arange(40_000) / RATE))
     factor = np.pi / 180.0

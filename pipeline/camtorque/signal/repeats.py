@@ -19,6 +19,8 @@ ALIKE = Threshold(
 )  # fmt: skip
 LEAST_REPEATS = 2
 """Pairs of like revolutions that are needed."""
+STRAY_PERCENT = (2.0, 98.0)
+"""Percentiles of all samples beyond which a few are strays; what a pump does lasts longer."""
 
 
 def repeats_every(rows: Array) -> int:
@@ -32,6 +34,7 @@ def repeats_every(rows: Array) -> int:
     whole = np.asarray(np.isfinite(rows).all(axis=1))
     if whole.sum() < 2 + LEAST_REPEATS or not rows.size:
         return 1
+    rows = np.clip(rows, *np.percentile(rows[whole], STRAY_PERCENT))
     chance = 2.0 * float(np.mean(np.var(rows[whole], axis=1) + np.var(rows[whole].mean(axis=1))))
 
     def difference(apart: int) -> float:
