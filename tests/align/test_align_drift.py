@@ -103,6 +103,18 @@ def test_a_gain_that_drifts_is_told_and_a_load_that_does_is_not() -> None:
     assert size_findings(torque, flat, index)[0].code == "torque_size_drifts"
 
 
+def test_a_step_of_a_coarse_converter_is_no_drift() -> None:
+    """8 bits over 10 V: the base circle crosses the border of two steps of 0.8 N m for a drift of 0.03 N m."""
+
+    def coarse(volts):
+        return np.round(volts * 25.6) / 25.6
+
+    recording = read_recording(EXAMPLES / "A_1000rpm")
+    assert "torque_drifts" not in {row.code for row in align(sampled(recording, "torque", coarse)).findings}
+    drifting = sampled(recording, "torque", lambda v: coarse(v + np.linspace(0.0, 0.1, v.size)))
+    assert "torque_drifts" in {row.code for row in align(drifting).findings}
+
+
 def test_a_channel_that_died_is_refused_as_such() -> None:
     def dead(volts):
         volts[volts.size // 4 :] = volts[volts.size // 4]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_unseen, wandered
 from camtorque.align.channels import AlignedChannel, align_channels, covered
-from camtorque.align.drift import drift_findings, level_drifts, size_findings
+from camtorque.align.drift import beyond_steps, drift_findings, level_drifts, size_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.jitter import refuse_jitter
@@ -126,6 +126,7 @@ def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
     rows = {} if found.torque is None else {"torque": (found.torque, found.mean_torque)}
     rows |= {"pressure": (found.pressure, found.mean_pressure)} if found.pressure.size else {}
     drifts = level_drifts(idle_points(found.theta, lift), rows, found.index)
+    drifts = beyond_steps(drifts, {quantity: recording.of(quantity)[0] for quantity in drifts})
     told = drift_findings(drifts, {quantity: float(np.max(mean)) for quantity, (_, mean) in rows.items()})
     if len(rows) == 2:
         told = (*told, *size_findings(rows["torque"], rows["pressure"], found.index))

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.records import Array, Finding
+from camtorque.records import Array, Channel, Finding
+from camtorque.signal.damage import converter_step
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import products_of
 from camtorque.units import BAR, short
@@ -32,6 +33,8 @@ SIZE_SHARE = Threshold(
     0.01, "1", "simulated rigs",
     "Share by which the cycles of the torque may grow beside what their line pressure does: sound runs reach 0.004."
 )  # fmt: skip
+STEP_SAMPLES = 1 << 18
+"""Samples from which the step of a converter is taken."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,20 @@ def level_drifts(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any)
         if abs(drift) >= max(SIGNIFICANT * stderr, DRIFTING[quantity].share * float(np.max(mean))):
             found[quantity] = drift
     return found
+
+
+def beyond_steps(drifts: Mapping[str, float], channels: Mapping[str, Channel]) -> dict[str, float]:
+    """Leave out drifts of no more than a step of a converter so coarse that a resting channel repeats its samples.
+
+    A level that moves by a hundredth of a step moves by a whole one where it crosses the border of two.
+    """
+    return {name: drift for name, drift in drifts.items() if abs(drift) > _coarse_step(channels[name])}
+
+
+def _coarse_step(channel: Channel) -> float:
+    """Return the step of a converter [SI], 0 where most neighbouring samples differ."""
+    values = channel.read(0, min(channel.n_samples, STEP_SAMPLES))
+    return converter_step(values) if np.count_nonzero(np.diff(values) == 0.0) > 0.5 * values.size else 0.0
 
 
 def drift_findings(drifts: Mapping[str, float], peaks: Mapping[str, float]) -> tuple[Finding, ...]:
