@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -165,3 +166,23 @@ def test_edges_that_beat_with_a_coarse_clock_are_no_lost_samples(name: str, ever
     cycles = align(replace(recording, channels=channels))
     assert told(cycles) == {}
     assert cycles.index.size > 40
+
+
+def test_what_wanders_behind_a_start_up_is_told_by_its_rate_and_over_the_whole_recording() -> None:
+    def started(volts: Array) -> Array:
+        share = np.arange(volts.size) / volts.size
+        place = np.where(share < 0.5, 0.5 * share * (1.0 + share), share - 0.125)
+        return np.interp(volts.size * place, np.arange(volts.size), volts)
+
+    started_all = changed(started, "torque", "pressure", "trigger")
+    channels = tuple(
+        replace(item, source=ArraySource(faster(250.0)(item.read_volts()))) if item.quantity == "pressure" else item
+        for item in started_all.channels
+    )
+    cycles = align(replace(started_all, channels=channels))
+    assert cycles.index.size < 0.6 * cycles.cycles_found
+    (text,) = [item.text for item in cycles.findings if item.code == "clock_wanders"]
+    ppm = float(re.search(r"clocks that differ by (\S+) ppm", text)[1])
+    assert ppm == pytest.approx(250.0, rel=0.05)
+    over_all = 250.0e-6 * 360.0 * cycles.mean_speed / (2.0 * np.pi) * cycles.duration
+    assert wander(cycles)[0] == pytest.approx(0.5 * over_all, rel=0.05)

@@ -57,7 +57,7 @@ def mark_jumps(
                 "clock_jump",
                 "warning",
                 f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
-                "samples lost or the clock set, "
+                "samples or pulses were lost or the clock set, "
                 "the cycles there are cut out",
                 f"near {places}",
             )

@@ -52,7 +52,8 @@ class Lags:
     Attributes
     ----------
     slipped : (n_cycles,) cycles behind lost samples
-    wander : quantity -> half of the cam angle by which it comes later at the end than at the beginning [rad]
+    wander : quantity -> half of the cam angle by which it comes later at the last sound cycle than at the first of all
+        [rad]
     """
 
     slipped: NDArray[np.bool_]
@@ -87,10 +88,11 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
             sound = sound[: lost - 1]
         drift = _drift(rows, sound, lag, time, least)
         if drift:
-            wander[quantity] = drift * float(np.ptp(time[sound])) / 2.0
+            span = float(time[sound[-1]] - time[0])
+            wander[quantity], turned = drift * span / 2.0, span * float(np.median(table.speed[sound]))
             _shift(rows, -drift * (time - time[0]))
     if wander:
-        findings += _wandering(wander, float(np.ptp(time[~slipped])), float(np.median(table.speed)))
+        findings += _wandering(wander, turned)
     return Lags(slipped, wander, tuple(findings))
 
 
@@ -201,14 +203,14 @@ def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: 
     )  # fmt: skip
 
 
-def _wandering(wander: Mapping[str, float], duration: float, speed: float) -> list[Finding]:
-    """Tell what wanders over a duration [s]; what does so alike, once: it is the trigger's clock then."""
+def _wandering(wander: Mapping[str, float], turned: float) -> list[Finding]:
+    """Tell what wanders while the cam turns by ``turned`` [rad]; what does so alike, once: then the trigger does."""
     halves = list(wander.values())
     alike = len(halves) > 1 and abs(halves[0] - halves[1]) < ALIKE * abs(halves[0])
     told = {" and ".join(wander): halves[0]} if alike else wander
     findings = []
     for names, half in told.items():
-        ppm = 2e6 * abs(half) / (duration * speed)
+        ppm = 2e6 * abs(half) / turned
         clock = f"clocks that differ by {short(ppm, 2)} ppm" if ppm <= 1e6 * LARGEST_SKEW else (
             f"a sample rate {short(1e-4 * ppm, 2)} % off"
         )  # fmt: skip
