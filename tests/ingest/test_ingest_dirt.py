@@ -75,6 +75,22 @@ def test_units_between_blanks_belong_to_the_name_before(tmp_path: Path, head: st
     assert [(c.name, c.unit) for c in channels(tmp_path / "log.csv")] == [("Torque", "Nm"), ("Pressure", "bar")]
 
 
+@pytest.mark.parametrize(
+    "above",
+    [
+        ["1;2;3"],
+        ["Serial;Gain;Zero", "4711;2.0;0.001"],
+        ["Channel;Gain;Zero", "1;40.0;0.001", "2;200.0;0.0", ""],
+    ],
+    ids=["numbers", "named", "table"],
+)
+def test_numbers_above_the_names_are_no_rows(tmp_path: Path, above: list[str]):
+    raw = log(tmp_path, *above, HEAD, *rows())
+    assert_read(raw)
+    assert raw.channels[0].start_time == 0.0
+    assert [(c.name, c.unit) for c in channels(tmp_path / "log.csv")] == [("Torque", "Nm"), ("Pressure", "bar")]
+
+
 @pytest.mark.parametrize("footer", ["End of data", "\x1a", "Max;60;2500", "(400 rows)"])
 def test_a_line_below_the_table_is_told_once_and_is_no_damage(tmp_path: Path, footer: str):
     raw = log(tmp_path, HEAD, *rows(), footer)

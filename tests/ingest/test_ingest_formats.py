@@ -10,6 +10,7 @@ from struct import pack
 import h5py
 import numpy as np
 import pytest
+from camtorque.config import ChannelSpec
 from camtorque.ingest import csv_log, mf4, read_recording, tdms, xlsx
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
 from camtorque.ingest.csv_log import ALIKE_ROWS, Damage, is_whole_row, parse_block
@@ -296,6 +297,30 @@ def test_dates_and_times_of_a_workbook(tmp_path: Path):
     read = read_recording(folder)
     assert read.of("torque")[0].sample_rate == pytest.approx(500.0, rel=1e-4)
     assert "certificate_age" not in {finding.code for finding in read.findings}
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        [["Serial", 40117, 40118]],
+        [["Test", 12], ["Range", None, 10, 5], []],
+        [["Name", "Gain", "Zero"], ["Torque", 40.0, 0.001], ["Pressure", 200.0, 0.0]],
+    ],
+    ids=["serials", "settings", "table"],
+)
+def test_numbers_above_the_names_of_a_sheet_are_no_rows(tmp_path: Path, above: list[list[object]]) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (*above, ["Time [s]", "Torque [V]", "Pressure [V]"], *([n / 1e3, n % 7.0, 2.0] for n in range(300))):
+        book.active.append(row)
+    file = tmp_path / "log.xlsx"
+    book.save(file)
+    listed = [(channel.name, channel.unit, channel.source.n_samples) for channel in xlsx.channels(file)]
+    assert listed == [("Torque", "V", 300), ("Pressure", "V", 300)]
+    specs = tuple(ChannelSpec(name.lower(), file, "", name, "V", "L", 1e3, "") for name, _, _ in listed)
+    (torque, pressure) = xlsx.read(file, specs, "").channels
+    assert torque.source.read(0, 3).tolist() == [0.0, 1.0, 2.0]
+    assert set(pressure.source.read(0, 300)) == {2.0}
 
 
 def test_durations_and_levels_of_a_workbook(tmp_path: Path):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.ingest.cells import LEVELS, PARTING, STAMPS, THOUSANDS, day_of, is_value, is_word
-from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_of
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_in, names_of
 from camtorque.records import Finding, Refusal
 from camtorque.units import is_known_unit
 
@@ -133,7 +133,7 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     if len(head) == SNIFF_BYTES:
         raw_lines = raw_lines[:-1] or raw_lines
     lines = [line.decode(encoding, errors="replace").rstrip("\r") for line in raw_lines]
-    separator, decimal, thousands, first = _table(path, lines)
+    separator, decimal, thousands, first = _below_names(lines, _table(path, lines), wanted)
     offset = sum(len(line) + 1 for line in raw_lines[:first])
     header = lines[:first]
     row = _first_fields([split_row(line, separator) for line in lines[first : first + SNIFF_LINES]])
@@ -151,7 +151,9 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
         header_rate=header_rate(header, separator),
         surplus=surplus,
         thousands=thousands,
-        repeated=frozenset(line for line in header if line.strip()),
+        repeated=frozenset(
+            line for line in header if line.strip() and not _is_row(line, separator, decimal, thousands)
+        ),
     )
 
 
@@ -236,6 +238,28 @@ def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
     separator, decimal, thousands, first = found
     if not thousands and decimal == "." and grouped([split_row(line, separator) for line in lines[first:]]):
         return separator, ",", ".", first
+    return found
+
+
+def _below_names(
+    lines: list[str], found: tuple[str, str, str, int], wanted: tuple[str, ...]
+) -> tuple[str, str, str, int]:
+    """Return the table without rows of numbers above its line of names: settings, serial numbers of sensors.
+
+    A line of names is one of distinct texts, of which one is ``wanted`` where any is, above most of the rows.
+    """
+    separator, decimal, thousands, first = found
+    lines = lines[: first + SNIFF_LINES]
+    widths = [_is_row(line, separator, decimal, thousands) for line in lines]
+    usual, heads = widths[first], [sorted(_header_fields(line, separator, widths[first])) for line in lines[:first]]
+    for number in range(first, len(lines)):
+        if usual == 1 or 2 * widths[:number].count(usual) > widths.count(usual):
+            break
+        fields = _header_fields(lines[number], separator, usual)
+        texts = {field for field in fields if not is_word(field) and not is_value(field, decimal, thousands)}
+        is_new = len(texts) == usual == len(fields) and sorted(fields) not in heads
+        if is_new and (not wanted or names_in(fields) & set(wanted)):
+            return separator, decimal, thousands, widths.index(usual, number)
     return found
 
 

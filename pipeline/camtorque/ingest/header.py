@@ -113,7 +113,7 @@ class HeaderRow:
     Attributes
     ----------
     number : of the row
-    hits : fields that are wanted names; where none are wanted, fields with text
+    hits : counts fields that are wanted names; where none are wanted, fields with text
     fields : one per column; plain : name and unit of each
     beyond : names beyond the columns
     """
@@ -132,16 +132,17 @@ def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...
     found = []
     for number, row in enumerate(rows):
         beyond = tuple(field for field in row[n_columns:] if field)
-        if len(row) < least or _names(beyond) & set(wanted) or not any(row):
+        if len(row) < least or names_in(beyond) & set(wanted) or not any(row):
             continue
         row = (row + [""] * n_columns)[:n_columns]
         plain = [name_and_unit(field) for field in row]
-        hits = len({name for name, _ in plain} & set(wanted)) + len(set(row) & set(wanted))
+        # of rows with as many wanted names the one that has them without units
+        hits = (len(wanted) + 1) * len(names_in(row) & set(wanted)) + len(set(row) & set(wanted))
         found.append(HeaderRow(number, hits if wanted else sum(map(_is_text, row)), row, plain, beyond))
     return found
 
 
-def _names(fields: Iterable[str]) -> set[str]:
+def names_in(fields: Iterable[str]) -> set[str]:
     """Return fields of a header, and their names without units."""
     return {name for field in fields for name in (field, name_and_unit(field)[0])}
 
@@ -153,7 +154,7 @@ def _may_be_shifted(row: HeaderRow) -> bool:
 
 def _refuse_more_names(path: Path, rows: list[list[str]], n_columns: int, wanted: tuple[str, ...]) -> None:
     """Refuse a header whose wanted names go beyond the columns: which of its names has none is a guess."""
-    longer = next((row for row in rows if _names(row[n_columns:]) & set(wanted)), None)
+    longer = next((row for row in rows if names_in(row[n_columns:]) & set(wanted)), None)
     if longer:
         raise Refusal(
             f"{path}: the header has {len(longer)} names ({', '.join(longer)}) for {n_columns} columns of numbers, and "

@@ -22,7 +22,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, STAMPS, unwrapped
 from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
-from camtorque.ingest.header import is_number, names_of
+from camtorque.ingest.header import is_number, names_in, names_of
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal, SampleSource
@@ -116,7 +116,7 @@ def _is_number(cell: Any) -> bool:
 
 
 def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
-    first = next((n for n, row in enumerate(rows) if _is_data(row)), None)
+    first = _below_names(rows, wanted)
     if first is None:
         texts = any(sum(is_number(cell) for cell in row if isinstance(cell, str)) > 1 for row in rows)
         hint = f"; its numbers are stored as text: {CONVERT}" if texts else ""
@@ -124,6 +124,18 @@ def _layout(path: Path, rows: list[Row], wanted: tuple[str, ...]) -> CsvLayout:
     header = [[_text(cell) for cell in row] for row in rows[:first]]
     names, units, _ = names_of(path, header, [_text(cell) for cell in rows[first]], wanted)
     return CsvLayout("", "", ".", first, first, names, units, tuple(_text(cell) for cell in rows[first]), None)
+
+
+def _below_names(rows: list[Row], wanted: tuple[str, ...]) -> int | None:
+    """Return the first row of numbers, without those above a line of names: settings, serial numbers of sensors."""
+    data = [_is_data(row) for row in rows[:HEADER_ROWS]]
+    first = next((n for n, row in enumerate(rows) if _is_data(row)), None)
+    for n in range(first or 0, len(data) if first is not None else 0):
+        texts = [cell for cell in rows[n] if isinstance(cell, str) and not _is_reading(cell)]
+        is_names = 1 < len(texts) == _filled(rows[n]) and (not wanted or bool(names_in(texts) & set(wanted)))
+        if is_names and sum(data[n:]) > sum(data[:n]):
+            first = n + data[n:].index(True)
+    return first
 
 
 def _is_data(row: Row) -> bool:
