@@ -300,6 +300,34 @@ def test_dates_and_times_of_a_workbook(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
+    ("begun", "breaks", "steps"),
+    [
+        ([0.0, 30.0], (2000,), (28.0,)),
+        ([0.0, 2.0, 4.003], (), ()),
+        ([0.0, 0.0, 0.0], (), ()),
+        ([30.0, 0.0], (2000,), (-32.0,)),
+    ],
+    ids=["pause", "blocks", "restated", "older log"],
+)
+def test_segments_of_a_tdms_file_have_starts_of_their_own(
+    tmp_path: Path, begun: list[float], breaks: tuple[int, ...], steps: tuple[float, ...]
+) -> None:
+    """A program that opens a file again appends to it: the library knows the start of the last segment alone."""
+    nptdms = pytest.importorskip("nptdms")
+    file, day = tmp_path / "log.tdms", np.datetime64("2024-05-01T10:00:00", "us")
+    with nptdms.TdmsWriter(file) as writer:
+        for start in begun:
+            waveform = {"wf_increment": 1e-3, "wf_start_time": day + np.timedelta64(round(1e6 * start), "us")}
+            writer.write_segment([nptdms.ChannelObject("Grp", "Torque", np.ones(2000), waveform)])
+    read = tdms.read(file, (ChannelSpec("torque", file, "Grp", "Torque", "V", "L", 1e3, ""),), "")
+    (channel,) = read.channels
+    assert channel.stamp == pytest.approx(day.astype(np.int64) / 1e6 + begun[0])
+    assert channel.breaks == breaks
+    assert channel.break_steps == pytest.approx(steps, abs=1e-5)
+    assert [finding.severity for finding in read.findings] == ["error"] * len(breaks)
+
+
+@pytest.mark.parametrize(
     "above",
     [
         [["Serial", 40117, 40118]],

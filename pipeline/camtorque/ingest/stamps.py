@@ -84,7 +84,7 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
     index, size, passing, stamps = _take_damaged_stamps(odd_index, odd_size, passing, step)
     strays, index, size = int(passing.sum()), index[~passing], size[~passing]
     rate = _rate(index, size, first, last, where)
-    findings = [*_stamp_findings(damaged + stamps, strays, where), *_break_findings(index, size, step, where),
+    findings = [*_stamp_findings(damaged + stamps, strays, where), *break_findings(index, size, step, where),
                 *_appended(index, size, first[0], step, where)]  # fmt: skip
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
@@ -243,7 +243,8 @@ def _stamp_findings(damaged: int, strays: int, where: str) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _break_findings(index: np.ndarray, size: Array, step: float, where: str) -> list[Finding]:
+def break_findings(index: np.ndarray, size: Array, step: float, where: str) -> list[Finding]:
+    """Tell jumps of a time: at which samples, by how much [s], of a usual step [s]."""
     found = []
     forward, back, twice = size > 0.0, size < -step, np.abs(size + step) < STANDS * step
     for chosen, code, what in (

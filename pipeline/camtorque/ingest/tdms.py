@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import struct
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,10 @@ from typing import Any
 import numpy as np
 from nptdms import TdmsChannel, TdmsFile
 from nptdms.log import log_manager
+from nptdms.reader import TdmsReader
 from nptdms.scaling import get_scaling
+from nptdms.timestamp import TdmsTimestamp
+from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import time_beside, times_beside, with_times
@@ -31,11 +35,13 @@ from camtorque.ingest.raw import (
     read_each,
     refusing,
 )
-from camtorque.ingest.stamps import agreed_rate
-from camtorque.records import Finding, Refusal, SampleSource
+from camtorque.ingest.stamps import agreed_rate, break_findings
+from camtorque.records import Array, Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean
 
 LEAD_IN = 28
+LEAST_PAUSE = 0.05
+"""Starts of segments that leave the time of the samples before by less are those of a loop that reads blocks [s]."""
 INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
 MOST_SEGMENTS = 100_000
 """A logger that writes ten times a second makes this many in three hours; reading more takes minutes."""
@@ -55,7 +61,8 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     with refusing(path, "TDMS"):
         file = TdmsFile.open(path)
     with file:
-        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec, specs, bool(findings)))
+        begun = _stated_starts(path) if len(file._reader._segments or ()) > 1 else {}  # noqa: SLF001
+        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec, specs, begun, bool(findings)))
     return RawFile(found.channels, (*findings, *found.findings))
 
 
@@ -120,7 +127,12 @@ def _cut(path: Path, number: int, what: str) -> Finding:
 
 
 def _channel(
-    file: TdmsFile, path: Path, spec: ChannelSpec, specs: tuple[ChannelSpec, ...], is_cut: bool
+    file: TdmsFile,
+    path: Path,
+    spec: ChannelSpec,
+    specs: tuple[ChannelSpec, ...],
+    begun: dict[str, list[tuple[int, float]]],
+    is_cut: bool,
 ) -> tuple[RawChannel, list[Finding]]:
     channel = _find(file, path, spec.group, spec.channel)
     where = f"{path.name} {spec.group}/{spec.channel}"
@@ -148,9 +160,51 @@ def _channel(
         rate, more = agreed_rate(1.0 / increment, spec.sample_rate, where, 1e-9, "wf_increment says")
         findings += more
     start = properties.get("wf_start_offset", spec.start_time or 0.0)
-    stamp = properties.get("wf_start_time")
-    raw = RawChannel(spec.channel, _unit(channel), source, float(start), rate, _epoch(stamp))
-    return raw, findings
+    stamp, index, size = _epoch(properties.get("wf_start_time")), np.empty(0, dtype=np.int64), np.empty(0)
+    if begun.get(channel.path):
+        stamp, index, size = _pauses(file, channel, begun[channel.path], rate)
+        findings += break_findings(index, size, 1.0 / rate, where)
+    breaks = tuple(index.tolist()), tuple(size.tolist())
+    return RawChannel(spec.channel, _unit(channel), source, float(start), rate, stamp, *breaks), findings
+
+
+class _StartReader(TdmsReader):
+    """Notes which segments state when a channel begins; what the library keeps is what the last one states."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.begun: dict[str, list[tuple[int, float]]] = {}
+
+    def _update_object_properties(self, properties: Any) -> None:
+        for path, items in (properties or {}).items():
+            stamp, begun = _epoch(dict(items).get("wf_start_time")), self.begun.setdefault(path, [])
+            if stamp is not None and (not begun or stamp != begun[-1][1]):  # most writers state the first one again
+                begun.append((len(self._segments), stamp))
+        super()._update_object_properties(properties)
+
+
+def _stated_starts(path: Path) -> dict[str, list[tuple[int, float]]]:
+    """Return the segments that state when a channel begins, with that date: path of the channel -> (number, date)."""
+    with refusing(path, "TDMS"), closing(_StartReader(path)) as reader:
+        reader.read_metadata()
+        return reader.begun
+
+
+def _pauses(
+    file: TdmsFile, channel: TdmsChannel, begun: list[tuple[int, float]], rate: float
+) -> tuple[float, NDArray[np.int64], Array]:
+    """Return the date of the first sample, the samples behind pauses, and these [s]: logs may have been appended."""
+    counts = [
+        sum(item.number_values for item in segment.ordered_objects if item.has_data and item.path == channel.path)
+        * segment.num_chunks
+        for segment in file._reader._segments  # noqa: SLF001
+    ]
+    first = np.r_[0, np.cumsum(counts)].astype(np.int64)
+    at = first[[number for number, _ in begun]]
+    zero = np.array([stamp for _, stamp in begun]) - at / rate
+    late = np.diff(zero)
+    paused = np.flatnonzero((np.abs(late) > LEAST_PAUSE) & (at[1:] > 0) & (at[1:] < first[-1]))
+    return float(zero[0]), at[1:][paused], late[paused]
 
 
 def _times(file: TdmsFile, channel: TdmsChannel, path: Path, specs: tuple[ChannelSpec, ...]) -> str:
@@ -187,9 +241,9 @@ def _find(file: TdmsFile, path: Path, group: str, name: str) -> TdmsChannel:
 
 
 def _epoch(stamp: Any) -> float | None:
-    if stamp is None:
-        return None
-    return float(np.datetime64(stamp, "ns").astype(np.int64)) * 1e-9
+    if isinstance(stamp, TdmsTimestamp):
+        stamp = stamp.as_datetime64("ns")
+    return None if stamp is None else float(np.datetime64(stamp, "ns").astype(np.int64)) * 1e-9
 
 
 def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
