@@ -138,6 +138,22 @@ def test_a_large_csv_lies_on_disk_and_gives_the_same(tmp_path: Path, monkeypatch
         assert one.start_time == other.start_time
 
 
+@pytest.mark.parametrize("in_memory", [1 << 20, 1000], ids=["at once", "in pieces"])
+def test_samples_that_an_mf4_marks_as_invalid_are_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_memory: int
+) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    monkeypatch.setattr(mf4, "IN_MEMORY_BYTES", in_memory)
+    times, file = np.arange(2000) / 1e3, tmp_path / "log.mf4"
+    bad = (times > 0.5) & (times < 0.6)
+    with asammdf.MDF(version="4.10") as mdf:
+        values = np.where(bad, 777.0, times)
+        mdf.append([asammdf.Signal(values, times, name="Torque", unit="V", invalidation_bits=bad)], acq_name="G")
+        mdf.save(file)
+    (channel,) = mf4.read(file, (ChannelSpec("torque", file, "G", "Torque", "V", "L", 1e3, ""),), "").channels
+    np.testing.assert_array_equal(channel.source.read(0, 2000), np.where(bad, np.nan, times))
+
+
 def test_a_large_mf4_is_read_in_pieces_and_gives_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder = write_folder(tmp_path / "r", [LOG], PLANS["mf4"])
     small = read_recording(folder)

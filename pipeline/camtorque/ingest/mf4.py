@@ -117,15 +117,16 @@ def _sources(path: Path, mdf: Any, group: int, index: int, cycles: int) -> tuple
     if cycles * 16 <= IN_MEMORY_BYTES:
         signal = mdf.get(group=group, index=index, ignore_invalidation_bits=True)
         _refuse_text(path, signal.samples)
-        return ArraySource(signal.timestamps), ArraySource(signal.samples)
+        return ArraySource(signal.timestamps), ArraySource(_without_invalid(signal.samples, signal.invalidation_bits))
     library = _library()
 
     def samples(start: int, stop: int) -> np.ndarray:
         with library.MDF(path) as again:
             piece = again.get(
-                group=group, index=index, record_offset=start, record_count=stop - start, samples_only=True
-            )
-            return piece[0]
+                group=group, index=index, record_offset=start, record_count=stop - start, samples_only=True,
+                ignore_invalidation_bits=True,
+            )  # fmt: skip
+            return _without_invalid(*piece)
 
     def times(start: int, stop: int) -> np.ndarray:
         with library.MDF(path) as again:
@@ -133,6 +134,11 @@ def _sources(path: Path, mdf: Any, group: int, index: int, cycles: int) -> tuple
 
     _refuse_text(path, samples(0, 1))
     return CallSource(cycles, times, path, "MDF 4"), CallSource(cycles, samples, path, "MDF 4")
+
+
+def _without_invalid(samples: np.ndarray, invalid: Any) -> np.ndarray:
+    """Return samples with nan for those that the logger marks as invalid."""
+    return samples if invalid is None or not np.any(invalid) else np.where(np.asarray(invalid), np.nan, samples)
 
 
 def _refuse_text(path: Path, samples: np.ndarray) -> None:
