@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import csv_log, mf4, read_recording, tdms, xlsx
+from camtorque.ingest import csv_log, lvm, mf4, read_recording, tdms, xlsx
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
 from camtorque.ingest.csv_log import ALIKE_ROWS, Damage, is_whole_row, parse_block
 from camtorque.ingest.formats import FORMATS
@@ -267,6 +267,20 @@ def test_an_lvm_that_ends_with_a_row_too_early_is_told_by_its_header(tmp_path: P
     text = log_file(folder).read_bytes()
     log_file(folder).write_bytes(b"\r\n".join(text.split(b"\r\n")[:2000]) + b"\r\n")
     assert "samples_missing" in {finding.code for finding in read_recording(folder).findings}
+
+
+@pytest.mark.parametrize("between", ["\t", "\t\t"], ids=["one time", "a time each"])
+def test_a_channel_without_a_unit_takes_none_of_its_neighbour_in_an_lvm(tmp_path: Path, between: str):
+    names = ("Torque", "Pressure", "Trigger")
+    head = ["LabVIEW Measurement", "Separator\tTab", "Decimal_Separator\t.", "***End_of_Header***\t", ""]
+    head += ["Channels\t3", "Y_Unit_Label\t" + between.join(["Newton-Meters", "", "Volts"]), "***End_of_Header***\t"]
+    times = ["X_Value"] * (3 if between == "\t\t" else 1)
+    head.append("\t".join(name for k, one in enumerate(names) for name in (*times[k : k + 1], one)))
+    rows = ["\t".join(f"{n / 1e3:.3f}" if name == "X_Value" else f"{n % 7}.5" for name in head[-1].split("\t"))
+            for n in range(200)]  # fmt: skip
+    (tmp_path / "log.lvm").write_text("\n".join([*head, *rows, ""]))
+    listed = {channel.name: channel.unit for channel in lvm.channels(tmp_path / "log.lvm")}
+    assert listed == {"Torque": "N m", "Pressure": "", "Trigger": "V"}
 
 
 def test_a_second_segment_whose_mark_lies_across_two_pieces_of_an_lvm_is_counted(tmp_path: Path):

@@ -24,7 +24,7 @@ UNITS = {"volts": "V", "volt": "V", "seconds": "s", "newton-meters": "N m", "pas
 
 @dataclass(frozen=True)
 class Segment:
-    """The header of one segment: key -> fields, one per channel."""
+    """The header of one segment: key -> fields, one per channel, empty ones between."""
 
     values: dict[str, list[str]]
 
@@ -64,8 +64,11 @@ def _layout(path: Path, segment: Segment, wanted: tuple[str, ...]) -> CsvLayout:
     layout = sniff(path, wanted or (TIME,))
     # a column of times comes before all channels or before each of them, whether it is filled or not
     times = [number for number, name in enumerate(layout.names) if name == TIME]
-    stated = [UNITS.get(unit.lower(), unit) for unit in segment.values.get("Y_Unit_Label", [])]
+    labels = [UNITS.get(unit.lower(), unit) for unit in segment.values.get("Y_Unit_Label", [])]
     others = [number for number in range(layout.n_columns) if number not in times]
+    # the key stands below the first time, so that each label stands above its column
+    aligned = [labels[number - 1] if 0 < number <= len(labels) else "" for number in others]
+    stated = aligned if 0 in times and sum(map(bool, aligned)) == sum(map(bool, labels)) else list(filter(None, labels))
     units = dict.fromkeys(times, "s") | dict(zip(others, stated, strict=False))
     if not any(stated):
         units |= {number: layout.units[number] for number in others}
@@ -93,4 +96,4 @@ def _segment(path: Path) -> Segment:
     lines = text.partition(END)[2].partition(END)[0].splitlines()
     separator = "," if "\tComma" in text or "Separator,Comma" in text else "\t"
     rows = [[field.strip() for field in line.split(separator)] for line in lines]
-    return Segment({row[0]: [field for field in row[1:] if field] for row in rows if row and row[0]})
+    return Segment({row[0]: row[1:] for row in rows if row and row[0]})
