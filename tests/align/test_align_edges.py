@@ -42,6 +42,26 @@ def test_coarsely_sampled_levels_are_neither_jumps_nor_unsteady() -> None:
     assert not [row for row in cycles.cut_flow if row.cycles and row.reason in ("start_stop", "speed_outlier")]
 
 
+@pytest.mark.parametrize("part", [0.1, 0.25, 0.5])
+def test_few_edges_with_flanks_of_a_part_of_a_sample_are_stated_as_unsure_as_they_are(part: float) -> None:
+    """Too few to tell how long the flank is: most show no sample on it."""
+    rate, errors, stated = 5e3, [], []
+    for seed in range(12):
+        rig = Rig(shaft=Shaft(start=0.3 + 0.37 * seed), duration=2.0, trigger_rate=rate, flank=part / rate,
+                  trigger_noise=0.01, seed=seed)  # fmt: skip
+        edges = find_edges(trigger_channel(rig), "rising")
+        errors.append(edge_errors(rig, edges.time))
+        stated.append(edges.noise)
+    assert 0.95 < np.median(stated) / np.sqrt(np.mean(np.concatenate(errors) ** 2)) < 1.3
+
+
+def test_edges_of_a_short_log_of_a_coarse_trigger_are_no_lost_samples() -> None:
+    for seed in range(12):
+        rig = Rig(shaft=Shaft(rpm=1500.0, start=0.3 + 0.37 * seed), duration=1.0, trigger_rate=5e3, flank=2e-5,
+                  trigger_noise=0.01, torque_noise=0.3, pressure_noise=1e5, seed=seed)  # fmt: skip
+        assert not {"samples_lost", "clock_jump"} & {finding.code for finding in align(make(rig)).findings}
+
+
 @pytest.mark.parametrize("rpm", [5.0, 60.0, 3000.0, 20000.0])
 def test_edges_are_found_at_any_speed_beside_hum_and_standstill(rpm: float) -> None:
     rate = max(2e3, 1000.0 * rpm / 60.0)

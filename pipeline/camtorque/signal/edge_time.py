@@ -107,14 +107,14 @@ def crossings(edges: EdgeSamples) -> Crossings:
     slope = np.maximum(edges.near[:, 2] - edges.near[:, 1], 1e-9)
     linear = np.clip((0.5 - edges.near[:, 1]) / slope, 0.0, 1.0)
     duration, duration_std = _flank_duration(edges.near)
+    unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
     if duration < SHORT_FLANK:
-        unseen = float(np.mean(~_on_flank(edges.near).any(axis=1)))
         # a sample at height h puts the crossing h - 1/2 durations away: rms 1 / sqrt(12) over a flank
         blur = RECTANGULAR * np.hypot(np.sqrt(unseen) * max(0.0, 1.0 - duration), duration_std)
         return Crossings(edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration, float(blur))
-    usual = float(np.median(slope)) if slope.size else 1.0
-    seen = bool(_on_flank(edges.near).any())
-    return Crossings(edges.before + linear, usual, _linear_blur(usual) if seen else RECTANGULAR)
+    usual = float(np.median(slope))
+    # too few edges to tell the duration: those that show no sample on their flank lie anywhere between two
+    return Crossings(edges.before + linear, usual, max(_linear_blur(usual), RECTANGULAR * np.sqrt(unseen)))
 
 
 def _linear_blur(slope: float) -> float:
