@@ -98,6 +98,17 @@ def test_a_line_below_the_table_is_told_once_and_is_no_damage(tmp_path: Path, fo
     assert raw.findings[0].text == "1 row at the end holds no time; it is left out"
 
 
+@pytest.mark.parametrize("footer", [["End of data"], ["", "(400 rows)"], ["Max;"]])
+def test_a_line_below_a_table_without_times_is_no_damage(tmp_path: Path, footer: list[str]):
+    body = [row.partition(";")[2] for row in rows()]
+    raw = log(tmp_path, HEAD.partition(";")[2], *body, *footer)
+    assert_read(raw, "rows_without_numbers")
+    assert raw.channels[0].source.n_samples == len(body)
+    body[10] = "x"
+    said = {finding.code: finding.text for finding in log(tmp_path, HEAD.partition(";")[2], *body, *footer).findings}
+    assert said["csv_rows_damaged"].endswith("(line 12)")
+
+
 def test_damage_above_a_footer_is_told_with_its_own_lines(tmp_path: Path):
     body = rows()
     body[10], body[20] = "0.0005;3.00", body[20].replace(";", ";x", 1)

@@ -17,6 +17,7 @@ from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, THOUSANDS, unwrapped
@@ -48,6 +49,12 @@ class Damage:
     def end_at(self, line: int) -> None:
         """Forget what lies below a line: no part of the table."""
         self.rows, self.cells = (array("q", [at for at in lines if at <= line]) for lines in (self.rows, self.cells))
+
+    def bare_rows(self, ended: list[Array], line: int) -> int:
+        """Return how many rows at the end hold no number in any column and are damaged: lines below the table."""
+        numbers: NDArray[np.bool_] = np.asarray(np.any(np.isfinite(ended), axis=0))
+        bare = int(np.argmax(numbers[::-1])) if numbers.any() else 0
+        return bare if any(at >= line - bare for lines in (self.rows, self.cells) for at in lines) else 0
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,7 @@ def _columns(
     files = {} if in_memory else {column: tempfile.TemporaryFile() for column in wanted}  # noqa: SIM115
     stamps = {column: kind for column in wanted if column in times and (kind := layout.stamp_kind(column))}
     last = dict.fromkeys(stamps, np.nan)
-    count, line, tail = 0, layout.header_lines + 1, b""
+    count, line, tail, ended = 0, layout.header_lines + 1, b"", [np.empty(0) for _ in wanted]
     for block, is_cut in _blocks(path, layout):
         if is_cut:
             block, tail = b"", block
@@ -121,18 +128,19 @@ def _columns(
                 "are others; split the file there"
             )
         line += block.count(b"\n")
-        count += len(values[0])
+        count, ended = count + len(values[0]), values if len(values[0]) else ended
         for column, part in zip(wanted, values, strict=True):
             if column in stamps:
                 part = unwrapped(part, stamps[column], last[column])
                 last[column] = next((stamp for stamp in part[::-1] if np.isfinite(stamp)), last[column])
             files[column].write(part.tobytes()) if files else parts[column].append(part)
-    findings = _tail_findings(tail, path, line)
-    if not count:
+    bare = 0 if times else damage.bare_rows(ended, line)
+    count, findings = count - bare, [*_bare_findings(bare, path), *_tail_findings(tail, path, line)]
+    if count <= 0:
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
     sources: dict[int, SampleSource] = {column: CachedSource(file, count, path) for column, file in files.items()}
-    sources |= {column: ArraySource(np.concatenate(part)) for column, part in parts.items() if not files}
-    damage.end_at(line - 1 - min((rows_without_time(sources[column])[1] for column in times), default=0))
+    sources |= {column: ArraySource(np.concatenate(part)[:count]) for column, part in parts.items() if not files}
+    damage.end_at(line - 1 - min((rows_without_time(sources[column])[1] for column in times), default=bare))
     return sources, findings
 
 
@@ -303,6 +311,12 @@ def _damage_findings(damage: Damage, where: str) -> list[Finding]:
     return [
         Finding(code, severity, counted(count, one, many), where) for count, code, severity, one, many in rows if count
     ]
+
+
+def _bare_findings(bare: int, path: Path) -> list[Finding]:
+    text = counted(bare, "row at the end holds no number; it is left out",
+                   "rows at the end hold no number; they are left out")  # fmt: skip
+    return [Finding("rows_without_numbers", "warning", text, path.name)] if bare else []
 
 
 def _tail_findings(tail: bytes, path: Path, line: int) -> list[Finding]:
