@@ -211,6 +211,14 @@ def test_recorded_angle(law) -> None:
     assert np.std(cycles.details["angle_deviation"] - truth) < 0.1 * np.std(truth)
 
 
+def test_a_logger_that_samples_by_the_angle_leaves_no_scatter() -> None:
+    wheel = Wheel(shaft=Shaft(rpm=1000.0, ripple=0.0), missing=0, rate=12e3, nominal_deg=40.0)
+    steps = np.arange(wheel.times.size) % 720 * 0.5
+    cycles = align(wheel_recording(wheel, pulse_channel(wheel, "angle", np.radians(steps))))
+    assert cycles.index.size >= cycles.cycles_found - 1
+    assert cycles.mean_speed == pytest.approx(wheel.shaft.rpm * TWO_PI / 60.0)
+
+
 @pytest.mark.parametrize("rounded", [np.floor, np.rint], ids=["counts edges", "rounds"])
 @pytest.mark.parametrize("counts", [360, 3600, 36000])
 def test_error_of_a_counter_is_stated_however_it_rounds(counts: int, rounded) -> None:

@@ -57,6 +57,8 @@ STANDS_OUT = Threshold(
 MOST_OWN = 6
 SPREAD = np.linspace(-2.4, 2.4, 9)
 """Logarithms of the factors on both sizes over which the result is averaged."""
+LEAST_VARIANCE = 1.0e-14
+"""Of a mean place: below it the digits of numbers do not hold it beside the common shift [rad^2]."""
 LEAST_WEIGHT = 1.0e-3
 
 
@@ -124,7 +126,7 @@ def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:
         return None
     tooth, mean, scatter, turns = found
     # one variance for all teeth: that of a single one is known poorly from a few turns
-    variance = np.full(tooth.size, scatter**2 / turns + 1e-18)
+    variance = np.full(tooth.size, max(scatter**2 / turns + 1e-18, LEAST_VARIANCE))
     pattern = _design(tooth, mean, variance, spec, n)
     sizes = _sizes(pattern)
     place, coefficient = _mixture(pattern, sizes)
