@@ -15,6 +15,7 @@ from camtorque.compiled import load_compiler
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.ingest import read_recording, summarise
+from camtorque.ingest.check import angle_speed_findings
 from camtorque.jsonable import now
 from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings
@@ -101,6 +102,7 @@ def analyse_recording(
     with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
         rigid = rigid_torque(recording, cycles)
         found = load_findings(recording, cycles, rigid)
+        found = (*found, *angle_speed_findings(recording, cycles.mean_speed))
         recording = replace(recording, findings=(*summarise(recording, cycles.pulses).findings, *found))
     with watch.stage("fit", "fitting: which effects, which values, how sure"):
         prepared = prepare(recording, cycles, rigid)

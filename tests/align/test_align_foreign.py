@@ -229,6 +229,8 @@ def test_shaft_line_with_an_angle_counter_and_no_pressure(
     assert 2.0 * abs(first) == pytest.approx(2.0, rel=0.01)
     status, doc = checked(tmp_path, capsys)
     assert (status, doc["usable"]) == (0, ["align"])
+    texts = [row["text"] for row in doc["findings"] if row["code"] == "speed_off_nominal"]
+    assert texts == ["angle and sample_rate_hz tell 250 rpm, the nominal speed is 50 rpm"]
 
 
 @pytest.mark.parametrize("edge", ["falling", "rising"])

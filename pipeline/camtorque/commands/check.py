@@ -13,6 +13,7 @@ from camtorque.commands.texts import finding_lines
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.tables import Refusals
 from camtorque.ingest import RecordingSummary, read_recording, summarise
+from camtorque.ingest.check import angle_speed_findings
 from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Finding, Recording, Refusal
 from camtorque.rehearsal import rehearse
@@ -40,7 +41,9 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     cycles, refusal = _aligned(recording)
     summary = summarise(recording, cycles.pulses if cycles else {})
     lacks = missing_for_run(recording, cycles) if cycles else []
-    rows = (*summary.findings, *(cycles.findings if cycles else ()))
+    rows = summary.findings
+    if cycles:
+        rows = (*rows, *cycles.findings, *angle_speed_findings(recording, cycles.mean_speed))
     if cycles and not lacks:
         tell("trying what a run does before its fit")
         rows = (*rows, *_rehearsed(recording, cycles))

@@ -240,12 +240,25 @@ def _speed(times: Array, config: RecordingConfig) -> float:
     return float(2.0 * np.pi / np.mean(periods) / _expected(config)) if periods.size else float("nan")
 
 
-def speed_findings(speed: float, config: RecordingConfig, where: str) -> tuple[Finding, ...]:
+def speed_findings(
+    speed: float, config: RecordingConfig, where: str, teller: str = "the pulses tell"
+) -> tuple[Finding, ...]:
     """Tell a cam speed [rad/s] that is far from the nominal one: of pulses that are not one a turn, or a wrong rate."""
     if abs(speed / config.nominal_speed - 1.0) <= SPEED_TOLERANCE:
         return ()
-    text = f"the pulses tell {speed / RPM:.4g} rpm, the nominal speed is {config.nominal_speed / RPM:.4g} rpm"
+    text = f"{teller} {speed / RPM:.4g} rpm, the nominal speed is {config.nominal_speed / RPM:.4g} rpm"
     return (Finding("speed_off_nominal", "warning", text, where),)
+
+
+def angle_speed_findings(recording: Recording, speed: float) -> tuple[Finding, ...]:
+    """Tell a cam speed [rad/s] far from the nominal one where an angle was recorded, which has no pulses to tell it."""
+    return tuple(
+        row
+        for channel in recording.of("angle")
+        for row in speed_findings(
+            speed, recording.config, f"{channel.path.name} {channel.name}", "angle and sample_rate_hz tell"
+        )
+    )
 
 
 def _pulse_findings(channel: Channel, times: Array, config: RecordingConfig) -> list[Finding]:
