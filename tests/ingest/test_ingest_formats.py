@@ -295,6 +295,15 @@ def test_lvm_without_a_time_column_takes_start_and_step_of_its_header(tmp_path: 
     assert_is_the_log(recording(tmp_path / "r", Plan("lvm", writer_options={"x_columns": "No"})), 5.1e-7)
 
 
+def test_a_number_of_an_lvm_that_is_printed_in_two_ways_is_one(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("lvm", writer_options={"x_columns": "No"}))
+    text = log_file(folder).read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if line.startswith("X0"))
+    first = line.split("\t")[1]
+    log_file(folder).write_text(text.replace(line, line.replace(first, f"{float(first):.16E}", 1)), encoding="utf-8")
+    assert {channel.start_time for channel in read_recording(folder).channels} == {float(first)}
+
+
 @pytest.mark.parametrize("start", [0.0, 2.5])
 def test_a_start_that_recording_toml_states_holds_even_where_it_is_zero(tmp_path: Path, start: float):
     plan = Plan("lvm", writer_options={"x_columns": "No"}, channel_lines=f"start_time_s = {start}\n")

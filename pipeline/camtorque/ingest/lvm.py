@@ -12,6 +12,7 @@ from pathlib import Path
 from camtorque.config import ChannelSpec
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, encoding_of, sniff, text_pieces
 from camtorque.ingest.csv_log import channels_of, read_table
+from camtorque.ingest.header import is_number
 from camtorque.ingest.raw import FileChannel, RawFile, missing_samples
 from camtorque.records import Refusal
 
@@ -33,7 +34,7 @@ class Segment:
         found = {field.replace(",", ".") for field in self.values.get(key, []) if field}
         if not found:
             return None
-        if len(found) > 1:
+        if len(found) > 1 and len({float(field) for field in found if is_number(field)}) != 1:
             raise Refusal(f"{path}: {key} differs between channels ({', '.join(sorted(found))}); export them apart")
         return self.largest(key, path)
 
