@@ -179,3 +179,16 @@ def test_two_loggers_are_asked_for_their_clocks(tmp_path: Path, capsys: pytest.C
     toml.write_text(toml.read_text().replace('clock = "?"', 'clock = "independent"'))
     assert cli.main(["check", str(tmp_path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["usable"] == ["align", "run"]
+
+
+def test_of_a_file_for_each_channel_one_is_the_trigger(tmp_path: Path):
+    recording = read_recording(EXAMPLES / "A_1250rpm")
+    torque, pressure, trigger = (recording.of(name)[0].read_volts(0, 25_000)[::5] for name in
+                                 ("torque", "pressure", "trigger"))  # fmt: skip
+    head = ["LECROYWS3104z,12345,Waveform", "Segments,1,SegmentSize,5000", "Segment,TrigTime,TimeSinceSegment1",
+            "#1,06-Mar-2013 11:51:48,0", "Time,Ampl"]  # fmt: skip
+    files = [tmp_path / f"C{number}Trace00000.csv" for number in (1, 2, 3)]
+    for file, values in zip(files, (torque, pressure, trigger), strict=True):
+        body = [f"{1e-4 * n:.6f},{value:.5f}" for n, value in enumerate(values)]
+        file.write_text("\r\n".join([*head, *body, ""]), encoding="utf-8")
+    assert [item.quantity for item in look_into(files)] == ["", "", "trigger"]

@@ -117,7 +117,8 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         hint = path.stem if len(channels) == 1 else ""
         looked = [_proposal(path, name, channel, hint) for channel in channels]
         found += [item for item in looked if np.isfinite(item.low)] or looked
-    found = [replace(item, supply=_supply_of(item, found)) for item in _with_index(found)]
+    found = _without_unsure(_with_index(found))
+    found = [replace(item, supply=_supply_of(item, found)) for item in found]
     best: dict[tuple[str, Path | None], float] = {}
     for item in found:
         best[_place(item)] = max(best.get(_place(item), 0), _certainty(item))
@@ -150,6 +151,15 @@ def _with_index(found: list[Proposal]) -> list[Proposal]:
         if not has_index and not slow.sensor:
             found[places[0]] = replace(slow, quantity="index")
     return found
+
+
+def _without_unsure(found: list[Proposal]) -> list[Proposal]:
+    """Drop triggers that may be a pressure at full load, where torque or pressure is missing beside a sure one."""
+    triggers = [item for item in found if item.quantity == "trigger" and not item.sensor]
+    if {item.quantity for item in found} >= set(RIVALS) or not any(map(_is_surely_pulses, triggers)):
+        return found
+    unsure = [item for item in triggers if not _is_surely_pulses(item)]
+    return [_dropped(item) if any(item is other for other in unsure) else item for item in found]
 
 
 def _supply_of(item: Proposal, found: list[Proposal]) -> str:
