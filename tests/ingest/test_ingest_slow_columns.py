@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import columns
+from camtorque.ingest import table_rows
 from camtorque.ingest.check import summarise
 from camtorque.ingest.csv_log import channels, read
 from camtorque.ingest.recording import read_recording
@@ -41,7 +41,7 @@ def specs(file: Path, slow: float) -> tuple[ChannelSpec, ...]:
 def test_a_slow_channel_is_read_at_its_own_rate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, head: str, first: int, block: int
 ):
-    monkeypatch.setattr(columns, "ROWS", block)
+    monkeypatch.setattr(table_rows, "ROWS", block)
     file = table(tmp_path, head, first)
     slow, fast = read(file, specs(file, RATE / EVERY), "").channels
     assert (slow.sample_rate, fast.sample_rate) == (pytest.approx(RATE / EVERY), pytest.approx(RATE))

@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import usual_rate
+from camtorque.ingest.listing import usual_rate
 from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, read_each, refusing
 from camtorque.ingest.stamps import DAY, EPOCHS, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal

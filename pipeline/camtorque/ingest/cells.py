@@ -16,6 +16,7 @@ STAMPS: dict[str, re.Pattern[str]] = {
     "month name": re.compile(r"^\d{1,2}[- ][A-Za-z]{3}[- ]\d{4}[ T]+\d{1,2}:\d\d:\d\d([.,:]\d+)?$"),
     "day first": re.compile(r"^\d{1,2}([.-])\d{1,2}\1(\d\d){1,2}[ T]+\d\d:\d\d:\d\d([.,:]\d+)?$"),
     "slashes": re.compile(r"^\d{1,2}/\d{1,2}/(\d\d){1,2}[ T]+\d{1,2}:\d\d:\d\d([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE),
+    "days": re.compile(r"^\d+ days? \d\d:\d\d:\d\d(\.\d+)?$"),
     "clock": re.compile(r"^\d{1,3}:\d\d:\d\d([.,:]\d+)?( ?[AP]M)?$", re.IGNORECASE),
     "minutes": re.compile(r"^\d{1,2}:\d\d[.,]\d+$"),
     "seconds": re.compile(r"^\d+([.,]\d+)?([eE][+-]?\d+)? ?(s|sec)$"),
@@ -25,7 +26,7 @@ STAMPS: dict[str, re.Pattern[str]] = {
 LEVELS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "high": 1.0, "low": 0.0, "wahr": 1.0, "falsch": 0.0,
           "ein": 1.0, "aus": 0.0}  # fmt: skip
 """Words for the two levels of a digital line."""
-UNDATED = ("", "clock", "minutes", "seconds")
+UNDATED = ("", "days", "clock", "minutes", "seconds")
 """Kinds of stamps without a day; "" is a number."""
 PERIODS = {"clock": 86_400.0, "minutes": 3600.0}
 """Period after which a stamp without a date starts again [s]."""
@@ -40,7 +41,8 @@ THOUSANDS = {
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 MISSING = ("", "nan", "na", "n/a", "<na>", "none", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
 OVERRANGE = re.compile(
-    r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|ovr\w*|o\.?l|#?over[ \w]*|clip\w*|#+|\*+|-{3,}|-+[.,]-+)$",
+    r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|ovr\w*|o\.?l|#?over[ \w]*|clip\w*|#+|\*+|[+-]{3,}|"
+    r"-+[.,]-+)$",
     re.IGNORECASE,
 )
 """What loggers print for a value beyond their range."""

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import codecs
-import csv
 import re
 from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from camtorque.ingest.cells import LEVELS, PARTING, STAMPS, THOUSANDS, day_of, is_value, is_word
+from camtorque.ingest.cells import LEVELS, STAMPS, day_of, is_value, is_word
+from camtorque.ingest.csv_table import NAMES, SNIFF_LINES, Table, find_table, is_row, split_row
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_in, names_of
-from camtorque.records import Finding, Refusal
-from camtorque.units import is_known_unit
+from camtorque.records import Finding
 
 SNIFF_BYTES = 1 << 18
-SNIFF_LINES = 300
-"""Lines that tell the layout where they hold any row of numbers."""
-SEPARATORS = (";", "\t", "|", ",", " ")
 BLANK_SEPARATED = re.compile(r"[^\s\[(]\S*(?:\s+[\[(][^\])]*[\])])?|\S+")
 """A name with its unit in brackets, or one word."""
-NAMES = {";": "semicolon", "\t": "tab", "|": "vertical bar", ",": "comma", " ": "blank"}
 HEAD_BYTES = 4096
 UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+FRACTIONS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "millisecond": 1e-3, "milliseconds": 1e-3}
+"""Name or unit of a column behind a stamp in whole seconds that holds their fraction -> seconds."""
+WHOLE = re.compile(r":\d\d( ?[AaPp][Mm])?$")
 COMMENT = "#%!'\""
 
 
@@ -41,6 +38,7 @@ class CsvLayout:
     header_rate : sampling rate in the header [Hz], None where there is none
     thousands : sign between thousands, "" for none
     repeated : lines of the header, which some loggers write anew before each block
+    words : numbers of the columns that hold words
     """
 
     encoding: str
@@ -56,6 +54,7 @@ class CsvLayout:
     start: float | None = None
     thousands: str = ""
     repeated: frozenset[str] = frozenset()
+    words: frozenset[int] = frozenset()
 
     @property
     def n_columns(self) -> int:
@@ -76,7 +75,7 @@ class CsvLayout:
         """
         if declared:
             return self.place(declared)
-        free = [number for number, name in enumerate(self.names) if name not in channels]
+        free = [number for number, name in enumerate(self.names) if name not in channels and number not in self.words]
         timed = [number for number in free if is_time_unit(self.units[number]) and self.first_row[number]]
         for found in (
             [number for number in free if TIME_NAME.match(self.names[number])],
@@ -103,21 +102,21 @@ class CsvLayout:
                 return day_of(self.first_row[beside])
         return None
 
+    def fraction_of(self, column: int) -> tuple[int, float] | None:
+        """Return the column behind a stamp in whole seconds that holds their fraction, and its unit [s]."""
+        beside = column + 1
+        whole = self.stamp_kind(column) not in ("", "date", "seconds", "minutes")
+        if not whole or beside >= self.n_columns or not WHOLE.search(self.first_row[column]):
+            return None
+        named = next(
+            (FRACTIONS[word] for word in (self.names[beside].lower(), self.units[beside]) if word in FRACTIONS), 0.0
+        )
+        return (beside, named) if named else None
+
     def stamp_kind(self, column: int | None) -> str:
         """Return the key of `STAMPS` that a column's first field is, "" for a number."""
         field = self.first_row[column] if column is not None else ""
         return next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
-
-
-def split_row(line: str, separator: str) -> list[str]:
-    """Return the fields of a row; blanks separate in any number, quotes hold a separator together."""
-    line = line.replace("\N{MINUS SIGN}", "-")
-    if separator == " ":
-        return line.split()
-    if line.count('"') >= 2:
-        with suppress(csv.Error):  # bytes that are no text: the layout is refused for what it lacks
-            return [field.strip().strip('"') for field in next(csv.reader([line], delimiter=separator))]
-    return [field.strip().strip('"') for field in line.split(separator)]
 
 
 def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
@@ -133,27 +132,26 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     if len(head) == SNIFF_BYTES:
         raw_lines = raw_lines[:-1] or raw_lines
     lines = [line.decode(encoding, errors="replace").rstrip("\r") for line in raw_lines]
-    separator, decimal, thousands, first = _below_names(lines, _table(path, lines), wanted)
-    offset = sum(len(line) + 1 for line in raw_lines[:first])
-    header = lines[:first]
-    row = _first_fields([split_row(line, separator) for line in lines[first : first + SNIFF_LINES]])
-    rows = [_header_fields(line, separator, len(row)) for line in header]
+    table = _below_names(lines, find_table(path, lines), wanted)
+    header = lines[: table.first]
+    body = [split_row(line, table.separator) for line in lines[table.usual : table.usual + SNIFF_LINES]]
+    row = [field * (column not in table.words) for column, field in enumerate(_first_fields(body))]
+    rows = [_header_fields(line, table.separator, len(row)) for line in header]
     names, units, surplus = names_of(path, rows, row, wanted)
     return CsvLayout(
         encoding=encoding,
-        separator=separator,
-        decimal=decimal,
-        data_offset=offset,
-        header_lines=first,
+        separator=table.separator,
+        decimal=table.decimal,
+        data_offset=sum(len(line) + 1 for line in raw_lines[: table.first]),
+        header_lines=table.first,
         names=names,
         units=units,
         first_row=tuple(row),
-        header_rate=header_rate(header, separator),
+        header_rate=header_rate(lines[: table.usual], table.separator),
         surplus=surplus,
-        thousands=thousands,
-        repeated=frozenset(
-            line for line in header if line.strip() and not _is_row(line, separator, decimal, thousands)
-        ),
+        thousands=table.thousands,
+        repeated=frozenset(line for line in header if line.strip() and not _width(table, line)),
+        words=table.words,
     )
 
 
@@ -173,7 +171,11 @@ def _header_fields(line: str, separator: str, n_columns: int) -> list[str]:
     """
     if re.match(r"^'.*'$", line.strip()):
         line = line.replace("'", '"')
-    line = line.lstrip("\ufeff").lstrip(COMMENT.replace('"', "")) if line[:1] in COMMENT else line
+    line = line.lstrip("\ufeff")
+    if line[:1] in COMMENT or (line[:1] == ";" and separator != ";"):
+        line = line.lstrip(COMMENT.replace('"', "") + ";")
+        _, key, rest = line.partition(": ")  # "Channels: AI0, AI1"
+        line = rest if key and len(split_row(rest, separator)) == n_columns else line
     if separator != " " or '"' in line:
         return split_row(line, separator)
     wide = re.split(r"\s{2,}|\t", line.strip())
@@ -215,93 +217,33 @@ def encoding_of(head: bytes) -> str:
         return "cp1252" if not set(head) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
 
 
-def _is_row(line: str, separator: str, decimal: str, thousands: str) -> int:
-    """Return the number of fields of a data row, 0 for any other line."""
-    fields = split_row(line, separator)
-    words = [field for field in fields if is_word(field)]
-    if len(words) == sum(map(bool, fields)):
-        return 0
-    return len(fields) if all(field in words or is_value(field, decimal, thousands) for field in fields) else 0
+def _width(table: Table, line: str) -> int:
+    """Return the number of fields of a row of the table, 0 for any other line."""
+    return is_row(split_row(line, table.separator), table.decimal, table.thousands, table.words)
 
 
-def _table(path: Path, lines: list[str]) -> tuple[str, str, str, int]:
-    """Return separator, decimal sign, sign of thousands and the first data row: what explains most lines."""
-    found = _best_table(lines[:SNIFF_LINES]) or _best_table(lines)
-    if found is None:
-        what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
-        if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
-            what = "no line end but CR alone, as a CSV for Macintosh has"
-        what += _odd_field(lines[:SNIFF_LINES])
-        raise Refusal(
-            f"{path}: holds {what}; expected columns of numbers separated by one of {', '.join(NAMES.values())}"
-        )
-    separator, decimal, thousands, first = found
-    if not thousands and decimal == "." and grouped([split_row(line, separator) for line in lines[first:]]):
-        return separator, ",", ".", first
-    return found
-
-
-def _below_names(
-    lines: list[str], found: tuple[str, str, str, int], wanted: tuple[str, ...]
-) -> tuple[str, str, str, int]:
+def _below_names(lines: list[str], table: Table, wanted: tuple[str, ...]) -> Table:
     """Return the table without rows of numbers above its line of names: settings, serial numbers of sensors.
 
     A line of names is one of distinct texts, of which one is ``wanted`` where any is, above most of the rows.
     """
-    separator, decimal, thousands, first = found
+    first = table.first
     lines = lines[: first + SNIFF_LINES]
-    widths = [_is_row(line, separator, decimal, thousands) for line in lines]
-    usual, heads = widths[first], [sorted(_header_fields(line, separator, widths[first])) for line in lines[:first]]
+    widths = [_width(table, line) for line in lines]
+    usual = widths[first]
+    heads = [sorted(_header_fields(line, table.separator, usual)) for line in lines[:first]]
     for number in range(first, len(lines)):
         if usual == 1 or 2 * widths[:number].count(usual) > widths.count(usual):
             break
-        fields = _header_fields(lines[number], separator, usual)
-        texts = {field for field in fields if not is_word(field) and not is_value(field, decimal, thousands)}
+        fields = _header_fields(lines[number], table.separator, usual)
+        texts = {
+            field for field in fields if not is_word(field) and not is_value(field, table.decimal, table.thousands)
+        }
         is_new = len(texts) == usual == len(fields) and sorted(fields) not in heads
         if is_new and (not wanted or names_in(fields) & set(wanted)):
-            return separator, decimal, thousands, widths.index(usual, number)
-    return found
-
-
-def _odd_field(lines: list[str]) -> str:
-    """Name the field that keeps a line from being numbers, where most of its fields are; "" where there is none."""
-    for number, line in enumerate(lines, start=1):
-        for separator in SEPARATORS:
-            fields = list(filter(None, split_row(line, separator)))
-            odd = [field for field in fields if not is_value(field, ".") and not is_value(field, ",")]
-            is_text = all(field.isprintable() and not is_known_unit(field) for field in odd)
-            if is_text and 0 < 2 * len(odd) <= len(fields):
-                return f" (line {number} has {odd[0][:40]!r}, which is no number or time that is known)"
-    return ""
-
-
-def grouped(rows: list[list[str]], sign: str = ".") -> bool:
-    """Tell points that part thousands: all stand before three digits, and a column holds numbers without one, too."""
-    parted = [field for row in rows for field in row if sign in field]
-    if not parted or not all(THOUSANDS[sign].match(field) for field in parted):
-        return False
-    columns = zip(*(row for row in rows if len(row) == len(rows[0])), strict=True)
-    return any(0 < sum(sign in field for field in column) < sum(map(bool, column)) for column in columns)
-
-
-def _best_table(lines: list[str]) -> tuple[str, str, str, int] | None:
-    best: tuple[int, int, str, str, str, int] | None = None
-    quoted = any('"' in line for line in lines)
-    parting = [sign for sign in PARTING if any(re.search(rf"\d{sign}\d{{3}}", line) for line in lines)]
-    for separator in SEPARATORS:
-        # a comma that separates is no decimal sign, unless quotes hold the fields together
-        signs = [(".", ""), (",", ""), (",", "."), (".", ",")] if separator != "," or quoted else [(".", "")]
-        signs += [(decimal, sign) for decimal in {sign for sign, _ in signs} for sign in parting if separator != " "]
-        for decimal, thousands in signs:
-            counts = [_is_row(line, separator, decimal, thousands) for line in lines]
-            widths = [count for count in counts if count]
-            if not widths:
-                continue
-            usual = max(set(widths), key=widths.count)
-            score = (widths.count(usual), usual)
-            if best is None or score > best[:2]:
-                best = (*score, separator, decimal, thousands, counts.index(usual))
-    return best[2:] if best is not None else None
+            first = widths.index(usual, number)
+            return replace(table, first=first, usual=first)
+    return table
 
 
 def layout_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:

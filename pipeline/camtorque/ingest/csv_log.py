@@ -21,10 +21,13 @@ from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, THOUSANDS, unwrapped
-from camtorque.ingest.columns import columns_of, listed, raw_file, rows_without_time, time_columns_of
-from camtorque.ingest.csv_layout import CsvLayout, layout_findings, sniff, split_row, text_pieces
+from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
+from camtorque.ingest.csv_layout import CsvLayout, layout_findings, sniff, text_pieces
+from camtorque.ingest.csv_table import split_row
+from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
+from camtorque.ingest.table_rows import SumSource, is_fraction, rows_without_time
 from camtorque.records import Array, Finding, Refusal, SampleSource
 from camtorque.units import counted
 
@@ -87,8 +90,10 @@ def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hi
     columns = columns_of(path, layout, specs)
     times = {column for column in time_columns_of(path, layout, specs) if column is not None}
     damage = Damage()
+    beside = {part[0] for time in times if (part := layout.fraction_of(time))}
     with refusing(path, "CSV"):
-        sources, tail = _columns(path, layout, sorted({*columns, *times}), times, damage)
+        sources, tail = _columns(path, layout, sorted({*columns, *times, *beside}), times, damage)
+    sources = _with_fractions(layout, sources, times)
     result = raw_file(path, layout, sources, specs)
     notes = layout_findings(layout, hint, path.name)
     return RawFile(result.channels, (*notes, *_damage_findings(damage, path.name), *tail, *result.findings))
@@ -101,11 +106,21 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 def channels_of(path: Path, layout: CsvLayout) -> tuple[FileChannel, ...]:
     """List the columns of a text whose layout is known."""
-    every = list(range(layout.n_columns))
+    every = [column for column in range(layout.n_columns) if column not in layout.words]
     times = {time for column in every if (time := layout.time_column("", (), column)) is not None}
     with refusing(path, "CSV"):
         sources, _ = _columns(path, layout, every, times, Damage())
-    return listed(path, layout, sources)
+    return listed(path, layout, _with_fractions(layout, sources, times))
+
+
+def _with_fractions(layout: CsvLayout, sources: Mapping[int, SampleSource], times: set[int]) -> dict[int, SampleSource]:
+    """Return the columns, where fractions of seconds that stand beside a time are part of it."""
+    found = dict(sources)
+    for time in times:
+        column, unit = layout.fraction_of(time) or (-1, 0.0)
+        if column in found and is_fraction(found[column], unit):
+            found[time] = SumSource(sources[time], found.pop(column), unit)
+    return found
 
 
 def _columns(

@@ -15,9 +15,10 @@ import h5py
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import time_beside, times_beside, with_times
+from camtorque.ingest.columns import time_beside, times_beside
 from camtorque.ingest.hdf5_heaps import check_heaps
 from camtorque.ingest.header import column_number, numbered_name, time_unit
+from camtorque.ingest.listing import with_times
 from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, read_each, refusing
 from camtorque.ingest.stamps import agreed_rate
 from camtorque.ingest.zlib_check import refuse_bomb

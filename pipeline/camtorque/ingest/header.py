@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from camtorque.records import Refusal
@@ -19,6 +20,8 @@ MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
 """Time, unless a column is named outright so, or the recording takes it for a channel."""
 BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 INNER_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\((?P<unit>[^()]*\([^()]*\))\)$")
+IN_UNIT = re.compile(r"^(?P<name>.*?)\s*\bin (?P<unit>\S+)$")
+"""Torque in Nm, C1 in V, in s."""
 SLASH = re.compile(r"^(?P<name>.*\S)\s*/\s+(?P<unit>\S.*)$")
 TIGHT_SLASH = re.compile(r"^(?P<name>[^\d/]+)/(?P<unit>[^/]+)$")
 RATE_KEY = re.compile(
@@ -28,9 +31,11 @@ RATE_KEY = re.compile(
 )
 STEP_KEY = re.compile(
     r"(?<![a-z])(sampl\w*[ _-]*(interval|period|time)|abtast(intervall|zeit|periode)|time[ _-]*(step|increment)|"
-    r"dt|delta[ _-]?t|hresolution)(?![a-z])",
+    r"dt|delta[ _-]?t|hresolution|tinc|xinc)(?![a-z])",
     re.IGNORECASE,
 )
+INCREMENT = re.compile(r"increment", re.IGNORECASE)
+"""Of a name that stands over the step of the time."""
 PER_SECOND = re.compile(r"(?P<number>[\d.,]+(e[+-]?\d+)?)\s*(?P<unit>[kM]?(S/s|Sa/s|sps))\b", re.IGNORECASE)
 VALUE = re.compile(
     r"^(?P<before>[^\d+-]{0,30}?)(?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ]*(?:/s)?)", re.IGNORECASE
@@ -40,9 +45,12 @@ RATES = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sa
 """Spelling of a unit of rates, in small letters -> factor to Hz."""
 STEPS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 NEXT_FIELD = re.compile(r"(?<=\d{4}),|,(?!\d{3}(?!\d))")
-NO_UNITS = ("sequence", "sample", "samples", "point", "points", "index", "unit", "units", "einheit", "einheiten")
+NO_UNITS = ("value", "sequence", "sample", "samples", "point", "points", "index", "unit", "units",
+            "einheit", "einheiten")  # fmt: skip
 """Words in the place of a unit that are none: where a column counts, or the key of the row of units."""
-COUNTS = re.compile(r"^(no|nr|num|number|index|idx|sample|row|#|tracename)\.?$", re.IGNORECASE)
+KEYED = re.compile(r"^[A-Za-z][\w ]*: *[+-]?[\d.]+(e[+-]?\d+)?$", re.IGNORECASE)
+"""CH1:0.00000, a setting and no name."""
+COUNTS = re.compile(r"^(no|nr|num|number|index|idx|sample|record|rn|row|#|tracename)\.?$", re.IGNORECASE)
 """What stands over a count of rows, which an export may leave out, or is the key of a row of names."""
 AMBIGUOUS = re.compile(r"^\d{1,3}[.,]\d{3}$")
 """Twenty thousand or twenty: 20,000 and 20.000 mean either, by country."""
@@ -77,6 +85,8 @@ def name_and_unit(field: str) -> tuple[str, str]:
             return match["name"], match["unit"]
     if unit := time_unit(field):
         return field, unit
+    if (match := IN_UNIT.match(field)) and is_known_unit(match["unit"]):
+        return match["name"], match["unit"]
     for pattern in (SLASH, TIGHT_SLASH):
         match = pattern.match(field)
         if match and is_known_unit(match["unit"]) and (pattern is SLASH or _divides(match["name"], match["unit"])):
@@ -113,7 +123,7 @@ class HeaderRow:
     Attributes
     ----------
     number : of the row
-    hits : counts fields that are wanted names; where none are wanted, fields with text
+    hits : counts fields that are wanted names; where none are wanted, different fields with text, 0 beside settings
     fields : one per column; plain : name and unit of each
     beyond : names beyond the columns
     """
@@ -132,14 +142,25 @@ def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...
     found = []
     for number, row in enumerate(rows):
         beyond = tuple(field for field in row[n_columns:] if field)
-        if len(row) < least or names_in(beyond) & set(wanted) or not any(row):
+        if len(row) < least or names_in(beyond) & set(wanted) or not any(row) or _is_keyed(row):
             continue
         row = (row + [""] * n_columns)[:n_columns]
         plain = [name_and_unit(field) for field in row]
         # of rows with as many wanted names the one that has them without units
         hits = (len(wanted) + 1) * len(names_in(row) & set(wanted)) + len(set(row) & set(wanted))
-        found.append(HeaderRow(number, hits if wanted else sum(map(_is_text, row)), row, plain, beyond))
+        named = 0 if any(map(_is_setting, row)) else len(set(filter(_is_text, row)))
+        found.append(HeaderRow(number, hits if wanted else named, row, plain, beyond))
     return found
+
+
+def _is_keyed(row: list[str]) -> bool:
+    """Tell the key of a setting and its value beside two columns: ``Type:`` before ``raw``."""
+    return len(row) == 2 and row[0].endswith(":") and not row[1].endswith(":")
+
+
+def _is_setting(field: str) -> bool:
+    """Tell a value that no name is: a broken number, or one behind a key."""
+    return bool(KEYED.match(field)) or (is_number(field) and not field.strip("+-").isdigit())
 
 
 def names_in(fields: Iterable[str]) -> set[str]:
@@ -222,7 +243,8 @@ def names_of(
         later = row.number > chosen.number
         if later and not any(map(is_known_unit, units)) and any(map(is_known_unit, row.fields)):
             units = tuple(field.strip("[]() ") for field in row.fields)
-    return names, tuple("" if unit.lower() in NO_UNITS else unit for unit in units), chosen.beyond
+    beyond = tuple(field for field in chosen.beyond if not (STEP_KEY.match(field) or INCREMENT.match(field)))
+    return names, tuple("" if unit.lower() in NO_UNITS else unit for unit in units), beyond
 
 
 def _is_text(field: str) -> bool:
@@ -232,12 +254,13 @@ def _is_text(field: str) -> bool:
 def _is_unit_row(row: list[str], first: list[str]) -> bool:
     """Tell a row of units; a column that is empty below may hold its key, such as "VUnit"."""
     filled = [field for field, below in zip(row, first, strict=True) if below and field.strip("[]()- ")]
-    return len(filled) > 1 and is_known_unit(filled[0]) and sum(map(is_known_unit, filled)) * 2 > len(filled)
+    known = sum(is_known_unit(field) or field.lower() in NO_UNITS for field in filled)
+    return len(filled) > 1 and is_known_unit(filled[0]) and known * 2 > len(filled)
 
 
 def header_rate(header: list[str], separator: str) -> float | None:
     """Return the sampling rate that a header states [Hz]: as a rate, or as a step; None where none, or two readings."""
-    for line in header:
+    for line in (*header, *_named_above(header, separator)):
         text = line.replace('"', " ")
         if separator == ",":  # parts fields, unless it stands between thousands
             text = NEXT_FIELD.sub(" ", text)
@@ -250,6 +273,14 @@ def header_rate(header: list[str], separator: str) -> float | None:
         if match := PER_SECOND.search(text):
             return _value(match["number"], match["unit"].lower(), RATES)
     return None
+
+
+def _named_above(header: list[str], separator: str) -> Iterator[str]:
+    """Yield the step of the time that stands below its name in the next line of the header."""
+    for names, values in pairwise(line.split(separator) for line in header):
+        for name, value in zip(names, values, strict=False):
+            if is_number(value) and INCREMENT.fullmatch(name.strip(' "')):
+                yield f"dt {value}"
 
 
 def _unit(match: re.Match[str], units: dict[str, float]) -> str:

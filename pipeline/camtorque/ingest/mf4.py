@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import usual_rate
+from camtorque.ingest.listing import usual_rate
 from camtorque.ingest.mf4_structure import check_mf4
 from camtorque.ingest.raw import (
     IN_MEMORY_BYTES,

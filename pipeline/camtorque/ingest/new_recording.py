@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -83,15 +83,23 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
         writer.table("[[loggers]]", RECORDING_TABLES["loggers"], {"id": name, "clock": clock})
     for item in used:
         writer.table("[[channels]]", RECORDING_TABLES["channels"], _channel(item, folder, loggers[item.path]))
-        if not item.unit and item.channel.unit.strip("-"):
-            writer.line(f"# the file says {item.channel.unit!a}, which is no known unit")
-        if not item.quantity:
-            writer.line(f"# its values: {item.low:.4g} to {item.high:.4g}")
+        for note in _notes(item):
+            writer.line(note)
     for item in [item for item in proposals if not item.quantity and item.high > item.low and not open_ones]:
         writer.line(
             f"# not used: {item.path.name!a}, {item.channel.group!a}, {item.channel.name!a}, {item.channel.unit!a}"
         )
     return NewRecording("\n".join(writer.lines) + "\n", tuple(writer.unknown))
+
+
+def _notes(item: Proposal) -> Iterator[str]:
+    """Yield what a person has to know of a channel to fill in what is open."""
+    if not item.unit and item.channel.unit.strip("-"):
+        yield f"# the file says {item.channel.unit!a}, which is no known unit"
+    if item.quantity == "angle" and item.channel.sample_rate is None:
+        yield "# where the logger samples by this angle, not by time: samples per turn x speed in rpm / 60"
+    if not item.quantity:
+        yield f"# its values: {item.low:.4g} to {item.high:.4g}"
 
 
 def _wheel_of(trigger: Proposal, proposals: list[Proposal]) -> Wheel | None:

@@ -11,9 +11,10 @@ import numpy as np
 from camtorque.config import ChannelSpec
 from camtorque.ingest.arrow_size import refuse_feather_bomb
 from camtorque.ingest.cells import LEVELS
-from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
+from camtorque.ingest.listing import listed
 from camtorque.ingest.parquet_size import refuse_lying_pages
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb

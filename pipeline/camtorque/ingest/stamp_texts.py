@@ -37,6 +37,8 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
     texts = texts.str.replace(LAST_COLON, r"\g<clock>.\g<part>", regex=True)
     if kind == "seconds":
         return pd.to_numeric(texts.str.rstrip("sec "), errors=errors)
+    if kind == "days":
+        return pd.to_timedelta(texts, errors=errors) / pd.Timedelta(seconds=1)
     if kind in PERIODS:
         clock = _whole_day(texts, errors) if kind == "clock" else "00:" + texts
         return pd.to_timedelta(clock, errors=errors) / pd.Timedelta(seconds=1)

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config.tables import what_is_beside
-from camtorque.ingest.csv_layout import HEAD_BYTES, grouped, split_row, utf16
+from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
+from camtorque.ingest.csv_table import grouped, split_row
 from camtorque.ingest.formats import UNREADABLE
 from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows

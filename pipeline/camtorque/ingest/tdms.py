@@ -22,8 +22,9 @@ from nptdms.timestamp import TdmsTimestamp
 from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import time_beside, times_beside, with_times
+from camtorque.ingest.columns import time_beside, times_beside
 from camtorque.ingest.header import time_unit
+from camtorque.ingest.listing import with_times
 from camtorque.ingest.raw import (
     CallSource,
     FileChannel,

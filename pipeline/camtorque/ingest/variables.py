@@ -16,8 +16,9 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
-from camtorque.ingest.columns import time_beside, times_beside, with_times
+from camtorque.ingest.columns import time_beside, times_beside
 from camtorque.ingest.header import time_unit
+from camtorque.ingest.listing import with_times
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel
 from camtorque.ingest.stamps import agreed_rate
 from camtorque.records import Finding, Refusal

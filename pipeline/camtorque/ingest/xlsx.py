@@ -20,9 +20,10 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, STAMPS, unwrapped
-from camtorque.ingest.columns import columns_of, listed, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import is_number, names_in, names_of
+from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refusing
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal, SampleSource

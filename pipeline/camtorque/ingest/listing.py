@@ -1,0 +1,194 @@
+"""What `camtorque new` lists of a table: every column but its times, with the rate that the times tell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from camtorque.ingest.csv_layout import CsvLayout
+from camtorque.ingest.header import COUNTS, is_time_name, is_time_unit, numbered_name, time_unit
+from camtorque.ingest.raw import ArraySource, FileChannel
+from camtorque.ingest.stamps import date_of
+from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rate_of_changes, rows_of, usual_distance
+from camtorque.records import Refusal, SampleSource
+from camtorque.units import BORDER_UNITS, DEGREE, TURN, is_known_unit, tidy_unit, unit_factor
+
+SECONDS = (500.0, 5.0e5)
+"""A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
+LEAST_STAMPS = 100
+"""This many values that rise evenly are no coincidence."""
+NO_TIME = re.compile(r"cycle|zyklus|spiel|angle|winkel|\bCA\b|°|\bdeg", re.IGNORECASE)
+"""Names of columns that rise evenly and are no time."""
+TIME_OF = re.compile(r"time_|_time", re.IGNORECASE)
+"""What the name of a variable has beyond that of the one whose times it holds: Data1_time_Torque, Torque_time."""
+SAME_RATE = 0.01
+"""A first column without a name is the time where it and the header state rates that differ by less."""
+MOST_COLUMNS = 50
+"""Columns that a log of few rows may have."""
+OVER_TIME = (
+    "expected samples over time, one below the other, and one column for each channel; export the recording over time, "
+    "or all cycles below each other with the angle in a column"
+)
+MOST_TURNS = 2.1
+"""An angle that rises evenly over no more is that of one cycle."""
+RATE_SAMPLES = 10_000
+"""Time stamps used to find the rate of a file that has no recording.toml yet."""
+MOST_ALIKE = 0.9
+"""Share of the steps that are alike where stamps have enough digits; the others are gaps."""
+
+
+def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -> tuple[FileChannel, ...]:
+    """Return every column but the times as a channel; the time's usual step tells the rate."""
+    columns = {number: layout.time_column("", (), number) for number in sources}
+    has_times = any(time is not None for time in columns.values())
+    first = next((number for number, source in sources.items() if _is_filled(source)), -1)
+    unnamed = first if not has_times and first >= 0 and _may_be_time(layout, first, sources[first]) else None
+    if unnamed is not None:
+        columns = dict.fromkeys(columns, unnamed)
+    elif not has_times:
+        _refuse_cycles_side_by_side(path, layout, sources, first)
+    times = {time for time in columns.values() if time is not None}
+    rates = {time: _listed_rate(path, layout, sources[time], time) for time in times if time in sources}
+
+    def channel(number: int, source: SampleSource) -> FileChannel:
+        time, named = columns[number], "" if unnamed is None else _unique(layout, unnamed)
+        rate = layout.header_rate if time is None else rates.get(time)
+        if time is not None and time in sources:
+            own, stamps = own_rows(source, sources[time])
+            if own is not source:
+                source, rate = own, _listed_rate(path, layout, stamps, time)
+            if are_changes(source, stamps):
+                stamps = ArraySource(stamps.read(0, stamps.n_samples) * time_unit_of(path, layout, time))
+                rate = rate_of_changes(stamps)
+                source = held(source, stamps, rate, path.name)
+        rows = rows_of(source, usual_distance(source))
+        source = at(rows, source)
+        return FileChannel("", _unique(layout, number), layout.units[number], source.n_samples,
+                           rate and rate / rows.step, named, source)  # fmt: skip
+
+    return tuple(
+        channel(number, source)
+        for number, source in sources.items()
+        if number not in times
+        and layout.names[number]
+        and layout.stamp_kind(number) != "date"
+        and not (COUNTS.match(layout.names[number]) and _rises_evenly(source))
+    )
+
+
+def _is_filled(source: SampleSource) -> bool:
+    """Tell a column that holds a number in most rows."""
+    return bool(np.isfinite(source.read(0, min(source.n_samples, RATE_SAMPLES))).mean() > 0.5)
+
+
+def _may_be_time(layout: CsvLayout, column: int, source: SampleSource) -> bool:
+    """Tell a column that nothing names but that can be the time; one of cycles, angles or another unit is none."""
+    unit, stated = layout.units[column], layout.header_rate
+    if (unit and not is_time_unit(unit)) or NO_TIME.search(layout.names[column]) or not _rises_evenly(source):
+        return False
+    rate = usual_rate(source)
+    return stated is None or (rate is not None and abs(rate / stated - 1.0) < SAME_RATE)
+
+
+def _refuse_cycles_side_by_side(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource], first: int) -> None:
+    """Refuse a table of cycles: one in each column over the angle of a turn, or one in each row."""
+    n_rows = next(iter(sources.values())).n_samples
+    if layout.n_columns > max(MOST_COLUMNS, n_rows):
+        raise Refusal(f"{path}: holds {layout.n_columns} columns of {n_rows} rows, as cycles in rows do; {OVER_TIME}")
+    unit = layout.units[first] if first >= 0 else ""
+    kind, factor = BORDER_UNITS.get(tidy_unit(unit), ("", 0.0))
+    angle = kind == "angle" or (not unit and bool(NO_TIME.search(layout.names[first])))
+    values = sources[first].read(0, n_rows) if angle else np.empty(0)
+    values = values[np.isfinite(values)]
+    if not _rises_evenly(ArraySource(values)):
+        return
+    span = float(np.ptp(values)) * (factor or DEGREE) / TURN
+    if span < MOST_TURNS:
+        raise Refusal(
+            f"{path}: {layout.names[first]!r} runs once over {span:.3g} turns, as an angle does beside cycles in "
+            f"columns ({len(sources) - 1} here); {OVER_TIME}"
+        )
+
+
+def _unique(layout: CsvLayout, number: int) -> str:
+    """Return the name of a column, or its place where others have that name or none is there."""
+    name = layout.names[number]
+    return name if name and layout.names.count(name) == 1 else numbered_name(number)
+
+
+def _rises_evenly(source: SampleSource) -> bool:
+    """Tell a column that nothing names but that can be the time: it leaves a straight line by two steps at most."""
+    values = source.read(0, min(source.n_samples, RATE_SAMPLES))
+    steps = np.diff(values)
+    if values.size < LEAST_STAMPS or not np.isfinite(values).all() or not 0.0 <= steps.min() < steps.max() * 2.0:
+        return False
+    line = np.linspace(values[0], values[-1], values.size)
+    return bool(np.ptp(values - line) <= 2.0 * steps.max())
+
+
+def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int) -> float | None:
+    stamped = bool(layout.stamp_kind(column))
+    unit = "" if stamped or not is_known_unit(layout.units[column]) else layout.units[column]
+    epoch = 0.0 if unit or stamped else _epoch_unit(times)
+    rate = usual_rate(times, time_unit_of(path, layout, column) if unit or stamped else epoch or 1.0)
+    if not unit and not stamped and not epoch and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
+        return layout.header_rate  # seconds or milliseconds: the header, or a person, has to say
+    return rate
+
+
+def time_unit_of(path: Path, layout: CsvLayout, column: int) -> float:
+    """Return the unit of a time column [s]; 1 where the file says none that is known."""
+    unit = layout.units[column]
+    return unit_factor(unit, "time", f"{path} time") if is_known_unit(unit) and not layout.stamp_kind(column) else 1.0
+
+
+def _epoch_unit(times: SampleSource) -> float:
+    """Return the unit [s] in which times are a date of this century, 0 where they are none."""
+    first = times.read(0, 1)
+    return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if date_of(float(first[0]) * unit) is not None), 0.0)
+
+
+def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
+    """Return channels with the rate of the time channel beside them, by name and length, where they have none."""
+    times = {(item.group, item.n_samples): item for item in reversed(found) if is_time_name(item.name)}
+    first = [item for item in found if item.name == numbered_name(0)]
+    times = {(item.group, item.n_samples): item for item in first if _rises_evenly(item.source)} | times
+    names = {(item.group, item.name) for item in found}
+    own = {place: item for item in found if (place := (item.group, TIME_OF.sub("", item.name, 1))) in names
+           and place != (item.group, item.name)}  # fmt: skip
+    listed_channels = []
+    for item in found:
+        time = own.get((item.group, item.name)) or times.get((item.group, item.n_samples))
+        if any(item is other for other in (*times.values(), *own.values())):
+            continue
+        if item.sample_rate is None and time is not None:
+            unit = time_unit(time.name, time.unit)
+            factor = unit_factor(unit, "time", f"{time.name} unit") if unit else 1.0
+            item = replace(item, sample_rate=usual_rate(time.source, factor), time_channel=time.name)
+        listed_channels.append(item)
+    return tuple(listed_channels)
+
+
+def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:
+    """Return the sampling rate that stamps tell [Hz], None where they do not run forward.
+
+    Stamps are rounded; of the rates that they allow it is the one with the fewest digits.
+    """
+    stamps = times.read(0, min(times.n_samples, RATE_SAMPLES)) * to_seconds
+    stamps = stamps[np.isfinite(stamps)]
+    steps = np.diff(stamps)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    near = steps[np.abs(steps - usual) < 0.5 * usual]
+    # where several samples share a stamp only the whole span tells
+    steps = near if near.size > MOST_ALIKE * steps.size else steps
+    span = float(steps.sum())
+    if not span > 0.0:
+        return None
+    rate = steps.size / span
+    rounding = float(np.percentile(steps, 99.0) - np.percentile(steps, 1.0)) + float(np.spacing(abs(stamps[-1])))
+    allowed = rate * min(rounding / span, 0.05)
+    return next((r for digits in range(1, 12) if abs((r := float(f"{rate:.{digits}g}")) - rate) <= allowed), rate)
