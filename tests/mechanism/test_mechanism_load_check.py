@@ -57,6 +57,17 @@ def test_where_pressure_hardly_loads_the_cam_nothing_is_said(aligned):
     assert not told(recording, cycles)
 
 
+@pytest.mark.parametrize(("share", "zero_std", "seen"), [(0.2, 0.1, False), (0.4, 0.1, True), (0.4, 20.0, False)])
+def test_a_torque_too_large_for_drag_alone_is_told(aligned, share: float, zero_std: float, seen: bool):
+    recording, cycles = aligned
+    cycles = replace(cycles, torque=cycles.torque + share * np.max(cycles.mean_torque))
+    found = base_findings(cycles, rigid_torque(recording, cycles), zero_std)
+    assert [row.code for row in found] == ["base_torque_large"] * seen
+    assert all("drag alone makes at most 19 %" in row.text for row in found)
+    dry = replace(cycles, pressure=np.full_like(cycles.pressure, 1e5))  # little but drag beside it
+    assert not base_findings(dry, rigid_torque(recording, dry), zero_std)
+
+
 @pytest.mark.parametrize(("off", "seen"), [(0.0, False), (-0.5, False), (-1.0, True), (-4.0, True)])
 def test_a_torque_that_is_negative_where_only_drag_acts_is_told(aligned, off: float, seen: bool):
     recording, cycles = aligned
