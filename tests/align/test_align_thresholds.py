@@ -24,7 +24,7 @@ NUMERICS = {
     "OVERLAP", "LEAST_SWING_VOLTS", "TURN", "STAIRS_FROM", "STAIR_FACTOR", "LINEAR", "CUBIC", "AVERAGE", "BAR",
     "DEGREE", "RPM", "CACHED_WINDOWS", "LEAST_ORDERS", "LOBES",
     "LINES", "ROWS", "PIECE", "COMPILED_FROM", "LOADED_FROM", "PART", "BENT", "LOOSELY", "LISTED", "NOISELESS",
-    "LARGEST_GRID", "STEP_SAMPLES",
+    "LARGEST_GRID", "STEP_SAMPLES", "LEAST_VARIANCE",
 }  # fmt: skip
 """Sizes of windows, grids and loops: they cost time or a little accuracy, and reject nothing."""
 
