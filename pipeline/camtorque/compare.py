@@ -263,7 +263,7 @@ def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:
 
 def _side(sides: Sequence[Prepared], name: str, alone: Mapping[Path, float]) -> dict[str, Any]:
     speeds = [side.cycles.mean_speed / RPM for side in sides]
-    inputs = {row["path"]: row for side in sides for row in inputs_document(side.recording)}
+    inputs = {row["path"]: row for side in sides for row in inputs_document(side.recording.inputs)}
     single = len(sides) == 1
     return {
         "name": sides[0].recording.config.id if single else name, "speed_rpm": speeds[0] if single else None,

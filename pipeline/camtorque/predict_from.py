@@ -32,6 +32,8 @@ from camtorque.fit.load_file import (
     rise_range,
     top_range,
 )
+from camtorque.hashes import input_file
+from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.friction import Friction
@@ -41,6 +43,7 @@ from camtorque.mechanism.solve import forces_of
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Estimate, Forces, Refusal
+from camtorque.report.files import inputs_document
 from camtorque.report.fit_file import NAME
 from camtorque.report.forecast_page import forecast_document
 from camtorque.report.forecast_texts import (
@@ -54,6 +57,7 @@ from camtorque.report.forecast_texts import (
     load_text,
     step_text,
 )
+from camtorque.results import report_named
 from camtorque.units import RPM
 
 
@@ -119,8 +123,18 @@ def predict_from(
         refuse_other_load(asked.given, templates.values(), str(pressure))
     runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]
     items, forces = [item for item, _ in runs], [force for _, force in runs]
-    origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": []}
+    inputs = _inputs((folder / NAME, pressure, pump, cam), load_of)
+    origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": inputs}
     return Found(tuple(items), forecast_document(items, forces, origin))
+
+
+def _inputs(named: Sequence[Path | None], load_of: Path | str | None) -> list[dict[str, str]]:
+    """Return the fit and every file that was named beside it, those of a recording whose load it is included."""
+    files = [input_file(path) for path in named if path is not None]
+    if load_of is not None:
+        report = report_named(Path(load_of))
+        files += read_recording(Path(load_of)).inputs if report is None else [input_file(report / "result.json")]
+    return inputs_document(files)
 
 
 @dataclass(frozen=True)

@@ -433,6 +433,19 @@ def test_two_loads_and_a_leakage_that_no_pump_has_are_refused(
         predict_flow.predict_from(tmp_path, [500.0], **options)
 
 
+def test_a_prediction_names_the_files_that_it_rests_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "fit.json").write_text("{}")
+    fit = replace(known([0.1]), recordings=())
+    monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
+    monkeypatch.setattr(predict_flow, "_at_speed", lambda *rest: (None, ()))
+    monkeypatch.setattr(predict_flow, "forecast_document", lambda items, forces, origin: origin)
+    found = predict_flow.predict_from(tmp_path, [500.0], cam=SHEETS / "cam_A.csv").document["inputs"]
+    assert [Path(row["path"]).name for row in found] == ["fit.json", "cam_A.csv"]
+    assert found[1]["sha256"] == file_digest(SHEETS / "cam_A.csv")
+    found = predict_flow._inputs((tmp_path / "fit.json", None), BENCH)
+    assert {"fit.json", "recording.toml", "A_1000rpm_all.tdms"} < {Path(row["path"]).name for row in found}
+
+
 @pytest.mark.parametrize(("options", "kept"), [
     ({}, True), ({"cam": Path("cam.csv")}, False), ({"pump": Path("pump.toml")}, False), ({"clearance": "+1um"}, True),
 ])  # fmt: skip
@@ -445,6 +458,7 @@ def test_the_lift_correction_goes_with_the_fitted_cam_and_with_no_other(
     monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
     monkeypatch.setattr(predict_flow, "_at_speed", lambda known, *rest: taken.append(known) or (None, ()))
     monkeypatch.setattr(predict_flow, "forecast_document", lambda *parts: {})
+    monkeypatch.setattr(predict_flow, "_inputs", lambda *paths: [])
     predict_flow.predict_from(tmp_path, [500.0], **options)
     assert (taken[0].lift is lift) == kept
     texts = assumptions(taken[0], FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)

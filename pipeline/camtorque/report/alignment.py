@@ -28,7 +28,7 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
     findings = findings_document(dict.fromkeys((*recording.findings, *cycles.findings)))
     doc = jsonable({
         "schema": "camtorque.align/1", "version": __version__, "created": created, "name": recording.config.id,
-        "inputs": inputs_document(recording), **summary, "findings": findings,
+        "inputs": inputs_document(recording.inputs), **summary, "findings": findings,
     })  # fmt: skip
     caption = "Mean over the used cycles and their scatter."
     drawings = [drawing_of("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]

@@ -35,7 +35,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "version": __version__,
             "created": result.created,
             "seed": 0,
-            "inputs": inputs_document(result.recording),
+            "inputs": inputs_document(result.recording.inputs),
             "recording": _recording(result),
             "findings": findings_document(result.findings),
             "alignment": _alignment(result),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.jsonable import jsonable
-from camtorque.records import Finding, Recording
+from camtorque.records import Finding, InputFile
 from camtorque.report.numbers import typeset
 
 ESCAPED = "backslashreplace"
@@ -67,9 +67,9 @@ def short(value: Any, digits: int) -> Any:
     return [short(item, digits) for item in value] if isinstance(value, list) else value
 
 
-def inputs_document(recording: Recording) -> list[dict[str, str]]:
-    """Return every file that was read with its SHA-256."""
-    return [{"path": str(item.path), "sha256": item.sha256} for item in recording.inputs]
+def inputs_document(files: Iterable[InputFile]) -> list[dict[str, str]]:
+    """Return files that were read with their SHA-256."""
+    return [{"path": str(item.path), "sha256": item.sha256} for item in files]
 
 
 def findings_document(findings: Iterable[Finding]) -> list[dict[str, str]]:
