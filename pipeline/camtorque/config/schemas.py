@@ -238,7 +238,7 @@ RECORDING_TABLES: dict[str, TableSchema] = {
 """Tables of recording.toml."""
 
 SECTION = TableSchema("[[cam.sections]]", "the cam in sections along the direction of running", (
-    Key("kind", "text", "law of the section, see cam_profiles.md"),
+    Key("kind", "text", "law of the section, see predict.md"),
     Key("angle_deg", "number", "its length; a tangent lobe takes what it needs", "deg", None,
         Band(1e-6, 360.0, "a revolution at most"), attribute="angle"),
     Key("rise_mm", "number", "lift gained, negative on the return", "mm", None,
