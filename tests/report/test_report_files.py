@@ -84,6 +84,25 @@ def test_result_holds_every_key_of_the_contract(written: Path) -> None:
     assert {"reason", "cycles", "text"} <= set(doc["recording"]["cut_flow"][0])
 
 
+def keys_of(value: object) -> set[str]:
+    if isinstance(value, list):
+        return set().union(*map(keys_of, value))
+    return set(value).union(*map(keys_of, value.values())) if isinstance(value, dict) else set()
+
+
+def test_the_page_of_the_contract_names_every_key_and_data_set(written: Path) -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "result_schema.md").read_text(encoding="utf-8")
+    document = read_json(written / "result.json")
+    rows = {name: list(document[name].values()) for name in ("parameters", "evidence")}
+    keys = keys_of({**document, **rows, "losses": 0, "losses_stderr": 0, "uncertainty": 0})
+    assert not [key for key in keys if f'"{key}"' not in text]
+    found: list[str] = []
+    with h5py.File(written / "cycles.h5") as file:
+        file.visititems(lambda path, item: found.append(path) if isinstance(item, h5py.Dataset) else None)
+    names = {"by_cause/<name>" if "by_cause/" in path else path.split("/")[-1] for path in found}
+    assert not [name for name in names if name not in text]
+
+
 def test_undetermined_is_null_and_units_are_those_of_the_key(written: Path) -> None:
     doc = read_json(written / "result.json")
     assert doc["parameters"]["dead_volume"]["stderr"] is None
