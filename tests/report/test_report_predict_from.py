@@ -21,7 +21,7 @@ from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.clearance import leakage_factor
-from camtorque.fit.draws import Load, draws
+from camtorque.fit.draws import FRACTIONS, Load, draws
 from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
 from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
 from camtorque.fit.forecast import DRAWS, shape_of
@@ -163,6 +163,19 @@ def test_a_mean_of_fitted_values_is_drawn_with_what_the_fit_leaves_open_of_the_m
     mean = {"torque_zero": 0.0, "pressure_zero": 0.0, "end_width": 0.03}
     drawn = [item["end_width"] for item in draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load, 0.1, 60)]
     assert np.std(drawn) / 0.1 == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
+
+
+@pytest.mark.parametrize(("name", "value"), [
+    ("delay_error", -4.5e-4), ("delay_error", 4.5e-4), ("shaft_compliance", 1e-6), ("dead_volume", 1e-4),
+])  # fmt: skip
+def test_a_value_that_its_own_rig_let_beyond_the_usual_bounds_is_drawn_about(name: str, value: float) -> None:
+    std = 0.02 * abs(value)
+    fit = KnownFit((name,), np.array([value]), ArrowCovariance.whole(np.array([[std**2]])), ())
+    for fraction in FRACTIONS:
+        found = draws(fit, {name: 0}, {name: value, "torque_zero": 0.0}, Load({}), fraction, 400)
+        drawn = np.array([item[name] for item in found])
+        assert np.mean(drawn) == pytest.approx(value, abs=0.3 * fraction * std)
+        assert np.std(drawn) == pytest.approx(fraction * std, rel=0.1)
 
 
 @pytest.mark.parametrize(("curve", "torque", "wanted", "steps"), [

@@ -69,10 +69,20 @@ def draws(
         for name, error in away.items():
             other, pull = load.pulls.get(name, ("", 0.0))
             item[name] = item.get(name, mean[name]) + float(error + pull * away.get(other, 0.0))
-        result.append(
-            {name: float(np.clip(v, ROWS[name].lower, max(ROWS[name].upper, mean[name]))) for name, v in item.items()}
-        )
+        result.append({name: float(np.clip(v, *_room(name, mean[name]))) for name, v in item.items()})
     return result
+
+
+def _room(name: str, value: float) -> tuple[float, float]:
+    """Return the bounds of what is drawn about a value [SI].
+
+    One beyond the bounds of literature was fitted within the wider ones of its own rig, and is known by its covariance.
+    """
+    row, beyond = ROWS[name], 0.5 * abs(value)
+    return (
+        row.lower if value >= row.lower else value - beyond,
+        row.upper if value <= row.upper else value + beyond,
+    )
 
 
 def steps(small: Array, whole: Array) -> bool:
