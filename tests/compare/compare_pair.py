@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,9 @@ NOISE, CYCLES = 0.02, 12
 
 
 def made_pair(
-    changed: dict[str, float], left: Array | None = None, clock: str = "reference", late: float = 0.0
-) -> Pair:
+    changed: dict[str, float], left: Array | None = None, clock: str = "reference", late: float = 0.0,
+    tooth: float = 0.0,
+) -> Pair:  # fmt: skip
     """Return two recordings of one pump.
 
     Parameters
@@ -34,20 +36,24 @@ def made_pair(
     left : (BINS,) what no law explains, over the true cam angle [N m]
     clock : how torque and trigger are tied
     late : error of the start of the second torque file [s]
+    tooth : how far behind that of the first the tooth of the second recording is [rad]
     """
     rng = np.random.default_rng(11)
-    chain = chain_input(n=BINS)
+    first = chain_input(n=BINS)
     theta = angle_grid(BINS)
-    basis = lift_correction(theta, chain.law.evaluate(theta, 0), 1e-6, 1e-6, DEGREE)
+    basis = lift_correction(theta, first.law.evaluate(theta, 0), 1e-6, 1e-6, DEGREE)
     values = {**start_values(), **dict.fromkeys(COLUMN_NAMES, 0.0), "leakage": 6e-15}
     left = np.zeros(BINS) if left is None else left
     items, cycles = [], []
     for side in (0, 1):
         mine = {name: value + side * changed.get(name, 0.0) for name, value in values.items()}
         mine["delay_error"] += side * late
+        chain = replace(first, trigger_angle=first.trigger_angle + side * tooth)
         linear = np.array([mine[name] for name in COLUMN_NAMES])
-        output = evaluate(chain, {name: mine[name] for name in NONLINEAR_NAMES})
-        turn = side * (changed.get("trigger_offset", 0.0) - late * chain.speed)
+        nonlinear = {name: mine[name] for name in NONLINEAR_NAMES}
+        output = evaluate(chain, nonlinear)
+        beside = float(np.mean(output.motion.theta - evaluate(first, nonlinear).motion.theta))
+        turn = beside + side * (changed.get("trigger_offset", 0.0) - late * chain.speed)
         orders = np.arange(BINS // 2 + 1)
         seen = np.fft.irfft(np.exp(1j * orders * turn) * np.fft.rfft(left), BINS)
         torque = output.torque + output.linear @ linear + seen

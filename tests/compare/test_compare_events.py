@@ -25,7 +25,7 @@ from camtorque.fit.changes import (
     near_minimum,
     two_ln_odds,
 )
-from camtorque.fit.difference import along, evaluated, minimised, objective, within
+from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
 from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.verdicts import parameter_differences
@@ -53,6 +53,13 @@ def told(leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: floa
 def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
     assert told(**truth)[0].best == found
     assert (told(**truth)[0].unchanged > 0.5) == (not found)
+
+
+def test_a_tooth_in_another_place_is_no_event() -> None:
+    """The shaft twists between both teeth, and so does the cam against the angles of both recordings."""
+    found, pair = attribution(made_pair({}, left=RINGING, tooth=25.0 * DEGREE))
+    assert abs(turn_of_tooth(pair, found.state.outputs[0])) > 0.1 * DEGREE
+    assert found.unchanged > 0.5
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a fork beside threads is safe on Linux alone")

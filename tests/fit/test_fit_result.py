@@ -22,6 +22,7 @@ from camtorque.fit.metrics import parts_of_gap
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.modelled import model_on_grid, modelled
 from camtorque.fit.next_run import TOOTH, proposals
+from camtorque.fit.pair import pair_of
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
@@ -179,6 +180,15 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
         if "rpm" in title:
             std = np.sqrt(np.diag(matrix))
             assert std[names.index("dead_volume")] < today[names.index("dead_volume")]
+
+
+def test_each_recording_of_a_pair_is_turned_by_its_own_tooth():
+    before = quick_prepared(*LAND)
+    config = before.recording.config
+    elsewhere = replace(config.trigger, nominal_angle=config.trigger.nominal_angle + 0.5)
+    after = replace(before, recording=replace(before.recording, config=replace(config, trigger=elsewhere)))
+    angles = [item.chain.trigger_angle for item in pair_of(before, after, before.candidates[0]).items]
+    assert angles == [config.trigger.nominal_angle, elsewhere.nominal_angle]
 
 
 @pytest.fixture(scope="module")

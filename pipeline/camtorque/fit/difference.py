@@ -75,7 +75,7 @@ def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairStat
     # what the laws leave stays where it is on the cam, whatever trigger and delay make of the measured angle
     by = by_angle(pair)
     together = np.column_stack([residuals[1], jacobians[1]])
-    together = at_angle(together, float(by @ (after - before)))
+    together = at_angle(together, float(by @ (after - before)) + turn_of_tooth(pair, outputs[0]))
     residuals[1], jacobians[1] = together[:, 0], together[:, 1:]
     turned = -np.outer(angle_slope(residuals[1]), by)
     return PairState(
@@ -87,6 +87,17 @@ def by_angle(pair: Pair) -> Array:
     """Return the angle shift of the second recording per unit difference of each parameter, (k,) [rad per SI]."""
     rates = {"trigger_offset": -1.0, "delay_error": pair.items[1].chain.speed}
     return np.array([rates.get(name, 0.0) for name in pair.names])
+
+
+def turn_of_tooth(pair: Pair, output: ChainOutput) -> float:
+    """Return by how much the shaft twists from the tooth of the first recording to that of the second [rad].
+
+    Each tooth is the zero of its own recording's twist; ``output`` is that of the first.
+    """
+    theta = pair.items[0].chain.theta
+    teeth = [item.chain.trigger_angle for item in pair.items]
+    one, two = np.interp(teeth, theta, output.motion.theta - theta, period=2.0 * np.pi)
+    return float(two - one)
 
 
 def at_angle(values: Array, angle: float) -> Array:

@@ -201,6 +201,7 @@ def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
         shaft_torque=on_grid(torque, n) + lost, deviation=deviation,
+        trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
     return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque))
 
