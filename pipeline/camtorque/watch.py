@@ -21,7 +21,7 @@ from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest import read_recording
 from camtorque.ingest.recording import recording_of
-from camtorque.mechanism.load_check import BASE_LIFT
+from camtorque.mechanism.load_check import on_base
 from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
 from camtorque.units import DEGREE, RPM
@@ -159,7 +159,7 @@ def base_level(recording: Recording, cycles: CamCycles, rows: slice) -> Level | 
     lift = table.at(cycles.theta)
     order = np.argsort(lift, kind="stable")
     least = int(np.ceil(LEAST_BASE / (2.0 * np.pi) * lift.size))
-    base = order[: max(least, int(np.count_nonzero(lift < BASE_LIFT * lift.max())))]
+    base = order[: max(least, int(np.count_nonzero(on_base(lift))))]
     level = cycles.torque[rows][:, base].mean(axis=1)
     stderr = float(level.std(ddof=1) / np.sqrt(level.size)) if level.size > 1 else float("nan")
     return Level(float(level.mean()), stderr, float(cycles.torque.mean(axis=0).max()))

@@ -44,6 +44,7 @@ def test_an_order_that_stands_all_around_is_seen(order):
     drag = 0.5 + 0.05 * np.sin(THETA)
     noise = 0.03 * np.random.default_rng(order).standard_normal(N)
     assert repeated_order(STROKE + drag + wave + noise, LIFT) == order
+    assert repeated_order(STROKE + drag + wave + noise, LIFT + 0.05 * LIFT.max()) == order, "its zero is no base circle"
     assert repeated_order(STROKE + drag + noise, LIFT) == 0
     assert repeated_order(STROKE + drag + 0.02 * wave + noise, LIFT) == 0
 

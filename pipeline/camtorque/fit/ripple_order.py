@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.mechanism.load_check import BASE_LIFT
+from camtorque.mechanism.load_check import on_base
 from camtorque.records import Array
 from camtorque.units import DEGREE
 
@@ -44,7 +44,7 @@ def repeated_order(torque: Array, lift: Array) -> int:
 
 def base_circle(lift: Array) -> Array:
     """Return the longest run of places (m,) at which a periodic lift (n,) stands, after `SETTLING`; they may pass n."""
-    moving = np.flatnonzero(lift >= BASE_LIFT * np.max(lift))
+    moving = np.flatnonzero(~on_base(lift))
     gaps = np.diff(moving, append=moving[0] + lift.size)
     longest = int(np.argmax(gaps))
     settled = moving[longest] + 1 + round(SETTLING / (2.0 * np.pi) * lift.size)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.records import Array, CamCycles, Finding, Recording, Refusal, RigidTorque
@@ -40,12 +41,17 @@ LARGE_SWING = 0.3
 
 
 BASE_LIFT = 0.01
-"""Share of the full lift below which the follower stands on the base circle."""
+"""Share of the stroke below which the follower stands on the base circle."""
 DRIVEN = (3.0, 0.002)
 """Standard uncertainties of the zero and share of the peak torque by which the mean there may lie below zero."""
 DRAGGED = 0.3
 """Mean torque on the base circle over what the load adds to it; of 63 simulated pumps 61 have less than 0.07, the
 largest 0.19."""
+
+
+def on_base(lift: Array) -> NDArray[np.bool_]:
+    """Return where a follower stands on the base circle, (n,); a lift table (n,) [m] may stay above zero there."""
+    return np.asarray(lift - np.min(lift) < BASE_LIFT * np.ptp(lift))
 
 
 def load_ratio(cycles: CamCycles, rigid: RigidTorque) -> float:
@@ -86,7 +92,7 @@ def base_findings(cycles: CamCycles, rigid: RigidTorque, zero_std: float) -> tup
     """Return a warning where the torque on the base circle, where only drag acts, is negative or that of no drag."""
     if cycles.torque is None:
         return ()
-    base = rigid.lift < BASE_LIFT * np.max(rigid.lift)
+    base = on_base(rigid.lift)
     torque = cycles.mean_torque
     level, peak = float(np.mean(torque[base])) if base.any() else 0.0, float(np.max(torque))
     is_loaded = math.isfinite(load_ratio(cycles, rigid))
