@@ -263,6 +263,16 @@ def test_a_file_that_leaves_out_the_rise_at_the_zero_of_the_angle_is_refused() -
         curve_through(file, "p.csv")
 
 
+def test_points_too_far_apart_are_refused_as_that_and_not_for_what_is_known_between_them() -> None:
+    def smooth(step_deg: float) -> Curve:
+        angles = np.radians(np.arange(0.0, 360.0, step_deg))
+        return curve_through(PressureCurve(angles, 6e6 + 5e7 * np.exp(-(((angles - 0.9) / 0.6) ** 2))), "p.csv")
+
+    assert smooth(6.0).step == pytest.approx(np.radians(6.0))
+    with pytest.raises(Refusal, match=r"points 8 deg apart under load, expected 6 deg or closer; give"):
+        smooth(8.0)
+
+
 def test_the_end_of_delivery_in_a_coarse_file_is_found_by_its_points_alone(tmp_path: Path) -> None:
     known_ends = [KnownEnd("a", 0.7, falling(0.7, 60.0))]
     for step_deg in (1.5, 3.0, 4.0):

@@ -27,7 +27,7 @@ RISEN = 0.25
 apart."""
 BELOW = 0.8
 """A chamber that stays below this share of the line pressure cannot have made it."""
-WIDEST_STEP = np.radians(6.0)
+WIDEST_STEP = np.radians(6.0) * (1.0 + 1e-9)
 """Distance of points under load above which nothing tells what the points missed."""
 
 
@@ -53,10 +53,14 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
     known = between_points(file)
     worst = float(np.sqrt(np.mean(np.square(known[file.pressure > LOADED * top])))) / top
     if worst > MOST_GUESSED or step > WIDEST_STEP:
+        found = f"points {step / DEGREE:.2g} deg apart under load"
+        expected = f"{WIDEST_STEP / DEGREE:.2g} deg or closer"
+        if step <= WIDEST_STEP:
+            found += f", between which the pressure is known to {100.0 * worst:.0f} % of its highest only"
+            expected = f"{100.0 * MOST_GUESSED:.0f} % or better"
         raise Refusal(
-            f"{name}: found points {step / DEGREE:.2g} deg apart under load, between which the pressure is known to "
-            f"{100.0 * worst:.0f} % of its highest only, expected {100.0 * MOST_GUESSED:.0f} % or better; give a point "
-            "every half degree, or name the recording itself with --load-of"
+            f"{name}: found {found}, expected {expected}; give a point every half degree, or name the recording itself "
+            "with --load-of"
         )
     std = np.interp(theta, file.theta, known, period=TURN)
     return Curve(theta, pressure_at(file, theta), float("nan"), step, file.theta, std)
