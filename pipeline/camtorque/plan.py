@@ -62,8 +62,8 @@ def wanted_number(text: str, names: Sequence[str]) -> tuple[str, float, bool]:
     ------
     Refusal : another text, an unknown name, a number that is not positive, another unit than the report's
     """
-    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:e-?\d{{1,3}})?)\s*([^\s\d.].*?)?\s*", text)
-    if match is None or not float(match[2]) > 0.0:
+    match = re.fullmatch(rf"\s*(\w+)\s+({DECIMAL}(?:[eE]-?\d{{1,3}})?)\s*([^\s\d.].*?)?\s*", text)
+    if match is None or not 0.0 < float(match[2]) < np.inf:
         raise Refusal(
             f"plan: found --target {text!r}, expected a name and a standard uncertainty such as 'chamber_peak 0.5 %' "
             "or 'leakage 0.05' (in the unit of the report)"

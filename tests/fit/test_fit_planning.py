@@ -142,6 +142,7 @@ def test_a_number_that_no_run_tells_of_has_no_plan() -> None:
     ("leakage 5 %", ("leakage", 5.0, True)), ("chamber_peak 3.5", ("chamber_peak", 3.5, False)),
     ("chamber_peak 3.5 bar", ("chamber_peak", 3.5, False)), ("leakage 2e-1 mm^3/s/bar", ("leakage", 0.2, False)),
     ("leakage 0.2 mm³/s/bar", ("leakage", 0.2, False)), ("leakage 0.2 mm3/s/bar", ("leakage", 0.2, False)),
+    ("leakage 2E-1", ("leakage", 0.2, False)),
 ])  # fmt: skip
 def test_targets_are_read(text: str, found: tuple[str, float, bool]) -> None:
     assert wanted_number(text, ("leakage", "chamber_peak")) == found
@@ -150,7 +151,7 @@ def test_targets_are_read(text: str, found: tuple[str, float, bool]) -> None:
 @pytest.mark.parametrize(("text", "told"), [
     ("leakage", "expected a name and a standard uncertainty"), ("leakage 0", "expected a name"),
     ("leakge 5 %", "is no number of this fit"), ("leakage 1.2.3", "expected a name"),
-    ("leakage .", "expected a name"), ("chamber_peak 3 MPa", "expected % or bar"),
+    ("leakage .", "expected a name"), ("leakage 1e400", "expected a name"), ("chamber_peak 3 MPa", "expected % or bar"),
 ])  # fmt: skip
 def test_other_targets_are_refused(text: str, told: str) -> None:
     with pytest.raises(Refusal, match=told):
