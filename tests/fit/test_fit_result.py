@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit import result as result_room
+from camtorque.fit.derived import derived_estimates
 from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
     fit_findings,
@@ -292,6 +293,16 @@ def test_values_that_are_unusual_together_are_told(record):
     silent = [replace(row, name=f"{row.name}_2", value=row.prior[0], stderr=row.prior[1]) for row in off]
     assert implausible_findings([*off, *silent], True) == implausible_findings(off, True)
     assert implausible_findings([replace(row, at_bound=True) for row in off], True) == ()
+
+
+@pytest.mark.parametrize(("relative", "known"), [(0.2, "measured"), (0.5, "narrowed"), (1.0, "not told by the data")])
+def test_what_follows_from_the_shaft_is_known_no_better_than_its_error_says(fit, relative, known):
+    alone = replace(fit, shifts={})
+    now = derived_estimates(alone)[0]
+    wider = (relative * now.value / now.stderr) ** 2
+    row = derived_estimates(replace(alone, deviation=wider * fit.deviation))[0]
+    assert row.stderr == pytest.approx(relative * row.value)
+    assert (row.knowledge, row.identifiable) == (known, relative < 1.0)
 
 
 @pytest.mark.parametrize("name", ["cam_side_inertia", "shaft_damping"])

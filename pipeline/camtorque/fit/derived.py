@@ -6,11 +6,11 @@ import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
 from camtorque.fit.single import Fit
-from camtorque.fit.uncertainty import COVERAGE, MEASURED, NARROWED, secant_steps
+from camtorque.fit.uncertainty import COVERAGE, knowledge, secant_steps
 from camtorque.laws.chain import SHIFT_NAMES, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import RIGID, cam_side_inertia
-from camtorque.records import Array, Estimate, ParameterEstimate
+from camtorque.records import UNTOLD, Array, Estimate, ParameterEstimate
 
 SHAFT = ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio")
 SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
@@ -37,11 +37,12 @@ def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
         statistical = float(np.sqrt(row @ fit.deviation @ row))
         total = float(np.sqrt(statistical**2 + sum(float(np.sum((rows @ row) ** 2)) for rows in fit.shifts.values())))
         value, end = found[name] / per, float(np.exp(COVERAGE * np.sqrt(np.log1p(total**2))))
+        known = knowledge(total, 1.0, value / end, 0.0, has_prior=False)
         rows.append(ParameterEstimate(
             name=name, value=value, unit=unit, stderr=value * total, stderr_statistical=value * statistical,
-            ci95=(value / end, value * end), at_bound=False, identifiable=total < NARROWED, confounded_with=(),
+            ci95=(value / end, value * end), at_bound=False, identifiable=known not in UNTOLD, confounded_with=(),
             prior=None, meaning=meaning, source="follows from compliance, resonance and damping ratio of the shaft",
-            role="shared", symbol=symbol, knowledge="measured" if total < MEASURED else "narrowed",
+            role="shared", symbol=symbol, knowledge=known,
         ))  # fmt: skip
     return tuple(rows)
 
