@@ -328,7 +328,10 @@ def _by_age(folder: Path) -> list[tuple[Path, int]]:
     found = []
     for config in folder.rglob(RECORDING_FILE):
         with suppress(FileNotFoundError):
-            size = sum(file.stat().st_size for file in config.parent.iterdir() if file.is_file())
+            files = set(config.parent.iterdir())
+            with suppress(Refusal):  # what is still being written names no logs; they may lie elsewhere
+                files |= {spec.path for spec in load_recording_config(config).channels}
+            size = sum(file.stat().st_size for file in files if file.is_file())
             found.append((config.stat().st_mtime, config.parent, size))
     return [(block, size) for _, block, size in sorted(found)]
 

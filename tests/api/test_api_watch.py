@@ -200,6 +200,22 @@ def test_a_watch_ends_when_its_seconds_are_over(replay: Replay, bench: Path) -> 
     assert replay.now == pytest.approx(2.0)
 
 
+def test_a_recording_whose_log_lies_elsewhere_is_finished_when_that_does_not_grow(bench: Path) -> None:
+    text = (bench / "recording.toml").read_text(encoding="utf-8")
+    (bench / "recording.toml").write_text(text.replace(LOG, f"../data/{LOG}"), encoding="utf-8")
+    log, whole = bench.parent / "data" / LOG, (EXAMPLE / LOG).read_bytes()
+    log.parent.mkdir()
+    log.write_bytes(whole[: len(whole) // 4])
+    now, parts = iter(range(100)), iter([2, *(50 * [1])])
+
+    def sleep(_: float) -> None:
+        log.write_bytes(whole[: len(whole) // next(parts)])
+
+    looks = watch(bench.parent, WatchOptions(seconds=20.0), sleep, lambda: float(next(now)))
+    (block,) = (item for item in looks if isinstance(item, Block))
+    assert block.cycles > 40
+
+
 def test_a_recording_that_is_moved_away_meanwhile_is_left(tmp_path: Path) -> None:
     (tmp_path / "A").mkdir()
     (tmp_path / "A" / "recording.toml").symlink_to(tmp_path / "gone.toml")
