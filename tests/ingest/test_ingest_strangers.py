@@ -279,6 +279,20 @@ def test_stamps_that_pairs_of_samples_share_tell_the_whole_rate(tmp_path: Path):
     assert_read(both(file), "time_stamps_coarse")
 
 
+def test_missing_cells_beside_stamps_that_samples_share_stay_where_they_are(tmp_path: Path):
+    """12.5 kHz with four digits: a fifth of the steps is none, as no rows of several channels have them."""
+    lines = [f"{n / 12_500.0:.4f},{a},{int(n % 100 < 20)}" for n, a in enumerate(TORQUE)]
+    lines[100] = lines[100].replace(f",{TORQUE[100]},", ",,")
+    file = write(tmp_path, "Time [s],Torque [Nm],Trigger", *lines)
+    wanted = (("torque", "Torque", "N m"), ("trigger", "Trigger", "logic"))
+    raw = read(file, tuple(spec(file, *names, 12_500.0) for names in wanted), "")
+    torque, trigger = (channel.source.read(0, ROWS + 1) for channel in raw.channels)
+    np.testing.assert_allclose(torque, np.where(np.arange(ROWS) == 100, np.nan, TORQUE))
+    np.testing.assert_array_equal(trigger, np.arange(ROWS) % 100 < 20)
+    assert {finding.code for finding in raw.findings} == {"time_stamps_coarse"}
+    assert [channel.n_samples for channel in channels(file)] == [ROWS, ROWS]
+
+
 def test_a_column_that_counts_samples_shows_gaps(tmp_path: Path):
     body = [f"{n + 5 * (n > 200)},{a},{b}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))]
     raw = both(write(tmp_path, "x,Torque [Nm],Pressure [bar]", *body))

@@ -20,6 +20,8 @@ ROWS = 1_000_000
 """Rows looked at in one go."""
 MANY_UNEVEN = 0.1
 """Share of steps in time that differ from the usual one by half of it where a table has no one rate."""
+MANY_SHARED = 0.01
+"""Share of steps of no time above which stamps have too few digits."""
 LEVEL_RATES = (1.0e5, 1.0e7)
 """Lowest and highest rate at which levels that are written at their changes are read [Hz]."""
 SHORTEST = 20.0
@@ -122,14 +124,22 @@ def own_rows(source: SampleSource, times: SampleSource) -> tuple[SampleSource, S
         return source, times
     values = source.read(0, source.n_samples)
     there = np.isfinite(values)
-    if there.all() or not there.any():
+    own = ArraySource(times.read(0, times.n_samples)[there])
+    if there.all() or not there.any() or are_shared(own):
         return source, times
-    return ArraySource(values[there]), ArraySource(times.read(0, times.n_samples)[there])
+    return ArraySource(values[there]), own
+
+
+def are_shared(times: SampleSource) -> bool:
+    """Tell times that several samples share, as ones of too few digits: uneven to look at, of even samples."""
+    return bool(np.mean(np.diff(times.read(0, min(times.n_samples, ROWS))) == 0.0) > MANY_SHARED)
 
 
 def are_changes(source: SampleSource, times: SampleSource) -> bool:
     """Tell levels 0 and 1 that stand in uneven rows: written where they change, not sample by sample."""
-    return is_uneven(times) and bool(np.isin(source.read(0, source.n_samples), (0.0, 1.0)).all())
+    if not is_uneven(times) or are_shared(times):
+        return False
+    return bool(np.isin(source.read(0, source.n_samples), (0.0, 1.0)).all())
 
 
 def rate_of_changes(times: SampleSource) -> float:
