@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
+from camtorque.ingest import csv_layout
 from camtorque.ingest.csv_log import channels, read
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
@@ -89,6 +90,41 @@ def test_numbers_above_the_names_are_no_rows(tmp_path: Path, above: list[str]):
     assert_read(raw)
     assert raw.channels[0].start_time == 0.0
     assert [(c.name, c.unit) for c in channels(tmp_path / "log.csv")] == [("Torque", "Nm"), ("Pressure", "bar")]
+
+
+@pytest.mark.parametrize("separator", ["\t", ";"])
+@pytest.mark.parametrize("signs", ["., ", ",. "])
+def test_whole_thousands_beside_broken_numbers_are_no_decimals(tmp_path: Path, separator: str, signs: str):
+    """1,012 beside 0.00005 had been read as 1.012, and 1.012 beside 0,00005."""
+    decimal, thousands, _ = signs
+    body = [
+        separator.join((f"{n / RATE:.5f}".replace(".", decimal), f"{a:.2f}".replace(".", decimal),
+                        f"{int(b) - 900:,d}".replace(",", thousands)))
+        for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))
+    ]  # fmt: skip
+    raw = log(tmp_path, HEAD.replace(";", separator), *body)
+    np.testing.assert_allclose(raw.channels[0].source.read(0, ROWS), TORQUE)
+    np.testing.assert_allclose(raw.channels[1].source.read(0, ROWS), PRESSURE.astype(int) - 900)
+    assert [finding.code for finding in raw.findings] == ["csv_thousands"]
+
+
+def test_stamps_with_and_without_a_fraction_make_no_thousands(tmp_path: Path):
+    stamps = [f"12:00:{n / 100:06.3f}".removesuffix(".000") for n in range(ROWS)]
+    body = [f"{t};{1.5 + n / 1e4:.3f};{1.2 + n / 1e4:.3f}" for n, t in enumerate(stamps)]
+    file = tmp_path / "log.csv"
+    file.write_text("\n".join([HEAD, *body, ""]), encoding="utf-8")
+    raw = read(file, (ChannelSpec("torque", file, "", "Torque", "N m", "L", 100.0, ""),), "")
+    assert (raw.channels[0].source.read(0, 1)[0], raw.findings) == (1.5, ())
+
+
+def test_a_first_thousand_far_below_is_no_decimal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(csv_layout, "SNIFF_BYTES", 200)
+    body = [f"{n / RATE:.5f};1.5;{990 + n}".replace(".", ",") for n in range(20)]
+    body[10:] = [row[:-4] + "1." + row[-3:] for row in body[10:]]
+    raw = log(tmp_path, HEAD, *body)
+    pressure = raw.channels[1].source.read(0, 20)
+    np.testing.assert_array_equal(pressure, [*range(990, 1000), *[np.nan] * 10])
+    assert [finding.code for finding in raw.findings] == ["csv_cells_damaged"]
 
 
 @pytest.mark.parametrize("footer", ["End of data", "\x1a", "Max;60;2500", "(400 rows)"])

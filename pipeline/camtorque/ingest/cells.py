@@ -88,9 +88,9 @@ def is_value(field: str, decimal: str, thousands: str = "") -> bool:
     """Tell a number, a level, a time, or an empty cell."""
     plain = field.replace(thousands, "") if thousands and THOUSANDS[thousands].match(field) else field
     text = plain.replace(",", ".") if decimal == "," else plain
-    return (
-        not field
-        or bool(NUMBER.match(text))
-        or field.lower() in LEVELS
-        or any(pattern.match(field) for pattern in STAMPS.values())
-    )
+    return not field or bool(NUMBER.match(text)) or field.lower() in LEVELS or is_stamp(field)
+
+
+def is_stamp(field: str) -> bool:
+    """Tell a date or a time."""
+    return any(pattern.match(field) for pattern in STAMPS.values())

@@ -294,15 +294,19 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
     if layout.thousands and THOUSANDS[layout.thousands].match(text):
         text = text.replace(layout.thousands, "")
     plain = text.replace(layout.decimal, ".") if layout.decimal != "." else text
-    if NUMBER.match(plain):
-        value = float(plain)
-        if not abs(value) >= NO_VALUE:
-            return value
-    if plain.lower() in MISSING or NUMBER.match(plain) or OVERRANGE.match(text):
+    is_number = NUMBER.match(plain) and not _may_be_thousands(text, layout, column)
+    if is_number and not abs(float(plain)) >= NO_VALUE:
+        return float(plain)
+    if plain.lower() in MISSING or is_number or OVERRANGE.match(text):
         damage.overrange += plain.lower() not in MISSING and plain.lower() != "nan"
     else:
         damage.cells.append(line)
     return np.nan
+
+
+def _may_be_thousands(text: str, layout: CsvLayout, column: int) -> bool:
+    """Tell 1.012 among decimal commas, in a column whose first number has no point: it may be 1012."""
+    return layout.decimal == "," and "." not in layout.first_row[column] and bool(THOUSANDS["."].match(text))
 
 
 def _at(lines: array[int]) -> str:

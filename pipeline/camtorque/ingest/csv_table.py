@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from camtorque.ingest.cells import NUMBER, PARTING, THOUSANDS, is_value, is_word
+from camtorque.ingest.cells import NUMBER, PARTING, THOUSANDS, is_stamp, is_value, is_word
 from camtorque.records import Refusal
 from camtorque.units import is_known_unit
 
@@ -75,14 +75,16 @@ def find_table(path: Path, lines: list[str]) -> Table:
         raise Refusal(
             f"{path}: holds {what}; expected columns of numbers separated by one of {', '.join(NAMES.values())}"
         )
-    table = found[1]
-    if (
-        not table.thousands
-        and table.decimal == "."
-        and grouped([split_row(line, table.separator) for line in lines[table.first :]])
-    ):
-        table = replace(table, decimal=",", thousands=".")
-    return _with_rows_above(table, lines)
+    return _with_rows_above(_with_thousands(found[1], lines), lines)
+
+
+def _with_thousands(table: Table, lines: list[str]) -> Table:
+    """Tell points or commas that part thousands from decimal ones: a number shows both alike."""
+    rows = [split_row(line, table.separator) for line in lines[table.first :]]
+    for sign, decimal in ((".", ","), (",", ".")):
+        if not table.thousands and table.decimal in (sign, ",") and grouped(rows, sign):
+            return replace(table, decimal=decimal, thousands=sign)
+    return table
 
 
 def _with_rows_above(table: Table, lines: list[str]) -> Table:
@@ -137,11 +139,11 @@ def _odd_field(lines: list[str]) -> str:
 
 def grouped(rows: list[list[str]], sign: str = ".") -> bool:
     """Tell points that part thousands: all stand before three digits, and a column holds numbers without one, too."""
-    parted = [field for row in rows for field in row if sign in field]
-    if not parted or not all(THOUSANDS[sign].match(field) for field in parted):
+    parted, shown = [field for row in rows for field in row if sign in field], THOUSANDS[sign].match
+    if not parted or not all(shown(field) or is_stamp(field) for field in parted):
         return False
     columns = zip(*(row for row in rows if len(row) == len(rows[0])), strict=True)
-    return any(0 < sum(sign in field for field in column) < sum(map(bool, column)) for column in columns)
+    return any(0 < sum(bool(shown(field)) for field in column) < sum(map(bool, column)) for column in columns)
 
 
 def _best_table(lines: list[str], *, with_words: bool = False) -> tuple[int, Table] | None:
