@@ -127,6 +127,15 @@ def test_a_first_thousand_far_below_is_no_decimal(tmp_path: Path, monkeypatch: p
     assert [finding.code for finding in raw.findings] == ["csv_cells_damaged"]
 
 
+def test_rows_between_blanks_that_run_together_are_told(tmp_path: Path):
+    body = [row.partition(" ")[2] for row in rows(" ")]
+    body[10] += " " + body.pop(11)
+    raw = log(tmp_path, "Torque Pressure", *body)
+    assert [channel.source.n_samples for channel in raw.channels] == [ROWS, ROWS]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(raw.channels[0].source.read(0, ROWS))), [10, 11])
+    assert [finding.code for finding in raw.findings] == ["csv_rows_damaged"]
+
+
 @pytest.mark.parametrize("footer", ["End of data", "\x1a", "Max;60;2500", "(400 rows)"])
 def test_a_line_below_the_table_is_told_once_and_is_no_damage(tmp_path: Path, footer: str):
     raw = log(tmp_path, HEAD, *rows(), footer)

@@ -207,7 +207,10 @@ def parse_block(
         return [np.empty(0) for _ in wanted]
     rows = block.count(b"\n")
     separators = (layout.n_columns - 1) * rows
-    in_order = layout.separator == " " or block.count(layout.separator.encode()) == separators
+    blanks = layout.separator == " "
+    in_order = (
+        len(block.split()) == separators + rows if blanks else block.count(layout.separator.encode()) == separators
+    )
     if in_order and block.count(b'"') == 0 and not layout.thousands:
         try:
             frame = _parse_fast(block, layout, wanted, stamps)
