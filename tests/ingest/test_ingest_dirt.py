@@ -136,6 +136,13 @@ def test_rows_between_blanks_that_run_together_are_told(tmp_path: Path):
     assert [finding.code for finding in raw.findings] == ["csv_rows_damaged"]
 
 
+def test_a_remark_beside_the_first_row_costs_no_slow_channel(tmp_path: Path):
+    body = [f"{row};{25 if n % 10 == 2 else ''};{'' if n else 'start'}" for n, row in enumerate(rows())]
+    raw = log(tmp_path, HEAD + ";Temp [degC];Remark", *body)
+    assert_read(raw)
+    assert [channel.name for channel in channels(tmp_path / "log.csv")] == ["Torque", "Pressure", "Temp"]
+
+
 @pytest.mark.parametrize("footer", ["End of data", "\x1a", "Max;60;2500", "(400 rows)"])
 def test_a_line_below_the_table_is_told_once_and_is_no_damage(tmp_path: Path, footer: str):
     raw = log(tmp_path, HEAD, *rows(), footer)

@@ -105,7 +105,12 @@ def _with_rows_above(table: Table, lines: list[str]) -> Table:
         if not abs(step - clock[1]) < EVEN * clock[1]:
             break
         first -= 1
-    return replace(table, first=first, words=table.words | beside) if first < table.first else table
+    if first == table.first:
+        return table
+    rows = [split_row(line, table.separator) for line in lines[table.usual :]]
+    full = [row for row in rows if len(row) == len(usual)]
+    words = {column for column in beside if not any(NUMBER.match(row[column].replace(",", ".")) for row in full)}
+    return replace(table, first=first, words=table.words | words)
 
 
 def _clock_of(table: Table, rows: list[list[str]]) -> tuple[int, float] | None:
