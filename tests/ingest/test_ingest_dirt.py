@@ -143,6 +143,12 @@ def test_a_remark_beside_the_first_row_costs_no_slow_channel(tmp_path: Path):
     assert [channel.name for channel in channels(tmp_path / "log.csv")] == ["Torque", "Pressure", "Temp"]
 
 
+def test_a_blank_before_quotes_is_none_of_the_name(tmp_path: Path):
+    head = '"Time [s]", "Torque", "Pressure, line [bar]"'
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows(", "), ""]), encoding="utf-8")
+    assert [c.name for c in channels(tmp_path / "log.csv")] == ["Torque", "Pressure, line"]
+
+
 @pytest.mark.parametrize("footer", ["End of data", "\x1a", "Max;60;2500", "(400 rows)"])
 def test_a_line_below_the_table_is_told_once_and_is_no_damage(tmp_path: Path, footer: str):
     raw = log(tmp_path, HEAD, *rows(), footer)

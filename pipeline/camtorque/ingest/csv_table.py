@@ -33,7 +33,8 @@ def split_row(line: str, separator: str) -> list[str]:
     line = SIGN_BLANK.sub(r"\1", line)
     if line.count('"') >= 2:
         with suppress(csv.Error):  # bytes that are no text: the layout is refused for what it lacks
-            return [field.strip().strip('"') for field in next(csv.reader([line], delimiter=separator))]
+            fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+            return [field.strip().strip('"') for field in fields]
     return [field.strip().strip('"') for field in line.split(separator)]
 
 
