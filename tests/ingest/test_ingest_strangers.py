@@ -204,6 +204,23 @@ def test_a_header_in_another_order_is_refused_where_it_stands(tmp_path: Path):
         both(file)
 
 
+@pytest.mark.parametrize("n_rows", [20, 100])
+@pytest.mark.parametrize("pressure", ["Temp [degC]", "Pressure [hPa]"])
+@pytest.mark.parametrize("wanted", ["Torque", "Pressure"])
+def test_another_header_below_rows_is_refused_where_it_stands(tmp_path: Path, n_rows: int, pressure: str, wanted: str):
+    """A short log with another one appended: its temperature had been read as the pressure of the first header."""
+    head, other = "Time [s],Torque [Nm],Pressure [bar]", f"Time [s],Torque [Nm],{pressure}"
+    file = write(tmp_path, head, *rows()[:n_rows], other, *rows())
+    with pytest.raises(Refusal, match=rf"line {n_rows + 2}: repeats the header .* with other names, .* split the file"):
+        read(file, (spec(file, "torque", wanted, "N m"),), "")
+
+
+def test_names_above_statistics_below_the_table_are_no_header(tmp_path: Path):
+    file = write(tmp_path, "Time [s],Torque [Nm],Pressure [bar]", *rows(), "Statistics,Torque [Nm],Pressure [bar]",
+                 "Max,60.0,1500.0")  # fmt: skip
+    assert_read(both(file), "rows_without_time")
+
+
 def stamped(folder: Path, head: str, stamps: list[str]) -> Path:
     return write(folder, f"{head};Torque [Nm];Pressure [bar]",
                  *[s + line[line.index(";") :] for s, line in zip(stamps, rows(";"), strict=True)])  # fmt: skip

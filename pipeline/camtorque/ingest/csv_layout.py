@@ -225,13 +225,17 @@ def _width(table: Table, line: str) -> int:
 def _below_names(lines: list[str], table: Table, wanted: tuple[str, ...]) -> Table:
     """Return the table without rows of numbers above its line of names: settings, serial numbers of sensors.
 
-    A line of names is one of distinct texts, of which one is ``wanted`` where any is, above most of the rows.
+    A line of names is one of distinct texts, of which one is ``wanted`` where any is, above most of the rows. Rows
+    below another line with a wanted name are of the log.
     """
     first = table.first
     lines = lines[: first + SNIFF_LINES]
     widths = [_width(table, line) for line in lines]
     usual = widths[first]
-    heads = [sorted(_header_fields(line, table.separator, usual)) for line in lines[:first]]
+    above = [_header_fields(line, table.separator, usual) for line in lines[:first]]
+    heads = [sorted(fields) for fields in above]
+    if any(names_in(fields) & set(wanted) for fields in above):
+        return table
     for number in range(first, len(lines)):
         if usual == 1 or 2 * widths[:number].count(usual) > widths.count(usual):
             break
@@ -244,6 +248,12 @@ def _below_names(lines: list[str], table: Table, wanted: tuple[str, ...]) -> Tab
             first = widths.index(usual, number)
             return replace(table, first=first, usual=first)
     return table
+
+
+def is_other_header(fields: list[str], layout: CsvLayout) -> bool:
+    """Tell a line among the rows that names the columns anew: texts alone, one of them the name of a column."""
+    texts = [field for field in fields if not is_word(field) and not is_value(field, layout.decimal, layout.thousands)]
+    return 1 < len(texts) == layout.n_columns == len(fields) and bool(names_in(texts) & set(layout.names))
 
 
 def layout_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:

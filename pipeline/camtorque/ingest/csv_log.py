@@ -7,29 +7,28 @@ line by line: a damaged row becomes missing samples and is counted, it never shi
 from __future__ import annotations
 
 import io
+import math
 import tempfile
 import weakref
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, THOUSANDS, unwrapped
 from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
-from camtorque.ingest.csv_layout import CsvLayout, layout_findings, sniff, text_pieces
-from camtorque.ingest.csv_table import split_row
+from camtorque.ingest.csv_damage import Damage, bare_findings, damage_findings, tail_findings
+from camtorque.ingest.csv_layout import CsvLayout, is_other_header, layout_findings, sniff, text_pieces
+from camtorque.ingest.csv_table import is_row, split_row
 from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
 from camtorque.ingest.table_rows import SumSource, is_fraction, rows_without_time
 from camtorque.records import Array, Finding, Refusal, SampleSource
-from camtorque.units import counted
 
 BLOCK_BYTES = 8 * 2**20
 LONGEST_LINE = 2**20
@@ -37,27 +36,6 @@ LONGEST_LINE = 2**20
 ALIKE_ROWS = 100
 """Rows before the last one that show whether its last field can lack digits: of a column that leaves out zeros at the
 end every tenth field is shorter."""
-
-
-@dataclass
-class Damage:
-    """What was wrong with rows and cells: their lines, or how many there are."""
-
-    rows: array[int] = field(default_factory=lambda: array("q"))
-    cells: array[int] = field(default_factory=lambda: array("q"))
-    overrange: int = 0
-    headers: int = 0
-    reordered: int = 0
-
-    def end_at(self, line: int) -> None:
-        """Forget what lies below a line: no part of the table."""
-        self.rows, self.cells = (array("q", [at for at in lines if at <= line]) for lines in (self.rows, self.cells))
-
-    def bare_rows(self, ended: list[Array], line: int) -> int:
-        """Return how many rows at the end hold no number in any column and are damaged: lines below the table."""
-        numbers: NDArray[np.bool_] = np.asarray(np.any(np.isfinite(ended), axis=0))
-        bare = int(np.argmax(numbers[::-1])) if numbers.any() else 0
-        return bare if any(at >= line - bare for lines in (self.rows, self.cells) for at in lines) else 0
 
 
 @dataclass(frozen=True)
@@ -96,7 +74,7 @@ def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hi
     sources = _with_fractions(layout, sources, times)
     result = raw_file(path, layout, sources, specs)
     notes = layout_findings(layout, hint, path.name)
-    return RawFile(result.channels, (*notes, *_damage_findings(damage, path.name), *tail, *result.findings))
+    return RawFile(result.channels, (*notes, *damage_findings(damage, path.name), *tail, *result.findings))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -139,8 +117,8 @@ def _columns(
         values = parse_block(block, layout, wanted, stamps, damage, line)
         if damage.reordered:
             raise Refusal(
-                f"{path} line {damage.reordered}: repeats the header in another order, so that the columns below it "
-                "are others; split the file there"
+                f"{path} line {damage.reordered}: repeats the header in another order, or with other names, so that "
+                "the columns below it are others; split the file there"
             )
         line += block.count(b"\n")
         count, ended = count + len(values[0]), values if len(values[0]) else ended
@@ -150,7 +128,7 @@ def _columns(
                 last[column] = next((stamp for stamp in part[::-1] if np.isfinite(stamp)), last[column])
             files[column].write(part.tobytes()) if files else parts[column].append(part)
     bare = 0 if times else damage.bare_rows(ended, line)
-    count, findings = count - bare, [*_bare_findings(bare, path), *_tail_findings(tail, path, line)]
+    count, findings = count - bare, [*bare_findings(bare, path), *tail_findings(tail, path, line)]
     if count <= 0:
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
     sources: dict[int, SampleSource] = {column: CachedSource(file, count, path) for column, file in files.items()}
@@ -217,6 +195,7 @@ def parse_block(
         except (ValueError, OverflowError):
             frame = None
         if frame is not None and len(frame) == rows and (np.abs(frame.to_numpy()) < NO_VALUE).all():
+            damage.reordered = damage.reordered or damage.renamed
             return [frame[column].to_numpy() for column in wanted]
     return _parse_lines(block, layout, wanted, stamps, damage, line)
 
@@ -267,6 +246,8 @@ def _parse_lines(
             fields.pop()  # a separator at the end of the row
         if fields[1:] and sorted(fields) in heads:
             damage.reordered = damage.reordered or line
+        elif damage.renamed and is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns:
+            damage.reordered = damage.reordered or damage.renamed
         if len(fields) != layout.n_columns:
             damage.rows.append(line)
             lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
@@ -275,6 +256,8 @@ def _parse_lines(
         else:
             rows.append([np.nan if c in stamps else _cell(fields[c], layout, c, damage, line) for c in wanted])
             texts.append([fields[column] for column in stamps])
+            if all(map(math.isnan, rows[-1])) and is_other_header(fields, layout):
+                damage.renamed = damage.renamed or line
         line += 1
     columns = list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
     for (column, kind), cells in zip(stamps.items(), zip(*texts, strict=True), strict=False):
@@ -310,41 +293,3 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
 def _may_be_thousands(text: str, layout: CsvLayout, column: int) -> bool:
     """Tell 1.012 among decimal commas, in a column whose first number has no point: it may be 1012."""
     return layout.decimal == "," and "." not in layout.first_row[column] and bool(THOUSANDS["."].match(text))
-
-
-def _at(lines: array[int]) -> str:
-    return f"(line {', '.join(map(str, lines[:5]))}{', ...' if len(lines) > 5 else ''})"
-
-
-def _damage_findings(damage: Damage, where: str) -> list[Finding]:
-    rows = (
-        (len(damage.rows), "csv_rows_damaged", "error",
-         f"row has the wrong number of fields and is read as missing samples {_at(damage.rows)}",
-         f"rows have the wrong number of fields and are read as missing samples {_at(damage.rows)}"),
-        (len(damage.cells), "csv_cells_damaged", "error",
-         f"cell is not a number and is read as a missing sample {_at(damage.cells)}",
-         f"cells are not numbers and are read as missing samples {_at(damage.cells)}"),
-        (damage.overrange, "csv_overrange", "warning",
-         "cell says that the value is beyond the logger's range; it is a missing sample",
-         "cells say that the value is beyond the logger's range; they are missing samples"),
-        (damage.headers, "csv_header_repeated", "warning",
-         "line repeats the header and is left out", "lines repeat the header and are left out"),
-    )  # fmt: skip
-    return [
-        Finding(code, severity, counted(count, one, many), where) for count, code, severity, one, many in rows if count
-    ]
-
-
-def _bare_findings(bare: int, path: Path) -> list[Finding]:
-    text = counted(bare, "row at the end holds no number; it is left out",
-                   "rows at the end hold no number; they are left out")  # fmt: skip
-    return [Finding("rows_without_numbers", "warning", text, path.name)] if bare else []
-
-
-def _tail_findings(tail: bytes, path: Path, line: int) -> list[Finding]:
-    if not tail:
-        return []
-    text = (
-        f"the file ends inside line {line} without a line end; that row is not used, the file may be cut: copy it again"
-    )
-    return [Finding("csv_cut_row", "error", text, path.name)]
