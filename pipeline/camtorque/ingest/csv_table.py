@@ -30,7 +30,8 @@ def split_row(line: str, separator: str) -> list[str]:
     line = line.replace("\N{MINUS SIGN}", "-")
     if separator == " ":
         return line.split()
-    line = SIGN_BLANK.sub(r"\1", line)
+    if "+ " in line or "- " in line:
+        line = SIGN_BLANK.sub(r"\1", line)
     if line.count('"') >= 2:
         with suppress(csv.Error):  # bytes that are no text: the layout is refused for what it lacks
             fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
