@@ -108,6 +108,15 @@ def test_whole_thousands_beside_broken_numbers_are_no_decimals(tmp_path: Path, s
     assert [finding.code for finding in raw.findings] == ["csv_thousands"]
 
 
+@pytest.mark.parametrize("sign", ["'", " ", "\u202f"])
+def test_a_first_thousand_far_below_may_be_parted_by_a_blank(tmp_path: Path, sign: str):
+    """A log that begins at standstill shows its thousands long after the lines that tell the layout."""
+    body = [f"{n / RATE:.5f};1.5;{n + 500:,d}".replace(",", sign) for n in range(1000)]
+    raw = log(tmp_path, HEAD, *body)
+    np.testing.assert_array_equal(raw.channels[1].source.read(0, 1000), np.arange(500, 1500))
+    assert raw.findings == ()
+
+
 def test_stamps_with_and_without_a_fraction_make_no_thousands(tmp_path: Path):
     stamps = [f"12:00:{n / 100:06.3f}".removesuffix(".000") for n in range(ROWS)]
     body = [f"{t};{1.5 + n / 1e4:.3f};{1.2 + n / 1e4:.3f}" for n, t in enumerate(stamps)]

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, THOUSANDS, unwrapped
+from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, PARTING, THOUSANDS, unwrapped
 from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
 from camtorque.ingest.csv_damage import Damage, bare_findings, damage_findings, tail_findings
 from camtorque.ingest.csv_layout import CsvLayout, is_other_header, layout_findings, sniff, text_pieces
@@ -277,8 +277,9 @@ def _stamp_column(texts: Sequence[str], kind: str, damage: Damage, line: int) ->
 def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) -> float:
     if text.lower() in LEVELS and layout.has_levels(column):
         return LEVELS[text.lower()]
-    if layout.thousands and THOUSANDS[layout.thousands].match(text):
-        text = text.replace(layout.thousands, "")
+    for sign in layout.thousands or PARTING:
+        if sign in text and THOUSANDS[sign].match(text):
+            text = text.replace(sign, "")
     plain = text.replace(layout.decimal, ".") if layout.decimal != "." else text
     is_number = NUMBER.match(plain) and not _may_be_thousands(text, layout, column)
     if is_number and not abs(float(plain)) >= NO_VALUE:
