@@ -117,6 +117,14 @@ def test_a_first_thousand_far_below_may_be_parted_by_a_blank(tmp_path: Path, sig
     assert raw.findings == ()
 
 
+@pytest.mark.parametrize("n_rows", [3, 20, ROWS])
+@pytest.mark.parametrize("separator", [";", " ; "])
+def test_a_column_of_words_in_a_log_of_few_rows(tmp_path: Path, n_rows: int, separator: str):
+    lines = [HEAD + ";Remark", *(f"{row};ok" for row in rows()[:n_rows])]
+    raw = log(tmp_path, *(line.replace(";", separator) for line in lines))
+    assert (raw.channels[0].source.n_samples, raw.findings) == (n_rows, ())
+
+
 def test_stamps_with_and_without_a_fraction_make_no_thousands(tmp_path: Path):
     stamps = [f"12:00:{n / 100:06.3f}".removesuffix(".000") for n in range(ROWS)]
     body = [f"{t};{1.5 + n / 1e4:.3f};{1.2 + n / 1e4:.3f}" for n, t in enumerate(stamps)]

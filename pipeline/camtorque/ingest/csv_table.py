@@ -189,6 +189,7 @@ def is_row(fields: list[str], decimal: str, thousands: str, words: frozenset[int
 
 def _columns_of_words(rows: list[list[str]]) -> frozenset[int]:
     """Return the columns that hold words without a digit in each of the last rows, beside at least two others."""
+    rows = [row for row in rows if any(row)]
     last = rows[len(rows) // 2 :]
     width = len(last[0]) if last else 0
     if any(len(row) != width for row in last):
@@ -199,5 +200,6 @@ def _columns_of_words(rows: list[list[str]]) -> frozenset[int]:
 
 
 def _is_plain_word(field: str) -> bool:
-    """Tell a word that is neither a number, a time nor damage of one; "" is none."""
-    return bool(field) and not re.search(r"\d", field) and not is_word(field) and not is_value(field, ".")
+    """Tell a word that is neither a number, a time nor damage of one; "" is none, nor a separator."""
+    is_text = any(map(str.isalpha, field)) and not any(map(str.isdigit, field))
+    return is_text and not is_word(field) and not is_value(field, ".")
