@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import csv_log
+from camtorque.ingest import csv_log, xlsx
 from camtorque.ingest.cells import unwrapped
 from camtorque.ingest.csv_layout import sniff
 from camtorque.ingest.csv_log import channels, read
@@ -213,6 +213,24 @@ def test_another_header_below_rows_is_refused_where_it_stands(tmp_path: Path, n_
     file = write(tmp_path, head, *rows()[:n_rows], other, *rows())
     with pytest.raises(Refusal, match=rf"line {n_rows + 2}: repeats the header .* with other names, .* split the file"):
         read(file, (spec(file, "torque", wanted, "N m"),), "")
+
+
+@pytest.mark.parametrize("n_rows", [20, 300])
+def test_another_header_in_a_sheet_is_refused_where_it_stands(tmp_path: Path, n_rows: int):
+    workbook = pytest.importorskip("openpyxl").Workbook()
+    body = [[float(field) for field in line.split(",")] for line in rows()]
+    names = ["Time [s]", "Torque [Nm]", "Pressure [bar]"]
+    statistics = [["Statistics", *names[1:]], ["Max", 60.0, 1500.0]]
+    for row in ([names, *body, *statistics], [names, *body[:n_rows], [*names[:2], "Temp [degC]"], *body]):
+        sheet = workbook.create_sheet()
+        for cells in row:
+            sheet.append(cells)
+    file = tmp_path / "log.xlsx"
+    workbook.save(file)
+    specs = [replace(spec(file, "torque", "Torque", "N m"), group=name) for name in ("Sheet1", "Sheet2")]
+    np.testing.assert_allclose(xlsx.read(file, (specs[0],), "").channels[0].source.read(0, ROWS), TORQUE)
+    with pytest.raises(Refusal, match=rf"row {n_rows + 2}: repeats the header .* other names, .* split the sheet"):
+        xlsx.read(file, (specs[1],), "")
 
 
 def test_names_above_statistics_below_the_table_are_no_header(tmp_path: Path):

@@ -46,6 +46,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         layout = _layout(path, rows, tuple(spec.channel for spec in mine))
         wanted = columns_of(path, layout, mine)
         times = {column for column in time_columns_of(path, layout, mine) if column is not None}
+        _refuse_other_header(path, rows, layout)
         sources = _sources(path, rows, layout, sorted({*wanted, *times}))
         result = raw_file(path, layout, sources, mine)
         channels += list(zip(mine, result.channels, strict=True))
@@ -131,12 +132,30 @@ def _below_names(rows: list[Row], wanted: tuple[str, ...]) -> int | None:
     """Return the first row of numbers, without those above a line of names: settings, serial numbers of sensors."""
     data = [_is_data(row) for row in rows[:HEADER_ROWS]]
     first = next((n for n, row in enumerate(rows) if _is_data(row)), None)
+    if any(names_in(filter(None, map(_text, row))) & set(wanted) for row in rows[:first]):
+        return first  # what stands below is of the log
     for n in range(first or 0, len(data) if first is not None else 0):
-        texts = [cell for cell in rows[n] if isinstance(cell, str) and not _is_reading(cell)]
+        texts = _texts(rows[n])
         is_names = 1 < len(texts) == _filled(rows[n]) and (not wanted or bool(names_in(texts) & set(wanted)))
         if is_names and sum(data[n:]) > sum(data[:n]):
             first = n + data[n:].index(True)
     return first
+
+
+def _refuse_other_header(path: Path, rows: list[Row], layout: CsvLayout) -> None:
+    """Refuse rows of texts that name the columns anew, where rows of numbers stand below."""
+    first = layout.data_offset
+    for n, row in enumerate(rows[first:], start=first):
+        if all(cell is None or isinstance(cell, str) for cell in row) and row not in rows[:first]:
+            is_names = 1 < len(_texts(row)) == _filled(row) and names_in(_texts(row)) & set(layout.names)
+            if is_names and any(_is_data(below) and not _texts(below) for below in rows[n + 1 :]):
+                raise Refusal(f"{path} row {n + 1}: repeats the header in another order, or with other names, so that "
+                              "the columns below it are others; split the sheet there")  # fmt: skip
+
+
+def _texts(row: Row) -> list[str]:
+    """Return the cells that are texts, neither times nor levels."""
+    return [cell for cell in row if isinstance(cell, str) and not _is_reading(cell)]
 
 
 def _is_data(row: Row) -> bool:
