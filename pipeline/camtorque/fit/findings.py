@@ -137,7 +137,7 @@ def fit_findings(fit: Fit, least_guide: float, contact: Array, unexplained: floa
     contact : (n,) contact force, 0 where the cam would have to pull [N]
     unexplained : rms that the fit leaves [% of the peak], None where that is as it should be
     """
-    result = [*_met_findings(fit, unexplained)]
+    result = _met_findings(fit, unexplained)
     order = fit.problem.data[0].chain.ripple_order
     if order:
         _, coefficients = fit.problem.values(fit.solution.z, 0)

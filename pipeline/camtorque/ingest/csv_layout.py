@@ -240,9 +240,7 @@ def _below_names(lines: list[str], table: Table, wanted: tuple[str, ...]) -> Tab
         if usual == 1 or 2 * widths[:number].count(usual) > widths.count(usual):
             break
         fields = _header_fields(lines[number], table.separator, usual)
-        texts = {
-            field for field in fields if not is_word(field) and not is_value(field, table.decimal, table.thousands)
-        }
+        texts = set(_texts(fields, table))
         is_new = len(texts) == usual == len(fields) and sorted(fields) not in heads
         if is_new and (not wanted or names_in(fields) & set(wanted)):
             first = widths.index(usual, number)
@@ -250,9 +248,14 @@ def _below_names(lines: list[str], table: Table, wanted: tuple[str, ...]) -> Tab
     return table
 
 
+def _texts(fields: list[str], of: Table | CsvLayout) -> list[str]:
+    """Return the fields that are neither values of a table nor words for none."""
+    return [field for field in fields if not is_word(field) and not is_value(field, of.decimal, of.thousands)]
+
+
 def is_other_header(fields: list[str], layout: CsvLayout) -> bool:
     """Tell a line among the rows that names the columns anew: texts alone, one of them the name of a column."""
-    texts = [field for field in fields if not is_word(field) and not is_value(field, layout.decimal, layout.thousands)]
+    texts = _texts(fields, layout)
     return 1 < len(texts) == layout.n_columns == len(fields) and bool(names_in(texts) & set(layout.names))
 
 

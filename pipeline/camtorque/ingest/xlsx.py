@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.cells import LEVELS, STAMPS, unwrapped
+from camtorque.ingest.cells import LEVELS, is_stamp, unwrapped
 from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import is_number, names_in, names_of
@@ -166,7 +166,7 @@ def _is_data(row: Row) -> bool:
 
 
 def _is_reading(text: str) -> bool:
-    return text.strip().lower() in LEVELS or any(pattern.match(text.strip()) for pattern in STAMPS.values())
+    return text.strip().lower() in LEVELS or is_stamp(text.strip())
 
 
 def _filled(row: Row) -> int:

@@ -95,8 +95,8 @@ def base_findings(cycles: CamCycles, rigid: RigidTorque, zero_std: float) -> tup
     base = on_base(rigid.lift)
     torque = cycles.mean_torque
     level, peak = float(np.mean(torque[base])) if base.any() else 0.0, float(np.max(torque))
-    is_loaded = math.isfinite(load_ratio(cycles, rigid))
-    if is_loaded and level > max(DRIVEN[0] * zero_std, DRAGGED * (peak - level)):
+    too_large = level > max(DRIVEN[0] * zero_std, DRAGGED * (peak - level))
+    if too_large and math.isfinite(load_ratio(cycles, rigid)):
         text = (
             f"on the base circle the torque is {short(level)} N m in the mean, {100.0 * level / (peak - level):.0f} % "
             "of what the load adds to it; drag alone makes at most 19 % on sound pumps: the zero of the torque is off "

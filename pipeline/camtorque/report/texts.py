@@ -61,14 +61,9 @@ def measured_text(doc: Document) -> str:
             f"{with_decimals(chamber['largest_difference_at_deg'], 0)} deg "
             f"({signed_significant(chamber['largest_difference_bar'])} bar)"
         )
-        text += (
-            "."
-            if not doc["explained"]
-            else (
-                ", and agree within two standard uncertainties at "
-                f"{with_decimals(chamber['loaded_inside_two_std_percent'], 0)} % of the loaded angles."
-            )
-        )
+        inside = with_decimals(chamber["loaded_inside_two_std_percent"], 0)
+        agree = f", and agree within two standard uncertainties at {inside} % of the loaded angles"
+        text += (agree if doc["explained"] else "") + "."
     if volume:
         model = volume["modelled_mm3"]
         text += (
