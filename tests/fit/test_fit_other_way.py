@@ -55,7 +55,8 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
     wrong = halves.judged(at_minimum(released(best.data)))
     assert wrong.value > best.value + 100.0  # no small step leads back
     found = ways(wrong, halves)[0]
-    assert found.value < best.value + 3.0  # with outlet and shaft turned; the outlet alone ends at 300
+    # with outlet and shaft turned (the outlet alone ends at 300); a round that gains less than `SHARE` is the last one
+    assert found.value < 1.3 * best.value
     assert found.solution.lifts is not wrong.solution.lifts  # of its own contact force
 
 

@@ -1,7 +1,8 @@
 """`compiled`: the one decorator of the compiled functions. They release the GIL, so threads run rigs side by side.
 
 Numba keeps compiled functions on disk but looks only at the file of each function, not at what it calls. So the
-cache is emptied here whenever any of the compiled sources has changed.
+cache is emptied here whenever any of the compiled sources has changed. Sums keep their order (no fast math): else a
+rig differs in its last digits by what was compiled before it, and what a search finds on it may.
 """
 
 from __future__ import annotations
@@ -28,4 +29,4 @@ def _drop_stale_cache() -> None:
 
 
 _drop_stale_cache()
-compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+compiled = njit(cache=True, nogil=True, error_model="numpy")

@@ -32,7 +32,7 @@ OCTAVES = (0.5, 2.0)
 """Factors at which the coupling's frequency is tried."""
 TOO_LIGHT = 1.0
 """Chi-square of a light cam's side (`Candidate.light_cam_penalty`) from which shafts that ring alike are tried."""
-GAINED, SHARE, ROUNDS = 0.5, 0.03, 3
+GAINED, SHARE, ROUNDS = 0.5, 0.03, 6
 """What a minimum has to gain, and as a share of chi-square; how often all is turned once more from the one that did."""
 
 
