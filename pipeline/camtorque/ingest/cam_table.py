@@ -8,8 +8,8 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.ingest.header import name_and_unit
-from camtorque.ingest.outliers import lift_outlier_findings
-from camtorque.ingest.table_file import SmallTable, read_comment, read_small_table
+from camtorque.ingest.outliers import outliers_text
+from camtorque.ingest.table_file import SmallTable, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
 
@@ -49,8 +49,9 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     table = read_small_table(pump.cam_table_path, "a lift table")
     angle_name = _named(table, pump.cam_table_angle_column, "cam_table_angle_column")
     lift_name = _named(table, pump.cam_table_lift_column, "cam_table_lift_column")
-    theta, lift = _column(table, angle_name, "angle"), _column(table, lift_name, "length")
-    scale = unit_factor(_unit(table, lift_name), "length", str(table.path))
+    theta = table.column(angle_name) * _factor(table, angle_name, "angle")
+    scale = _factor(table, lift_name, "length")
+    lift = table.column(lift_name) * scale
     resolution = _resolution(table, lift_name, scale, lift)
     where = table.path.name
     theta, lift, findings = _in_order(theta, lift, where)
@@ -73,7 +74,11 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     _check_zero(table, theta, lift)
     findings += _coarse(theta, lift, where)
     cam = CamTable(theta, lift, resolution)
-    return cam, (*findings, *lift_outlier_findings(cam))
+    said, places = outliers_text(cam)
+    if said:  # no smoothing would take them for wrong
+        text = f"{said}: torque and stress are wrong there; measure them again"
+        findings.append(Finding("lift_outlier", "warning", text, places))
+    return cam, tuple(findings)
 
 
 def _in_order(theta: Array, lift: Array, where: str) -> tuple[Array, Array, list[Finding]]:
@@ -139,11 +144,6 @@ def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
     )
 
 
-def lift_table_comment(pump: PumpData) -> str:
-    """Return what the lift table says of itself above its columns."""
-    return read_comment(pump.cam_table_path, "a lift table")
-
-
 def _named(table: SmallTable, name: str, key: str) -> str:
     """Return the column that is meant, with or without its unit in brackets."""
     found = name if name in table.columns else name_and_unit(name)[0]
@@ -156,18 +156,15 @@ def _named(table: SmallTable, name: str, key: str) -> str:
     return found
 
 
-def _column(table: SmallTable, name: str, dimension: str) -> Array:
-    return table.column(name) * unit_factor(_unit(table, name), dimension, f"{table.path} column {name!r}")
-
-
-def _unit(table: SmallTable, name: str) -> str:
+def _factor(table: SmallTable, name: str, dimension: str) -> float:
+    """Return the factor of a column to SI."""
     unit = tidy_unit(table.units.get(name, "") or name.rpartition("_")[2])
     if unit not in BORDER_UNITS:
         raise Refusal(
             f"{table.path}: column {name!r} has no known unit; write it at the end of the name (_deg, _rad, _mm, _m) "
             "or in a row below the names"
         )
-    return unit
+    return unit_factor(unit, dimension, f"{table.path} column {name!r}")
 
 
 def _resolution(table: SmallTable, column: str, scale: float, lift: Array) -> float:
@@ -175,13 +172,9 @@ def _resolution(table: SmallTable, column: str, scale: float, lift: Array) -> fl
     if match:
         return float(match[1].replace(",", ".")) * unit_factor(match[2], "length", f"{table.path} comment")
     decimal = max(10.0 ** -table.decimals[column] * scale, FINEST)
-    return decimal * _shared_step(lift / decimal)
-
-
-def _shared_step(counts: Array) -> int:
-    """Return the step that all values share, in last decimals: a gauge that reads to 2 um is written to 0.1 um."""
-    whole = np.rint(counts).astype(np.int64)
-    return max(int(np.gcd.reduce(whole)), 1) if np.unique(whole).size >= DISTINCT else 1
+    # a gauge that reads to 2 um is written to 0.1 um
+    counts = np.rint(lift / decimal).astype(np.int64)
+    return decimal * (max(int(np.gcd.reduce(counts)), 1) if np.unique(counts).size >= DISTINCT else 1)
 
 
 def _check_angles(table: SmallTable, theta: Array) -> None:
@@ -195,12 +188,9 @@ def _check_angles(table: SmallTable, theta: Array) -> None:
         )
     gap = max(float(np.max(steps)), 2.0 * np.pi - float(theta[-1] - theta[0]))
     if theta[-1] - theta[0] >= 2.0 * np.pi or gap > 4.0 * float(np.median(steps)):
+        turns = float(theta[-1] - theta[0]) / (2.0 * np.pi)
+        hint = "; degrees of a crank that turns twice are to be halved" if 1.9 < turns < 2.1 else ""
         raise Refusal(
             f"{table.path}: angles from {np.rad2deg(theta[0]):g} to {np.rad2deg(theta[-1]):g} deg with a largest step "
-            f"of {np.rad2deg(gap):g} deg; expected one whole revolution of the cam without gaps{_crank_hint(theta)}"
+            f"of {np.rad2deg(gap):g} deg; expected one whole revolution of the cam without gaps{hint}"
         )
-
-
-def _crank_hint(theta: Array) -> str:
-    turns = float(theta[-1] - theta[0]) / (2.0 * np.pi)
-    return "; degrees of a crank that turns twice are to be halved" if 1.9 < turns < 2.1 else ""

@@ -55,24 +55,26 @@ def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str, ou
     ``output`` is the dimension of the volts: that of a bridge counts in mV/V.
     """
     table = read_small_table(path, "a calibration certificate")
-    applied_names = [name for name in table.columns if APPLIED.match(name)]
-    volt_names = [name for name in table.columns if name.startswith("output_")]
-    if len(applied_names) != 1 or len(volt_names) != 1:
+    loads = [match for name in table.columns if (match := APPLIED.match(name))]
+    outputs = [name for name in table.columns if name.startswith("output_")]
+    if len(loads) != 1 or len(outputs) != 1:
         shown = ", ".join(table.columns)
         raise Refusal(f"{path}: expected columns applied_{quantity}_<unit> and output_<unit>, found {shown}")
-    match = APPLIED.match(applied_names[0])
-    assert match is not None  # chosen by this pattern
-    unit = match["unit"].replace("_", " ")
-    if match["quantity"] != quantity:
-        raise Refusal(f"{path}: column {applied_names[0]!r} is about {match['quantity']}, the sheet about {quantity}")
+    load, output_name, unit = loads[0][0], outputs[0], loads[0]["unit"].replace("_", " ")
+    if loads[0]["quantity"] != quantity:
+        raise Refusal(f"{path}: column {load!r} is about {loads[0]['quantity']}, the sheet about {quantity}")
     if tidy_unit(unit) != tidy_unit(sheet_unit):
         raise Refusal(f"{path}: the certificate is in {unit!r}, the sheet in {sheet_unit!r}; one of them is wrong")
-    _check_serial(path, table.comment, serial)
-    applied = table.columns[applied_names[0]] * unit_factor(unit, quantity, f"{path} column {applied_names[0]!r}")
+    named = re.findall(r"\b[A-Z][A-Za-z0-9]*-\d{3,}\b", table.comment)
+    if named and serial not in named:
+        raise Refusal(
+            f"{path}: is the certificate of {named[0]}, the sheet is that of {serial}; take the right certificate"
+        )
+    applied = table.columns[load] * unit_factor(unit, quantity, f"{path} column {load!r}")
     # mV/V may have been read as a name over its unit
-    over = f"/{table.units[volt_names[0]]}" if table.units.get(volt_names[0]) else ""
-    volt_unit = volt_names[0].removeprefix("output_").replace("_per_", "/") + over
-    volts = table.columns[volt_names[0]] * unit_factor(volt_unit, output, str(path))
+    over = f"/{table.units[output_name]}" if table.units.get(output_name) else ""
+    volt_unit = output_name.removeprefix("output_").replace("_per_", "/") + over
+    volts = table.columns[output_name] * unit_factor(volt_unit, output, str(path))
     return _fit(path, applied, volts, _stated(path, table.comment))
 
 
@@ -92,30 +94,22 @@ def _stated(path: Path, comment: str) -> float:
     return percent / 100.0 / factor
 
 
-def _check_serial(path: Path, comment: str, serial: str) -> None:
-    named = re.findall(r"\b[A-Z][A-Za-z0-9]*-\d{3,}\b", comment)
-    if named and serial not in named:
-        raise Refusal(
-            f"{path}: is the certificate of {named[0]}, the sheet is that of {serial}; take the right certificate"
-        )
-
-
 def _fit(path: Path, applied: Array, volts: Array, relative: float) -> CertificateLine:
     if applied.size < LEAST_POINTS or np.ptp(applied) == 0.0:
         raise Refusal(f"{path}: {applied.size} points; a line needs at least {LEAST_POINTS} at different loads")
     slope, zero = np.polyfit(applied, volts, 1)
     if slope == 0.0 or not np.isfinite(slope):
         raise Refusal(f"{path}: the output does not change with the load; are the columns right?")
-    residual = (volts - zero - slope * applied) / slope
-    scatter = float(np.sqrt(np.sum(residual**2) / (applied.size - 2)))
+    scatter = float(np.sqrt(np.sum(((volts - zero - slope * applied) / slope) ** 2) / (applied.size - 2)))
     if scatter > 0.05 * np.ptp(applied):
         raise Refusal(f"{path}: the points scatter by {scatter:.3g} (SI) about a line, more than 5 % of their range")
     # std of the slope over the slope: the residuals are in units of the load
     fit_std = scatter / float(np.sqrt(np.sum((applied - applied.mean()) ** 2)))
-    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative, _outlying(path, applied, volts))
+    findings = _outlying(path, applied, volts, float(slope))
+    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative, findings)
 
 
-def _outlying(path: Path, applied: Array, volts: Array) -> tuple[Finding, ...]:
+def _outlying(path: Path, applied: Array, volts: Array, slope_of_all: float) -> tuple[Finding, ...]:
     """Return a warning on the point without which the others scatter least, where it lies far off their line."""
     found = []
     for place in range(applied.size if applied.size > LEAST_POINTS + 1 else 0):
@@ -130,7 +124,7 @@ def _outlying(path: Path, applied: Array, volts: Array) -> tuple[Finding, ...]:
     span = float(np.ptp(applied)) / 100.0
     if off <= max(STANDS_OUT * scatter, STANDS_OUT_PERCENT * span):
         return ()
-    moved = 100.0 * (float(np.polyfit(applied, volts, 1)[0]) / slope - 1.0)
+    moved = 100.0 * (slope_of_all / slope - 1.0)
     text = (
         f"point {place + 1} of the certificate lies {off / span:.2g} % of the range off the line through the others, "
         f"which scatter by {scatter / span:.2g} %; a slip of the pen? It counts, and moves the sensitivity by "

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records import CamTable, Finding
+from camtorque.records import CamTable
 from camtorque.units import DEGREE
 
 ORDER = 6
@@ -41,19 +41,10 @@ def outlying_points(table: CamTable) -> NDArray[np.int64]:
     return np.flatnonzero((np.abs(size) > LEAST * spread) & (explained > LIKENESS))
 
 
-def lift_outlier_findings(table: CamTable) -> tuple[Finding, ...]:
-    """Return a warning for single points that stick out: no smoothing would take them for wrong."""
-    said, where = outliers_text(table)
-    text = f"{said}: torque and stress are wrong there; measure them again"
-    return (Finding("lift_outlier", "warning", text, where),) if said else ()
-
-
 def outliers_text(table: CamTable) -> tuple[str, str]:
     """Return which points of a lift table stick out, and where; empty where none does."""
     found = outlying_points(table)
+    if not found.size:
+        return "", ""
     where = ", ".join(f"{angle / DEGREE:g}" for angle in table.theta[found[:5]]) + " deg"
-    return (
-        (f"{found.size} point(s) of the lift table stick out of their neighbours, at {where}", where)
-        if found.size
-        else ("", "")
-    )
+    return f"{found.size} point(s) of the lift table stick out of their neighbours, at {where}", where

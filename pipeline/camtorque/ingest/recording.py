@@ -17,7 +17,7 @@ from camtorque.config.recording import load_recording_config
 from camtorque.config.tables import Problems
 from camtorque.hashes import input_file
 from camtorque.ingest.bridge import over_supplies, with_supplies
-from camtorque.ingest.cam_table import lift_table_comment, read_cam_table
+from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.largest import extent
 from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged
@@ -25,6 +25,7 @@ from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
+from camtorque.ingest.table_file import read_comment
 from camtorque.ingest.zeros import check_idle, with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
@@ -53,20 +54,22 @@ def read_recording(path: Path) -> Recording:
 
 def recording_of(config: RecordingConfig) -> Recording:
     """Read the recording that a configuration describes; see `read_recording`."""
-    problems = Problems()
-    cam_table, cam_findings = _lift_table(config, problems)
+    problems, cam_table, cam_findings = Problems(), None, tuple[Finding, ...]()
+    if config.pump_sheet is not None:
+        with problems.collecting():
+            cam_table, cam_findings = read_cam_table(config.pump)
     raw, file_findings = _read_files(config, problems)
     sensors = read_sensors(config, raw, problems)
     problems.raise_any()
     channels, findings = _channels(config, raw, sensors)
-    sheets = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
-    sheets += [file for sensor in sensors.values() for file in sensor.files]
-    logs = [spec.path for spec in config.channels]
+    files = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
+    files += [file for sensor in sensors.values() for file in sensor.files]
+    files += [spec.path for spec in config.channels]
     recording = Recording(
         config=config,
         channels=channels,
         lift_table=cam_table,
-        inputs=tuple(input_file(file) for file in dict.fromkeys([*sheets, *logs])),
+        inputs=tuple(input_file(file) for file in dict.fromkeys(files)),
         findings=(
             *config.findings,
             *cam_findings,
@@ -98,12 +101,13 @@ def _other_pump(config: RecordingConfig) -> list[Finding]:
     series, mark, _ = config.pump_id.rpartition("-")
     if not mark or not series:
         return []
-    text = f"{config.pump.cam_table_path.stem} {lift_table_comment(config.pump)}".replace("_", " ")
+    lift_table = config.pump.cam_table_path
+    text = f"{lift_table.stem} {read_comment(lift_table, 'a lift table')}".replace("_", " ")
     named = re.findall(rf"(?<!\w){re.escape(series)}-\w+", text)
     if not named or config.pump_id in named:
         return []
     said = f"the lift table names pump {named[0]}, recording.toml is about {config.pump_id}"
-    return [Finding("lift_table_of_other_pump", "warning", said, config.pump.cam_table_path.name)]
+    return [Finding("lift_table_of_other_pump", "warning", said, lift_table.name)]
 
 
 def _other_run(config: RecordingConfig) -> list[Finding]:
@@ -125,13 +129,6 @@ def _other_run(config: RecordingConfig) -> list[Finding]:
 def _without_repeats(*findings: Finding) -> tuple[Finding, ...]:
     """Drop findings that channels of one file repeat word for word."""
     return tuple({(finding.code, finding.text): finding for finding in reversed(findings)}.values())[::-1]
-
-
-def _lift_table(config: RecordingConfig, problems: Problems) -> tuple[CamTable | None, tuple[Finding, ...]]:
-    if config.pump_sheet is not None:
-        with problems.collecting():
-            return read_cam_table(config.pump)
-    return None, ()
 
 
 def _read_files(config: RecordingConfig, problems: Problems) -> tuple[dict[ChannelSpec, RawChannel], list[Finding]]:
@@ -164,8 +161,8 @@ def read_sensors(
             with problems.collecting():
                 span = math.nan
                 if spec in raw:
-                    scale, _, _ = _scale(spec, raw[spec], f"{spec.path.name} {spec.channel}")
-                    span = _span(raw[spec], scale) if reference.calibration_path is None else math.nan
+                    scale, _ = _scale(spec)
+                    span = _span(raw[spec], scale) if reference.calibration_path is None else span
                 sensors[spec.quantity] = read_sensor(reference, spec.output_unit, span)
     return sensors
 
@@ -181,23 +178,24 @@ def _channels(
     config: RecordingConfig, raw: dict[ChannelSpec, RawChannel], sensors: dict[str, Sensor]
 ) -> tuple[tuple[Channel, ...], list[Finding]]:
     begun = starts(config, raw)
-    channels, findings = [], []
-    for spec in config.channels:
-        sensor = sensors.get(spec.quantity)
-        channel, more = _channel(config, spec, raw[spec], begun[spec], sensor)
-        channels.append(channel)
-        findings += more
-    return tuple(channels), findings
+    read = [_channel(config, spec, raw[spec], begun[spec], sensors.get(spec.quantity)) for spec in config.channels]
+    return tuple(channel for channel, _ in read), [finding for _, findings in read for finding in findings]
 
 
 def _channel(
     config: RecordingConfig, spec: ChannelSpec, raw: RawChannel, start: float, sensor: Sensor | None
 ) -> tuple[Channel, list[Finding]]:
-    where = f"{spec.path.name} {spec.channel}"
-    scale, is_volts, findings = _scale(spec, raw, where)
-    findings += certificate_age(sensor, _moment(config, raw), where) if sensor is not None else []
-    calibration = sensor.calibration if sensor is not None else _shifted_zero(spec)
-    reference = config.sensors.get(spec.quantity)
+    where, findings, unit = f"{spec.path.name} {spec.channel}", list[Finding](), tidy_unit(spec.unit)
+    scale, is_volts = _scale(spec)
+    if raw.unit.strip("-") and not is_known_unit(raw.unit) and absolute_unit(raw.unit) != unit:
+        text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
+        findings.append(Finding("unit_unknown", "warning", text, where))
+    calibration, reference = None, config.sensors.get(spec.quantity)
+    if sensor is not None:
+        calibration = sensor.calibration
+        findings += certificate_age(sensor, _moment(config, raw), where)
+    elif unit in UNIT_OFFSETS:
+        calibration = SensorCalibration(spec.quantity, spec.sensor, zero_volts=-UNIT_OFFSETS[unit], zero_source="unit")
     if sensor is not None and not is_volts:
         text = f"values are in {spec.unit!r}; the gain is the logger's"
         findings.append(Finding("already_scaled", "info", text, where))
@@ -207,19 +205,10 @@ def _channel(
     if calibration is not None and reference is not None and reference.idle_from is not None:
         calibration = _idle_zero(calibration, reference, raw, scale, where)
     channel = Channel(
-        quantity=spec.quantity,
-        logger=spec.logger,
-        source=raw.source,
-        start_time=start,
-        sample_rate=raw.sample_rate,
-        calibration=calibration,
-        path=spec.path,
-        name=spec.channel,
-        scale=scale,
-        sign=-1.0 if spec.quantity == "torque" and config.rotation < 0 else 1.0,
-        breaks=raw.breaks,
-        break_steps=raw.break_steps,
-    )
+        spec.quantity, spec.logger, raw.source, start, raw.sample_rate, calibration, spec.path, spec.channel,
+        scale=scale, sign=-1.0 if spec.quantity == "torque" and config.rotation < 0 else 1.0,
+        breaks=raw.breaks, break_steps=raw.break_steps,
+    )  # fmt: skip
     expected = spec.duration
     allowed = max(1.5 / raw.sample_rate, DURATION_TOLERANCE * (expected or 0.0))
     if expected is not None and abs(channel.duration - expected) > allowed:
@@ -235,14 +224,9 @@ def _moment(config: RecordingConfig, raw: RawChannel) -> float | None:
     return datetime(config.date.year, config.date.month, config.date.day, 12, tzinfo=UTC).timestamp()
 
 
-def _scale(spec: ChannelSpec, raw: RawChannel, where: str) -> tuple[float, bool, list[Finding]]:
+def _scale(spec: ChannelSpec) -> tuple[float, bool]:
     """Return the factor to volts (or to SI for values that are scaled already), and whether they are volts."""
-    factor, is_volts = channel_factor(spec.quantity, spec.output_unit, f"{spec.path} {spec.channel!r} unit")
-    findings: list[Finding] = []
-    if raw.unit.strip("-") and not is_known_unit(raw.unit) and absolute_unit(raw.unit) != tidy_unit(spec.unit):
-        text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
-        findings.append(Finding("unit_unknown", "warning", text, where))
-    return factor, is_volts, findings
+    return channel_factor(spec.quantity, spec.output_unit, f"{spec.path} {spec.channel!r} unit")
 
 
 def _refuse_other_unit(spec: ChannelSpec, raw: RawChannel) -> None:
@@ -252,14 +236,6 @@ def _refuse_other_unit(spec: ChannelSpec, raw: RawChannel) -> None:
             f"{spec.path} {spec.channel!r}: the file's unit is {raw.unit!r}, recording.toml says {spec.unit!r}; "
             "correct the one that is wrong"
         )
-
-
-def _shifted_zero(spec: ChannelSpec) -> SensorCalibration | None:
-    """Return a calibration that only shifts the zero, for a unit such as degC; None for any other unit."""
-    unit = tidy_unit(spec.unit)
-    if unit not in UNIT_OFFSETS:
-        return None
-    return SensorCalibration(spec.quantity, spec.sensor, zero_volts=-UNIT_OFFSETS[unit], zero_source="unit")
 
 
 def _idle_zero(

@@ -67,31 +67,30 @@ def read_sensor(reference: SensorRef, unit: str = "V", span: float = math.nan) -
         missing
     """
     sheet = read_sheet(reference)
-    output = BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))[0]
-    if output in SENSED:
-        line = sensor_line(sheet, reference.quantity, output)
-        calibration, findings = _sensed(sheet, line, _in_output(reference, unit), span)
+    output, factor = BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))
+    others = _there(reference.zero_before, reference.zero_after)
+    if output not in SENSED:
+        calibration, findings = _scaled(sheet, reference.quantity, Readings(unit, others), span)
     else:
-        calibration, findings = _scaled(sheet, reference, unit, span)
+        readings = Readings("mV/V", [factor * reading for reading in others])
+        if output == "voltage":
+            readings = Readings("V", _there(reference.zero_before_volts, reference.zero_after_volts))
+        line = sensor_line(sheet, reference.quantity, output)
+        calibration, findings = _sensed(sheet, reference.quantity, line, readings, span)
     if sheet["nominal_range"] is None:  # then it holds all that the channel shows, wherever its zero lies
         reach = abs(calibration.gain) * (span + abs(calibration.zero_volts))
         calibration = replace(calibration, range_min=-reach, range_max=reach)
     return Sensor(calibration, sheet.files, (*sheet.findings, *findings), sheet["calibration_date"])
 
 
-def _in_output(reference: SensorRef, unit: str) -> Readings:
-    kind, factor = BORDER_UNITS.get(tidy_unit(unit), ("voltage", 1.0))
-    if kind == "voltage":
-        return Readings(reference.quantity, "V", reference.zero_before_volts, reference.zero_after_volts)
-    before, after = (None if v is None else factor * v for v in (reference.zero_before, reference.zero_after))
-    return Readings(reference.quantity, "mV/V", before, after)
+def _there(*readings: float | None) -> list[float]:
+    return [reading for reading in readings if reading is not None]
 
 
 def _sensed(
-    sheet: Sheet, line: CertificateLine, readings: Readings, span: float
+    sheet: Sheet, quantity: str, line: CertificateLine, readings: Readings, span: float
 ) -> tuple[SensorCalibration, list[Finding]]:
     """Return the calibration of what a sensor gives: volts, or mV/V of a bridge in their place."""
-    quantity = readings.quantity
     factor = unit_factor(sheet["unit"], CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit")
     anything = (-math.inf, math.inf)
     out_low, out_high = range_of(sheet, "output_range", anything) if readings.unit == "V" else anything
@@ -104,42 +103,36 @@ def _sensed(
         range_min=low * factor, range_max=high * factor, output_min_volts=out_low, output_max_volts=out_high,
     )  # fmt: skip
     calibration = with_zero(calibration, sheet, line, readings)
-    findings += [*more, *line.findings, *sensitivity_findings(sheet, line, factor)]
-    more, beyond = zero_findings(calibration, sheet, line, readings)
-    findings += more
-    calibration = replace(calibration, zero_std=math.hypot(calibration.zero_std, beyond))
+    off, beyond = zero_findings(calibration, sheet, line, readings)
     tolerance = zero_tolerance_of(sheet, calibration, abs(line.gain)) / abs(line.gain)
-    findings += apart_findings((readings.before, readings.after), tolerance, readings.unit, sheet)
+    findings += [*more, *line.findings, *sensitivity_findings(sheet, line, factor), *off,
+                 *apart_findings(readings, tolerance, sheet)]  # fmt: skip
     # a sheet in degC counts from ice, the volts of its zero do not
-    shift = UNIT_OFFSETS.get(tidy_unit(sheet["unit"]), 0.0) / line.gain
-    return replace(calibration, zero_volts=calibration.zero_volts - shift), findings
+    zero = calibration.zero_volts - UNIT_OFFSETS.get(tidy_unit(sheet["unit"]), 0.0) / line.gain
+    return replace(calibration, zero_volts=zero, zero_std=math.hypot(calibration.zero_std, beyond)), findings
 
 
-def _scaled(sheet: Sheet, reference: SensorRef, unit: str, span: float) -> tuple[SensorCalibration, list[Finding]]:
+def _scaled(sheet: Sheet, quantity: str, readings: Readings, span: float) -> tuple[SensorCalibration, list[Finding]]:
     """Return the calibration of values that the logger has scaled: gain 1, zero and accuracy as stated."""
-    quantity = reference.quantity
-    factor = unit_factor(unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit of the channel")
+    unit, dimension = readings.unit, CHANNEL_QUANTITIES[quantity].dimension
+    factor = unit_factor(unit, dimension, f"{sheet.where} unit of the channel")
     calibration, findings = _delayed(sheet, quantity)
     low, high = -span, span
     if sheet["nominal_range"] is not None:
-        per_unit = unit_factor(sheet["unit"] or unit, CHANNEL_QUANTITIES[quantity].dimension, f"{sheet.where} unit")
-        low, high = (value * per_unit for value in range_of(sheet, "nominal_range", (low, high)))
-    accuracy, assumed = _accuracy(sheet)
-    findings += assumed
-    width = accuracy * max(abs(low), abs(high))
-    readings = [factor * v for v in (reference.zero_before, reference.zero_after) if v is not None]
-    zero, zero_std = zero_of_readings(readings, READING_SHARE * max(abs(low), abs(high)), width)
-    calibration = replace(
-        calibration, gain_relative_std=accuracy / math.sqrt(3.0), zero_volts=zero, zero_std=zero_std,
-        zero_source="standstill" if readings else "certificate", nonlinearity_std=0.0, range_min=low, range_max=high,
-    )  # fmt: skip
-    if sheet["nominal_range"] is not None:
+        per_unit = unit_factor(sheet["unit"] or unit, dimension, f"{sheet.where} unit")
+        low, high = (value * per_unit for value in range_of(sheet, "nominal_range"))
         calibration = replace(calibration, output_min_volts=low, output_max_volts=high)
-    if sheet["reference"] == "absolute" and not readings:
-        calibration = replace(calibration, zero_volts=ATMOSPHERE)
-    findings += apart_findings((reference.zero_before, reference.zero_after), width / factor, unit, sheet)
-    shift = UNIT_OFFSETS.get(tidy_unit(unit), 0.0)
-    return replace(calibration, zero_volts=calibration.zero_volts - shift), findings
+    accuracy, assumed = _accuracy(sheet)
+    largest = max(abs(low), abs(high))
+    width = accuracy * largest
+    zero, zero_std = zero_of_readings([factor * v for v in readings.values], READING_SHARE * largest, width)
+    if sheet["reference"] == "absolute" and not readings.values:
+        zero = ATMOSPHERE
+    return replace(
+        calibration, gain_relative_std=accuracy / math.sqrt(3.0), zero_std=zero_std, nonlinearity_std=0.0,
+        zero_volts=zero - UNIT_OFFSETS.get(tidy_unit(unit), 0.0), range_min=low, range_max=high,
+        zero_source="standstill" if readings.values else "certificate",
+    ), [*findings, *assumed, *apart_findings(readings, width / factor, sheet)]  # fmt: skip
 
 
 def _accuracy(sheet: Sheet) -> tuple[float, list[Finding]]:
@@ -162,17 +155,6 @@ def _low_pass_delay(cutoff_hz: float, order: int) -> float:
     It is nearly that of a Bessel filter (Thomson, Proc. IEE 96 (1949)); a Butterworth one is slower.
     """
     return math.sqrt((2 * order - 1) * math.log(2.0)) / (2.0 * math.pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
-
-
-def _refuse_short_delay(sheet: Sheet, delay: float) -> None:
-    """Refuse a total delay that is shorter than that of the low-pass which it includes."""
-    order = max(sheet.filter_order, 1)
-    least = _low_pass_delay(sheet["cutoff_hz"] or math.nan, order)
-    if delay < 0.5 * least:
-        raise Refusal(
-            f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
-            f"(order {order}, {sheet['cutoff_hz']:g} Hz), which it has to include"
-        )
 
 
 def certificate_age(sensor: Sensor, stamp: float | None, where: str) -> list[Finding]:
@@ -236,7 +218,13 @@ def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
         of = " of its low-pass" if usual > USUAL_DELAYS.get(quantity, 0.0) else ""
         text = f"{1e3 * usual:.3g} ms{of} +/- 100 %"
         return usual, std, [_assumed("delay", text, sheet, "group_delay_s")] if usual else []
-    _refuse_short_delay(sheet, delay)
+    order = max(sheet.filter_order, 1)
+    least = _low_pass_delay(sheet["cutoff_hz"] or math.nan, order)
+    if delay < 0.5 * least:
+        raise Refusal(
+            f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
+            f"(order {order}, {sheet['cutoff_hz']:g} Hz), which it has to include"
+        )
     percent = sheet.percent("group_delay_note")
     if percent is not None:
         return delay, delay * percent / 100.0 / math.sqrt(3.0), []

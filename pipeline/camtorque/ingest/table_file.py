@@ -11,7 +11,7 @@ import numpy as np
 from camtorque.config.tables import what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.csv_table import grouped, split_row
-from camtorque.ingest.formats import UNREADABLE
+from camtorque.ingest.formats import UNREADABLE, ZIP_MAGIC
 from camtorque.ingest.header import is_number, name_and_unit
 from camtorque.ingest.xlsx import table_rows
 from camtorque.records import Array, Refusal
@@ -45,8 +45,7 @@ def read_small_table(path: Path, what: str) -> SmallTable:
     Names stand above the numbers, units in a row between them, in brackets or at the end of the names. What stands
     above the names is the comment; a column without a number in its first row is left out.
     """
-    head = _checked_head(path, what)
-    comment, rows = _workbook_rows(path) if head.startswith(b"PK\x03\x04") else _text_rows(path)
+    comment, rows = _commented_rows(path, what)
     first = next((n for n, (_, fields) in enumerate(rows) if n and sum(map(is_number, fields)) > 1), len(rows))
     units = rows[first - 1][1] if first > 1 and any(map(is_known_unit, rows[first - 1][1])) else []
     header = first - 1 - bool(units)
@@ -88,18 +87,13 @@ def _names(path: Path, fields: list[str], units: list[str]) -> tuple[list[str], 
 
 def read_comment(path: Path, what: str) -> str:
     """Return what a table says of itself, without looking at its numbers."""
-    head = _checked_head(path, what)
-    return _workbook_rows(path)[0] if head.startswith(b"PK\x03\x04") else _comment(_text(path).splitlines())
-
-
-def _comment(lines: list[str]) -> str:
-    return " ".join(line.lstrip("#% ") for line in lines if line.startswith(("#", "%")))
+    return _commented_rows(path, what)[0]
 
 
 def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Return the comment, and number and fields of each row of a text."""
     lines = _text(path).splitlines()
-    comment = _comment(lines)
+    comment = " ".join(line.lstrip("#% ") for line in lines if line.startswith(("#", "%")))
     rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith(("#", "%"))]
     if not rows:
         return comment, []
@@ -130,8 +124,8 @@ def _workbook_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     return comment, rows[first:]
 
 
-def _checked_head(path: Path, what: str) -> bytes:
-    """Return the first bytes of a table that is there and no larger than a table is."""
+def _commented_rows(path: Path, what: str) -> tuple[str, list[tuple[int, list[str]]]]:
+    """Return comment and rows of a table that is there and no larger than a table is."""
     try:
         if not path.is_file():
             raise Refusal(
@@ -145,9 +139,9 @@ def _checked_head(path: Path, what: str) -> bytes:
             head = file.read(8)
         if UNREADABLE["gzip"](head):
             raise Refusal(f"{path}: the content is gzip, expected {what} as text or a workbook: unpack it")
-        return head
     except (OSError, ValueError) as error:
         raise Refusal(f"{str(path)[:200]}: cannot be read ({getattr(error, 'strerror', error)})") from error
+    return _workbook_rows(path) if head.startswith(ZIP_MAGIC) else _text_rows(path)
 
 
 def _text(path: Path) -> str:

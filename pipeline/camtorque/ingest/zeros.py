@@ -28,12 +28,10 @@ running pump nearly all."""
 
 @dataclass(frozen=True)
 class Readings:
-    """Standstill readings of a sensor, in the unit of its output: V or mV/V."""
+    """Standstill readings of a sensor, before or after the run or both, in the unit of its output: V or mV/V."""
 
-    quantity: str
     unit: str
-    before: float | None
-    after: float | None
+    values: list[float]
 
 
 def zero_of_readings(readings: list[float], resolution: float, tolerance: float) -> tuple[float, float]:
@@ -102,15 +100,13 @@ def with_zero(
     calibration: SensorCalibration, sheet: Sheet, line: CertificateLine, taken: Readings
 ) -> SensorCalibration:
     """Take the zero from the standstill readings, else from the certificate with the sheet's tolerance."""
-    readings = [v for v in (taken.before, taken.after) if v is not None]
-    gain = abs(line.gain)
-    tolerance = zero_tolerance_of(sheet, calibration, gain)
-    zero, std = zero_of_readings(readings, READING_STEP, tolerance / gain)
-    if not readings:
+    gain, source = abs(line.gain), "standstill"
+    zero, std = zero_of_readings(taken.values, READING_STEP, zero_tolerance_of(sheet, calibration, gain) / gain)
+    if not taken.values:
         # an absolute sensor shows the atmosphere at zero load; standstill readings hold it already
         zero = line.zero_volts + (ATMOSPHERE / line.gain if sheet["reference"] == "absolute" else 0.0)
-        return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="certificate")
-    return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="standstill")
+        source = "certificate"
+    return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source=source)
 
 
 def _refuse_millivolts(
@@ -119,9 +115,8 @@ def _refuse_millivolts(
     """Refuse standstill readings that fit the certificate only if they are in millivolts."""
     shrunk = abs(line.gain) * abs(1e-3 * calibration.zero_volts - line.zero_volts)
     if abs(off) > 5.0 * tolerance and shrunk <= tolerance and abs(calibration.zero_volts) > MILLIVOLTS:
-        readings = [reading for reading in (taken.before, taken.after) if reading is not None]
-        said = " and ".join(f"{reading:g}" for reading in readings)
-        large = [reading for reading in readings if abs(reading) > MILLIVOLTS]
+        said = " and ".join(f"{reading:g}" for reading in taken.values)
+        large = [reading for reading in taken.values if abs(reading) > MILLIVOLTS]
         meant = " and ".join(f"{reading:g} mV = {1e-3 * reading:g} V" for reading in large)
         raise Refusal(
             f"[sensors.{calibration.quantity}] zero_before_V, zero_after_V: found {said} V, "
@@ -155,13 +150,11 @@ def zero_findings(
     return [Finding("zero_off_certificate", "warning", text, sheet.place)], beyond
 
 
-def apart_findings(
-    readings: tuple[float | None, float | None], tolerance: float, unit: str, sheet: Sheet
-) -> list[Finding]:
+def apart_findings(readings: Readings, tolerance: float, sheet: Sheet) -> list[Finding]:
     """Tell standstill readings that lie further apart than two within the sheet's tolerance of the zero can."""
-    before, after = readings
-    if before is None or after is None or abs(after - before) <= 2.0 * tolerance:
+    if len(readings.values) < 2 or abs(readings.values[1] - readings.values[0]) <= 2.0 * tolerance:
         return []
+    (before, after), unit = readings.values, readings.unit
     text = (
         f"the zero was {before:g} {unit} before and {after:g} {unit} after the run, {abs(after - before):.3g} {unit} "
         f"apart; the sheet allows it {tolerance:.3g} {unit} to either side: one reading is of another state or sensor, "
