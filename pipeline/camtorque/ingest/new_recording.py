@@ -147,11 +147,9 @@ class Writer:
                 self.lines.append(f"{name} = {toml_value(values[name])}")
 
     def _key(self, key: Key, value: Any) -> None:
-        if value == UNKNOWN:
-            self.unknown.append(key.name)
-            self.lines.append(f"{key.name} = {toml_value(value)}  # {_meaning(key)}")
-            return
-        self.lines.append(f"{key.name} = {toml_value(value)}  # {key.meaning}")
+        self.unknown += [key.name] if value == UNKNOWN else []
+        meaning = _meaning(key) if value == UNKNOWN else key.meaning
+        self.lines.append(f"{key.name} = {toml_value(value)}  # {meaning}")
 
 
 def _meaning(key: Key) -> str:
@@ -173,11 +171,9 @@ def toml_value(value: Any) -> str:
         return value.isoformat()
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(toml_value(item) for item in value)}]"
-    return (
-        repr(value)
-        if isinstance(value, (int, float))
-        else json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
-    )
+    if isinstance(value, (int, float)):
+        return repr(value)
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
@@ -188,12 +184,10 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
     file = like / RECORDING_FILE if like.is_dir() else like
     _, values = read_toml(file, "expected a recording or a pump file whose pump and sensors are taken over")
     tables = {name: dict(values.get(name, {})) for name in empty}
-    rotation = tables["recording"].get("rotation")
-    tables["recording"] = {name: tables["recording"][name] for name in ("pump_id",) if name in tables["recording"]}
-    if rotation is not None:
-        tables["recording"]["rotation"] = rotation
-    drop = {"id", "note"} if "recording" not in values else set()
-    tables["pump"] = {name: value for name, value in tables["pump"].items() if name not in drop}
+    of_rig = ("pump_id", "rotation")
+    tables["recording"] = {name: tables["recording"][name] for name in of_rig if name in tables["recording"]}
+    for name in ("id", "note") if "recording" not in values else ():
+        tables["pump"].pop(name, None)
     for table in (tables["pump"], *tables["sensors"].values()):
         for name in PATHS:
             if isinstance(table.get(name), str):
@@ -238,19 +232,16 @@ def _sensor(writer: Writer, quantity: str, item: Proposal, known: dict[str, Any]
     if CHANNEL_QUANTITIES[quantity].is_pulse:
         return
     schema, header = RECORDING_TABLES["sensors"], f"[sensors.{quantity}]"
+    unit, kind = SHEET_UNITS.get(quantity, CHANNEL_QUANTITIES[quantity].unit), BORDER_UNITS.get(item.unit, ("", 1.0))[0]
     # no amplifier puts out more: values without a unit are not volts then
-    in_volts = BORDER_UNITS.get(item.unit, ("", 1.0))[0] == "voltage" or (
-        not item.unit and max(-item.low, item.high) <= HIGHEST_VOLTS
-    )
+    in_volts = kind == "voltage" or (not item.unit and max(-item.low, item.high) <= HIGHEST_VOLTS)
     if known is not None:
         writer.table(header, schema, known)
-    elif item.supply or BORDER_UNITS.get(item.unit, ("", 1.0))[0] == "bridge output":
-        unit = SHEET_UNITS.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
+    elif item.supply or kind == "bridge output":
         values = {"unit": unit, "nominal_range": UNKNOWN, "sensitivity_mV_per_V": UNKNOWN}
         writer.table(header, schema, values, ASKED_BRIDGE)
         writer.line("# or in place of range and sensitivity: unit_per_mV_per_V")
     elif in_volts:
-        unit = SHEET_UNITS.get(quantity, CHANNEL_QUANTITIES[quantity].unit)
         writer.table(header, schema, {"unit": unit, "sensitivity_V_per_unit": UNKNOWN}, ASKED_SENSOR)
         writer.line('# or instead of these: serial = "...", calibration = "sheet.toml" with its certificate')
         if not item.unit or item.quantity != quantity:

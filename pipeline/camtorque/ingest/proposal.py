@@ -119,20 +119,20 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         found += [item for item in looked if np.isfinite(item.low)] or looked
     found = _without_unsure(_with_index(found))
     found = [replace(item, supply=_supply_of(item, found)) for item in found]
-    best: dict[tuple[str, Path | None], float] = {}
-    for item in found:
-        best[_place(item)] = max(best.get(_place(item), 0), _certainty(item))
-    chosen: dict[tuple[str, Path | None], list[int]] = {}
+    alike: dict[tuple[str, Path | None], list[int]] = {}
     for number, item in enumerate(found):
-        if item.quantity and _certainty(item) == best[_place(item)]:
-            chosen.setdefault(_place(item), []).append(number)
-    rivals = {
-        number for (name, _), numbers in chosen.items() if name in RIVALS and len(numbers) > 1 for number in numbers
-    }
-    kept = rivals | {numbers[0] for numbers in chosen.values()}
+        if item.quantity:
+            # pulses of each file, any other quantity once
+            own = item.path if CHANNEL_QUANTITIES[item.quantity].is_pulse else None
+            alike.setdefault((item.quantity, own), []).append(number)
+    kept: dict[int, bool] = {}
+    for (quantity, _), numbers in alike.items():
+        best = max(_certainty(found[number]) for number in numbers)
+        chosen = [number for number in numbers if _certainty(found[number]) == best]
+        rivals = quantity in RIVALS and len(chosen) > 1
+        kept |= dict.fromkeys(chosen if rivals else chosen[:1], rivals)
     return [
-        replace(item, has_rival=number in rivals) if number in kept else _dropped(item)
-        for number, item in enumerate(found)
+        replace(item, has_rival=kept[number]) if number in kept else _dropped(item) for number, item in enumerate(found)
     ]
 
 
@@ -158,8 +158,8 @@ def _without_unsure(found: list[Proposal]) -> list[Proposal]:
     triggers = [item for item in found if item.quantity == "trigger" and not item.sensor]
     if {item.quantity for item in found} >= set(RIVALS) or not any(map(_is_surely_pulses, triggers)):
         return found
-    unsure = [item for item in triggers if not _is_surely_pulses(item)]
-    return [_dropped(item) if any(item is other for other in unsure) else item for item in found]
+    unsure = {id(item) for item in triggers if not _is_surely_pulses(item)}
+    return [_dropped(item) if id(item) in unsure else item for item in found]
 
 
 def _supply_of(item: Proposal, found: list[Proposal]) -> str:
@@ -167,13 +167,12 @@ def _supply_of(item: Proposal, found: list[Proposal]) -> str:
     if item.quantity not in RIVALS or item.unit not in ("mV", "uV"):
         return ""
     place = item.path, item.channel.group, item.channel.n_samples
-    mates = (other for other in found if (other.path, other.channel.group, other.channel.n_samples) == place)
-    return next((other.channel.name for other in mates if _is_supply(other)), "")
-
-
-def _is_supply(item: Proposal) -> bool:
-    volts = not item.quantity and item.unit in ("V", "") and SUPPLIES[0] <= item.low <= item.high <= SUPPLIES[1]
-    return volts and re.search(SUPPLY_NAME, item.channel.name, re.IGNORECASE) is not None
+    for other in found:
+        volts = not other.quantity and other.unit in ("V", "") and SUPPLIES[0] <= other.low <= other.high <= SUPPLIES[1]
+        is_mate = (other.path, other.channel.group, other.channel.n_samples) == place
+        if volts and is_mate and re.search(SUPPLY_NAME, other.channel.name, re.IGNORECASE):
+            return other.channel.name
+    return ""
 
 
 def _is_surely_pulses(item: Proposal) -> bool:
@@ -184,12 +183,6 @@ def _dropped(item: Proposal) -> Proposal:
     """Return a channel without its quantity, where another channel is more likely."""
     unit = tidy_unit(item.channel.unit or _unit_in(item.channel.name))
     return replace(item, quantity="", unit=unit if unit in BORDER_UNITS else "", sensor="")
-
-
-def _place(item: Proposal) -> tuple[str, Path | None]:
-    """Return quantity, and the file where each file may have its own."""
-    per_file = bool(item.quantity) and CHANNEL_QUANTITIES[item.quantity].is_pulse
-    return item.quantity, item.path if per_file else None
 
 
 def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposal:
@@ -203,7 +196,7 @@ def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposa
     known = unit if unit in BORDER_UNITS else "V" if pulses else ""
     coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
     levels = level_share(good) if pulses else 0.0
-    beats = (_half_waves(good) / 2.0 if coil else rises(good, *_levels(good)).size) if quantity == "trigger" else 0.0
+    beats = (_half_waves(good) / 2.0 if coil else pulse_count(good)) if quantity == "trigger" else 0.0
     every = beats / max(good.size, 1) * (channel.sample_rate or 1.0)
     return Proposal(path, name, channel, quantity, known, low, high, coil, False, bool(base), levels, every)
 
@@ -227,7 +220,7 @@ def _quantity(name: str, hint: str, unit: str, values: Array) -> str:
         named = ""  # a digital line, whatever its name
     if named and (not CHANNEL_QUANTITIES[named].is_pulse or is_pulse_train(values)):
         return named
-    if named == "trigger" and is_wave(values):
+    if named == "trigger" and _half_waves(values) >= 2 * LEAST_WAVES:
         return "trigger"
     return "trigger" if not named and is_pulse_train(values) else ""
 
@@ -238,8 +231,6 @@ def _named(name: str) -> str:
 
 def _certainty(item: Proposal) -> float:
     """Return how sure a proposal is: a unit of the quantity tells more than a name."""
-    if not item.quantity:
-        return 0
     is_scaled = BORDER_UNITS.get(item.unit, (SENSED[0], 1.0))[0] not in SENSED
     return 1 + 2 * is_scaled + (_named(item.channel.name) == item.quantity) + 0.5 * item.levels
 
@@ -250,8 +241,11 @@ def is_pulse_train(values: Array) -> bool:
 
 
 def pulse_count(values: Array) -> int:
-    """Return how often a signal rises from the lower to the higher of its two levels."""
-    return int(rises(values, *_levels(values)).size)
+    """Return how often a signal rises through its upper half, having been in its lower quarter."""
+    low, high = _levels(values)
+    marks = np.where(values > low + 0.6 * (high - low), 1, np.where(values < low + 0.3 * (high - low), -1, 0))
+    marks = marks[marks != 0]
+    return int(np.sum(np.diff(marks) > 0))
 
 
 def level_share(values: Array) -> float:
@@ -275,21 +269,9 @@ def _levels(values: Array) -> tuple[float, float]:
     return low, high
 
 
-def is_wave(values: Array) -> bool:
-    """Tell a signal that swings to both sides of zero many times, as a coil in front of a wheel gives it."""
-    return _half_waves(values) >= 2 * LEAST_WAVES
-
-
 def _half_waves(values: Array) -> int:
+    """Return how often a signal changes to the other side of zero, as that of a coil in front of a wheel does."""
     size = np.percentile(np.abs(values), 99.0)
     signs = np.sign(np.where(np.abs(values) > WAVE_SHARE * size, values, 0.0))
     signs = signs[signs != 0.0]
     return int(np.sum(np.diff(signs) != 0.0))
-
-
-def rises(values: Array, low: float, high: float) -> np.ndarray:
-    """Return the samples at which a signal rises through its upper half, having been in its lower quarter."""
-    marks = np.where(values > low + 0.6 * (high - low), 1, np.where(values < low + 0.3 * (high - low), -1, 0))
-    at = np.flatnonzero(marks)
-    kinds = marks[at]
-    return at[1:][(kinds[1:] == 1) & (kinds[:-1] == -1)]

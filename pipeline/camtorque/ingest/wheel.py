@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.records import Array, Channel, Refusal
 from camtorque.signal.pickup import find_pulses
 from camtorque.signal.repeats import repeats_every
+from camtorque.units import TURN
 
 LOOKED_AT = 400_000
 """Samples looked at of each channel."""
@@ -75,8 +76,8 @@ def wheel_of(
     every = repeats_every(_revolutions(load, turns)) if load is not None and load.sample_rate else 1
     if every == 1:
         return wheel
-    return Wheel(wheel.speed / every, wheel.pulses_per_rev, wheel.missing_teeth, wheel.double_tooth, every,
-                 "torque or pressure repeat after so many")  # fmt: skip
+    why = "torque or pressure repeat after so many"
+    return replace(wheel, speed=wheel.speed / every, revolutions_per_cycle=every, known_from=why)
 
 
 def _teeth(times: Array) -> tuple[Wheel, Array]:
@@ -114,7 +115,7 @@ def _by_index(wheel: Wheel, times: Array, marks: Array) -> Wheel:
     if wheel.missing_teeth or wheel.double_tooth:
         shown = wheel.pulses_per_rev - wheel.missing_teeth + int(wheel.double_tooth)
         turns = max(1, round(count / shown))
-        return Wheel(speed, wheel.pulses_per_rev, wheel.missing_teeth, wheel.double_tooth, turns, "the index")
+        return replace(wheel, speed=speed, revolutions_per_cycle=turns, known_from="the index")
     return Wheel(speed, max(count, 1), known_from="the index")
 
 
@@ -136,10 +137,10 @@ def angle_wheel(channel: FileChannel, factor: float) -> Wheel | None:
     angle = angle[np.isfinite(angle)]
     step, reach = np.diff(angle), float(np.ptp(angle))
     wraps = np.abs(step) > 0.5 * reach
-    turned = float(np.abs(np.sum(step[~wraps]))) / (2.0 * np.pi)
+    turned = float(np.abs(np.sum(step[~wraps]))) / TURN
     if turned < 2.0:
         return None
-    every = max(1, round(reach / (2.0 * np.pi))) if wraps.any() else 1
+    every = max(1, round(reach / TURN)) if wraps.any() else 1
     seconds = np.sum(~wraps) / channel.sample_rate
     known_from = "the angle that starts again after so many turns" if every > 1 else ""
     return Wheel(float(turned / seconds / every), 0, revolutions_per_cycle=every, known_from=known_from)
