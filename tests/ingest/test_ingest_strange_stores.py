@@ -15,7 +15,7 @@ import pytest
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5, mat, numpy_file, parquet, tdms, xlsx, zlib_check
 from camtorque.ingest.formats import file_format
-from camtorque.ingest.parquet_size import refuse_lying_pages
+from camtorque.ingest.parquet import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
