@@ -130,8 +130,10 @@ def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
     known = [name for name, (kind, _) in BORDER_UNITS.items() if kind in kinds]
     expected = " or ".join(f"{kind} unit" for kind in dict.fromkeys(kinds))
     if tidy not in BORDER_UNITS:
+        base = absolute_unit(tidy)
+        hint = f', write {base!r} and reference = "absolute" in its [sensors] table' if base else ""
         raise Refusal(
-            f"{where}: unknown unit {unit!r}{_absolute_hint(tidy) or did_you_mean(tidy, known)}; a {expected} is "
+            f"{where}: unknown unit {unit!r}{hint or did_you_mean(tidy, known)}; a {expected} is "
             f"expected ({', '.join(known)}{', rev/1024 for a counter' if dimension == 'angle' else ''})"
         )
     kind, factor = BORDER_UNITS[tidy]
@@ -153,11 +155,6 @@ def absolute_unit(unit: str) -> str:
     match = ABSOLUTE.match(unit.strip().strip("[]"))
     base = tidy_unit(match["unit"]) if match else ""
     return base if BORDER_UNITS.get(base, ("", 1.0))[0] == "pressure" and not is_known_unit(unit) else ""
-
-
-def _absolute_hint(unit: str) -> str:
-    base = absolute_unit(unit)
-    return f', write {base!r} and reference = "absolute" in its [sensors] table' if base else ""
 
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:

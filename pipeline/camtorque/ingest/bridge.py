@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.raw import RawChannel
-from camtorque.records import Array, Refusal, SampleSource
+from camtorque.ingest.raw import PairSource, RawChannel
+from camtorque.records import Array, Refusal
 from camtorque.units import unit_factor
 
 SUPPLY = "supply"
 LOOKED_AT = 100_000
 SUPPLIES = (0.5, 30.0)
 """Supplies of strain gauge bridges [V]: 1 to 24 V in use."""
-
-
-@dataclass(frozen=True)
-class RatioSource:
-    """Samples of one source over those of another, times a factor; where the other is zero there is no number."""
-
-    above: SampleSource
-    below: SampleSource
-    factor: float
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples."""
-        return self.above.n_samples
-
-    def read(self, start: int, stop: int) -> Array:
-        """Return raw samples ``[start, stop)``."""
-        below = self.below.read(start, stop)
-        return self.factor * self.above.read(start, stop) / np.where(below == 0.0, np.nan, below)
 
 
 def with_supplies(specs: Sequence[ChannelSpec]) -> tuple[ChannelSpec, ...]:
@@ -76,5 +57,9 @@ def _over(spec: ChannelSpec, raw: RawChannel, supply: RawChannel) -> RawChannel:
             f"{where}: is {usual:.4g} V in the median, expected the supply of a bridge, {SUPPLIES[0]:g} to "
             f"{SUPPLIES[1]:g} V; is it another channel or in mV?"
         )
-    output = unit_factor(spec.unit, "voltage", f"{where} unit")
-    return replace(raw, source=RatioSource(raw.source, supply.source, 1e3 * output / volts), unit=spec.output_unit)
+    factor = 1e3 * unit_factor(spec.unit, "voltage", f"{where} unit") / volts
+
+    def ratio(above: Array, below: Array) -> Array:
+        return factor * above / np.where(below == 0.0, np.nan, below)  # without a supply there is no number
+
+    return replace(raw, source=PairSource(raw.source, supply.source, ratio), unit=spec.output_unit)

@@ -184,7 +184,7 @@ def _times(
             text = "the file holds no times and no rate; the declared rate is used"
             note = Finding("no_time_in_file", "info", text, where)
             return Stamps(spec.start_time or 0.0, spec.sample_rate, findings=(note,))
-        rate, findings = agreed_rate(1.0 / step, spec.sample_rate, where, 1e-9, "the channel header says")
+        rate, findings = agreed_rate(1.0 / step, spec.sample_rate, where, "the channel header says")
         return Stamps(spec.start_time or 0.0, rate, findings=findings)
     mate = headers[mates[0]]
     if mate.length != length:

@@ -17,14 +17,7 @@ from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, number
 from camtorque.ingest.listing import MOST_ALIKE, RATE_SAMPLES, time_unit_of
 from camtorque.ingest.raw import ArraySource, RawChannel, RawFile
 from camtorque.ingest.stamps import DAY, RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
-from camtorque.ingest.table_rows import (
-    are_changes,
-    at,
-    held,
-    own_rows,
-    rows_of,
-    where_timed,
-)
+from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rows_of, where_timed
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, unit_factor
 
@@ -40,14 +33,14 @@ def raw_file(
     findings: list[Finding] = []
     seen: set[tuple[int | None, int]] = set()
     fastest = max(spec.sample_rate for spec in specs)
-    for spec, time in zip(specs, time_columns_of(path, layout, specs), strict=True):
-        column = column_of(path, layout, spec.channel)
+    for spec, (column, time) in zip(specs, columns_of(path, layout, specs), strict=True):
         source, stamps, cut = where_timed(sources[column], sources.get(time) if time is not None else None, path)
         if stamps is not None and time is not None:
             source, stamps = own_rows(source, stamps)
             if spec.quantity in PULSES and are_changes(source, stamps):
-                channels.append(_held_channel(path, layout, spec, time, source, stamps))
-                findings += (_held_finding(spec, path.name), *cut)
+                base, stamp, source = _held(path, layout, spec, time, source, stamps)
+                channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
+                findings += (*base.findings, *cut)
                 continue
         rows = rows_of(source, round(fastest / spec.sample_rate))
         base, stamp = _times(path, layout, stamps and at(rows, stamps), time, spec, rows)
@@ -57,46 +50,24 @@ def raw_file(
     return RawFile(tuple(channels), tuple(findings))
 
 
-def _held_channel(
+def _held(
     path: Path, layout: CsvLayout, spec: ChannelSpec, time: int, source: SampleSource, stamps: SampleSource
-) -> RawChannel:
-    """Return levels that are written at their changes only as samples at the declared rate."""
+) -> tuple[Stamps, float | None, SampleSource]:
+    """Return time base, date and samples at the declared rate of levels that are written at their changes only."""
     if not layout.units[time] and not layout.stamp_kind(time):
         raise Refusal(
             f"{path.name}: {spec.channel!r} is written where its level changes, and the time column "
             f"{layout.names[time]!r} has no unit; write the unit behind its name, as in Time [s]"
         )
     factor = time_unit_of(path, layout, time)
-    seconds = ArraySource(stamps.read(0, stamps.n_samples) * factor)
-    base, stamp = _dated(Stamps(float(seconds.read(0, 1)[0]), spec.sample_rate), factor)
-    column = column_of(path, layout, spec.channel)
-    levels = held(source, seconds, spec.sample_rate, path.name)
-    return base.channel(spec.channel, layout.units[column], levels, stamp)
-
-
-def _held_finding(spec: ChannelSpec, where: str) -> Finding:
     text = (
         f"{spec.channel!r} is written where its level changes; it is held from one change to the next and read at the "
         f"declared {spec.sample_rate:g} Hz, to which its edges are known"
     )
-    return Finding("levels_held", "info", text, where)
-
-
-def time_columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> list[int | None]:
-    """Return the number of each channel's time column, None where there is none.
-
-    Raises
-    ------
-    Refusal : recording.toml names one that is not there
-    """
-    found, names = [], tuple(spec.channel for spec in specs)
-    for spec in specs:
-        column = layout.time_column(spec.time_channel, names, column_of(path, layout, spec.channel))
-        if spec.time_channel and column is None:
-            shown = ", ".join(layout.names)
-            raise Refusal(f"{path}: no time column {spec.time_channel!r}; the columns are {shown}")
-        found.append(column)
-    return found
+    told = Finding("levels_held", "info", text, path.name)
+    seconds = ArraySource(stamps.read(0, stamps.n_samples) * factor)
+    base = Stamps(float(seconds.read(0, 1)[0]), spec.sample_rate, findings=(told,))
+    return *_dated(base, factor), held(source, seconds, spec.sample_rate, path.name)
 
 
 def time_beside(names: Iterable[str], channels: Container[str], source: Callable[[str], SampleSource]) -> str:
@@ -131,7 +102,29 @@ def _dated(base: Stamps, factor: float) -> tuple[Stamps, float | None]:
     return (base, None) if date is None else (replace(base, start=0.0), date)
 
 
-def column_of(path: Path, layout: CsvLayout, name: str) -> int:
+def columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> list[tuple[int, int | None]]:
+    """Return the numbers of each channel's column and of that of its times, None where there is none.
+
+    Raises
+    ------
+    Refusals : see `_column_of`; every channel whose column is not there
+    Refusal : recording.toml names a time column that is not there
+    """
+    problems, columns, times = Problems(), list[int](), list[int | None]()
+    for spec in specs:
+        with problems.collecting():
+            columns.append(_column_of(path, layout, spec.channel))
+    problems.raise_any()
+    names = tuple(spec.channel for spec in specs)
+    for spec, column in zip(specs, columns, strict=True):
+        times.append(layout.time_column(spec.time_channel, names, column))
+        if spec.time_channel and times[-1] is None:
+            shown = ", ".join(layout.names)
+            raise Refusal(f"{path}: no time column {spec.time_channel!r}; the columns are {shown}")
+    return list(zip(columns, times, strict=True))
+
+
+def _column_of(path: Path, layout: CsvLayout, name: str) -> int:
     """Return the number of a column by its name, with or without its unit, or by its place.
 
     Raises
@@ -160,31 +153,13 @@ def column_of(path: Path, layout: CsvLayout, name: str) -> int:
     raise Refusal(f"{path}: no column {name!r}{did_you_mean(name, layout.names)}; the columns are {shown}")
 
 
-def columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) -> list[int]:
-    """Return the numbers of the columns of channels.
-
-    Raises
-    ------
-    Refusals : see `column_of`; every channel whose column is not there
-    """
-    problems, found = Problems(), list[int]()
-    for spec in specs:
-        with problems.collecting():
-            found.append(column_of(path, layout, spec.channel))
-    problems.raise_any()
-    return found
-
-
 def _times(
     path: Path, layout: CsvLayout, times: SampleSource | None, column: int | None, spec: ChannelSpec, rows: slice
 ) -> tuple[Stamps, float | None]:
     """Return the time base of a channel that stands in some rows, and its date where the file has stamps."""
     where, stated = path.name, layout.header_rate and layout.header_rate / rows.step
     if column is None or times is None:
-        rate: float = spec.sample_rate
-        findings: tuple[Finding, ...] = ()
-        if stated is not None:
-            rate, findings = agreed_rate(stated, spec.sample_rate, where, 1e-9, "the header says")
+        rate, findings = agreed_rate(stated or spec.sample_rate, spec.sample_rate, where, "the header says")
         begun = (layout.start or 0.0) if spec.start_time is None else spec.start_time
         return Stamps(begun + rows.start / rows.step / rate, rate, findings=findings), None
     kind = layout.stamp_kind(column)

@@ -6,6 +6,7 @@ import codecs
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 from camtorque.ingest.cells import LEVELS, STAMPS, day_of, is_value, is_word
@@ -63,10 +64,10 @@ class CsvLayout:
 
     def place(self, name: str) -> int | None:
         """Return the number of a column by its name, or by ``column 3``; None where there is none."""
+        if name in self.names:
+            return self.names.index(name)
         number = column_number(name)
-        if name in self.names or number is None:
-            return self.names.index(name) if name in self.names else None
-        return number if number < self.n_columns else None
+        return number if number is not None and number < self.n_columns else None
 
     def time_column(self, declared: str, channels: tuple[str, ...] = (), column: int | None = None) -> int | None:
         """Return the column that holds the time: the declared one, else the one named so, of its unit, of dates.
@@ -108,10 +109,8 @@ class CsvLayout:
         whole = self.stamp_kind(column) not in ("", "date", "seconds", "minutes")
         if not whole or beside >= self.n_columns or not WHOLE.search(self.first_row[column]):
             return None
-        named = next(
-            (FRACTIONS[word] for word in (self.names[beside].lower(), self.units[beside]) if word in FRACTIONS), 0.0
-        )
-        return (beside, named) if named else None
+        words = (self.names[beside].lower(), self.units[beside])
+        return next(((beside, FRACTIONS[word]) for word in words if word in FRACTIONS), None)
 
     def stamp_kind(self, column: int | None) -> str:
         """Return the key of `STAMPS` that a column's first field is, "" for a number."""
@@ -121,12 +120,8 @@ class CsvLayout:
 
 def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     """Find out the layout of a file; ``wanted`` are names that one header line has to hold."""
-    head = b""
-    for piece in text_pieces(path, SNIFF_BYTES):
-        head += piece
-        if len(head) >= SNIFF_BYTES:
-            break
-    head = head[:SNIFF_BYTES]
+    # UTF-16 comes out at half its size, and without its mark
+    head = b"".join(islice(text_pieces(path, SNIFF_BYTES), 3))[:SNIFF_BYTES]
     encoding = encoding_of(head)
     raw_lines = head.split(b"\n")
     if len(head) == SNIFF_BYTES:
@@ -259,42 +254,20 @@ def is_other_header(fields: list[str], layout: CsvLayout) -> bool:
     return 1 < len(texts) == layout.n_columns == len(fields) and bool(names_in(texts) & set(layout.names))
 
 
-def layout_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:
+def layout_findings(layout: CsvLayout, hint: str, where: str) -> list[Finding]:
     """Tell a hint that does not fit, a header that is too long, points or commas that part thousands."""
-    return (
-        *_hint_findings(layout, hint, where),
-        *_surplus_findings(layout, where),
-        *_thousands_findings(layout, where),
-    )
-
-
-def _hint_findings(layout: CsvLayout, hint: str, where: str) -> tuple[Finding, ...]:
-    """Hold the bench's hint about the dialect against the file; the file decides."""
-    words = hint.lower()
+    words, told = hint.lower(), {}
     separators = {name for name in NAMES.values() if re.search(rf"(?<!decimal ){name}", words)}
     decimals = {sign for word, sign in (("decimal point", "."), ("decimal comma", ",")) if word in words}
-    found = f"{NAMES[layout.separator]}, decimal {'comma' if layout.decimal == ',' else 'point'}"
-    wrong = (separators and NAMES[layout.separator] not in separators) or (decimals and layout.decimal not in decimals)
-    if not wrong:
-        return ()
-    text = f"csv_dialect says {hint!r}, the file is {found}; the file decides"
-    return (Finding("csv_dialect_differs", "warning", text, where),)
-
-
-def _surplus_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
-    """Tell a header that has more names than the rows have fields."""
-    if not layout.surplus:
-        return ()
-    text = (
-        f"the header has {len(layout.surplus)} more name(s) than the rows have fields; the last, "
-        f"{', '.join(layout.surplus)}, are taken for empty"
-    )
-    return (Finding("csv_header_longer", "warning", text, where),)
-
-
-def _thousands_findings(layout: CsvLayout, where: str) -> tuple[Finding, ...]:
-    if not layout.thousands:
-        return ()
-    sign = "a blank" if layout.thousands.isspace() else repr(layout.thousands)
-    text = f"{sign} stands between thousands (1{layout.thousands}234 is 1234) and is left out"
-    return (Finding("csv_thousands", "warning", text, where),)
+    if (separators and NAMES[layout.separator] not in separators) or (decimals and layout.decimal not in decimals):
+        found = f"{NAMES[layout.separator]}, decimal {'comma' if layout.decimal == ',' else 'point'}"
+        told["csv_dialect_differs"] = f"csv_dialect says {hint!r}, the file is {found}; the file decides"
+    if layout.surplus:
+        told["csv_header_longer"] = (
+            f"the header has {len(layout.surplus)} more name(s) than the rows have fields; the last, "
+            f"{', '.join(layout.surplus)}, are taken for empty"
+        )
+    if layout.thousands:
+        sign = "a blank" if layout.thousands.isspace() else repr(layout.thousands)
+        told["csv_thousands"] = f"{sign} stands between thousands (1{layout.thousands}234 is 1234) and is left out"
+    return [Finding(code, "warning", text, where) for code, text in told.items()]

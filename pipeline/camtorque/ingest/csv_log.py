@@ -12,6 +12,7 @@ import tempfile
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,14 +21,14 @@ import pandas as pd
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, PARTING, THOUSANDS, unwrapped
-from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_damage import Damage, bare_findings, damage_findings, tail_findings
 from camtorque.ingest.csv_layout import CsvLayout, is_other_header, layout_findings, sniff, text_pieces
 from camtorque.ingest.csv_table import is_row, split_row
 from camtorque.ingest.listing import listed
-from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, RawFile, read_into, refusing
+from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, PairSource, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
-from camtorque.ingest.table_rows import SumSource, is_fraction, rows_without_time
+from camtorque.ingest.table_rows import is_fraction, rows_without_time
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 BLOCK_BYTES = 8 * 2**20
@@ -65,12 +66,13 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a text file whose layout is known."""
-    columns = columns_of(path, layout, specs)
-    times = {column for column in time_columns_of(path, layout, specs) if column is not None}
-    damage = Damage()
+    places, damage = columns_of(path, layout, specs), Damage()
+    times = {time for _, time in places if time is not None}
     beside = {part[0] for time in times if (part := layout.fraction_of(time))}
     with refusing(path, "CSV"):
-        sources, tail = _columns(path, layout, sorted({*columns, *times, *beside}), times, damage)
+        sources, tail = _columns(
+            path, layout, sorted({*(column for column, _ in places), *times, *beside}), times, damage
+        )
     sources = _with_fractions(layout, sources, times)
     result = raw_file(path, layout, sources, specs)
     notes = layout_findings(layout, hint, path.name)
@@ -97,8 +99,12 @@ def _with_fractions(layout: CsvLayout, sources: Mapping[int, SampleSource], time
     for time in times:
         column, unit = layout.fraction_of(time) or (-1, 0.0)
         if column in found and is_fraction(found[column], unit):
-            found[time] = SumSource(sources[time], found.pop(column), unit)
+            found[time] = PairSource(sources[time], found.pop(column), partial(_with_part, unit))
     return found
+
+
+def _with_part(unit: float, whole: Array, part: Array) -> Array:
+    return whole + unit * part
 
 
 def _columns(
@@ -137,29 +143,22 @@ def _columns(
     return sources, findings
 
 
-def _refuse_long_line(path: Path, rest: bytes) -> None:
-    if len(rest) > LONGEST_LINE:
-        raise Refusal(
-            f"{path}: a line of more than {LONGEST_LINE} bytes begins with {rest[:30]!r}; no row of a log is so long: "
-            "the file is damaged or no table"
-        )
-
-
 def _blocks(path: Path, layout: CsvLayout) -> Iterator[tuple[bytes, bool]]:
     """Yield blocks of whole lines, at the end what follows the last line end: whether it may be cut."""
     rest, before, skip = b"", b"", layout.data_offset
     for piece in text_pieces(path, BLOCK_BYTES):
-        whole, newline, rest_of_piece = (rest + piece[skip:]).rpartition(b"\n")
+        whole, newline, rest = (rest + piece[skip:]).rpartition(b"\n")
         skip = max(skip - len(piece), 0)
-        rest = rest_of_piece
-        _refuse_long_line(path, rest)
+        if len(rest) > LONGEST_LINE:
+            raise Refusal(
+                f"{path}: a line of more than {LONGEST_LINE} bytes begins with {rest[:30]!r}; no row of a log is so "
+                "long: the file is damaged or no table"
+            )
         if newline:
             before = (before + whole[-LONGEST_LINE:] + newline)[-LONGEST_LINE:]
             yield whole + newline, False
-    if is_whole_row(rest, before, layout):
-        yield rest + b"\n", False
-    else:
-        yield rest, True
+    is_whole = is_whole_row(rest, before, layout)
+    yield (rest + b"\n" if is_whole else rest), not is_whole
 
 
 def is_whole_row(row: bytes, before: bytes, layout: CsvLayout) -> bool:
@@ -281,7 +280,9 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
         if sign in text and THOUSANDS[sign].match(text):
             text = text.replace(sign, "")
     plain = text.replace(layout.decimal, ".") if layout.decimal != "." else text
-    is_number = NUMBER.match(plain) and not _may_be_thousands(text, layout, column)
+    # 1.012 among decimal commas, in a column whose first number has no point, may be 1012
+    unsure = layout.decimal == "," and "." not in layout.first_row[column] and THOUSANDS["."].match(text)
+    is_number = NUMBER.match(plain) and not unsure
     if is_number and not abs(float(plain)) >= NO_VALUE:
         return float(plain)
     if plain.lower() in MISSING or is_number or OVERRANGE.match(text):
@@ -289,8 +290,3 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
     else:
         damage.cells.append(line)
     return np.nan
-
-
-def _may_be_thousands(text: str, layout: CsvLayout, column: int) -> bool:
-    """Tell 1.012 among decimal commas, in a column whose first number has no point: it may be 1012."""
-    return layout.decimal == "," and "." not in layout.first_row[column] and bool(THOUSANDS["."].match(text))

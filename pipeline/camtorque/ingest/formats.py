@@ -56,10 +56,6 @@ def is_hdf5(head: bytes) -> bool:
     return any(head[place:].startswith(HDF5_MAGIC) for place in HDF5_PLACES)
 
 
-def _is_catman(head: bytes) -> bool:
-    return len(head) > 10 and 5009 <= int.from_bytes(head[:2], "little") <= 5020 and b"\x00" in head
-
-
 def _first_member(head: bytes) -> bytes:
     """Return the name of the first file of a zip archive, empty for other files."""
     length = int.from_bytes(head[26:28], "little")
@@ -79,7 +75,8 @@ FORMATS: dict[str, Format] = {
     "hdf5": Format("HDF5", ("h5",), "hdf5", is_hdf5),
     "numpy": Format("NumPy", ("npz", "npy"), "numpy_file",
                     lambda head: head.startswith(b"\x93NUMPY") or _first_member(head).endswith(b".npy")),
-    "catman": Format("catman binary", (), "catman", _is_catman),
+    "catman": Format("catman binary", (), "catman", lambda head: len(head) > 10 and b"\x00" in head and
+                     5009 <= int.from_bytes(head[:2], "little") <= 5020),
     "xlsx": Format("Excel workbook", ("excel",), "xlsx",
                    lambda head: head.startswith(ZIP_MAGIC) and _is_workbook(_first_member(head))),
     "parquet": Format("Parquet or Feather", ("feather", "arrow"), "parquet",
@@ -114,13 +111,10 @@ def declared_format(word: str, where: str) -> str:
     Refusal : the word names no format
     """
     word = word.strip()
-    if not word:
-        return ""
-    if word.lower() not in ALIASES:
-        known = tuple(ALIASES)
-        hint = did_you_mean(word, known)
-        raise Refusal(f"{where} file_format: found {word!r}, expected one of {', '.join(known)}{hint}")
-    return ALIASES[word.lower()]
+    if word and word.lower() not in ALIASES:
+        hint = did_you_mean(word, tuple(ALIASES))
+        raise Refusal(f"{where} file_format: found {word!r}, expected one of {', '.join(ALIASES)}{hint}")
+    return ALIASES.get(word.lower(), "")
 
 
 def content_format(head: bytes) -> str:
@@ -149,8 +143,8 @@ def file_format(path: Path, declared: str) -> str:
     said = FORMATS[found].shown if found else other or "of no known kind or damaged at its very beginning"
     if declared:
         raise Refusal(
-            f"{path}: file_format says {FORMATS[declared].shown}, but the content is {said}; "
-            "correct file_format or the file"
+            f"{path}: file_format says {FORMATS[declared].shown}, but the content is {said}; correct file_format or "
+            "the file"
         )
     shown = ", ".join(form.shown for form in FORMATS.values())
     ask = "unpack it" if other in PACKED else "export the log as one of them"

@@ -90,11 +90,15 @@ def columns_of(data: Any) -> tuple[str, ...]:
     shape = [size for size in data.shape if size != 1]
     if len(shape) != 2 or data.dtype.names or not min(shape) <= MOST_COLUMNS < max(shape):
         return ()
-    named = next((v for k, v in getattr(data, "attrs", {}).items() if _plain(k) in COLUMN_NAMES), ())
-    texts = [item.decode() if isinstance(item, bytes) else item for item in np.asarray(named).ravel().tolist()]
+    texts = _texts(next((v for k, v in getattr(data, "attrs", {}).items() if plain(k) in COLUMN_NAMES), ()))
     if len(set(texts)) == min(shape) and all(isinstance(item, str) and item for item in texts):
         return tuple(texts)
     return tuple(map(numbered_name, range(min(shape))))
+
+
+def _texts(value: Any) -> list[Any]:
+    """Return the values of an attribute, texts decoded."""
+    return [item.decode() if isinstance(item, bytes) else item for item in np.asarray(value).ravel().tolist()]
 
 
 def _column(columns: tuple[str, ...], field: str) -> int:
@@ -106,12 +110,11 @@ def _unit(attributes: Mapping[str, Any], data: h5py.Dataset, field: str) -> str:
     """Return the unit of a data set, or of its column where an attribute has one for each; "" where none is stated."""
     columns = data.dtype.names or columns_of(data)
     stated = _first(attributes, UNIT_NAMES)
-    value = np.asarray("" if stated is None else stated).ravel().tolist()
-    number = _column(columns, field)
+    texts = _texts("" if stated is None else stated)
     if field:
-        value = value[number : number + 1] if len(value) == len(columns) > 1 else []
-    texts = [item.decode() if isinstance(item, bytes) else str(item) for item in value]
-    return texts[0] if len(texts) == 1 else ""
+        number = _column(columns, field)
+        texts = texts[number : number + 1] if len(texts) == len(columns) > 1 else []
+    return str(texts[0]) if len(texts) == 1 else ""
 
 
 def _kinds(file: h5py.File, names: list[str]) -> str:
@@ -140,7 +143,9 @@ def _channel(
     if time_channel:
         times, time_field = _find(file, path, spec.group, time_channel)
         time_source = _source(path, times, time_field)
-        _same_length(path, times, time_source.n_samples, source.n_samples)
+        if time_source.n_samples != source.n_samples:
+            raise Refusal(f"{path}: {time_source.n_samples} times in {times.name} for {source.n_samples} samples: the "
+                          "file is cut or mixed up")  # fmt: skip
         told = time_unit(time_channel, _unit(dict(times.attrs), times, time_field))
         stamps, day = times_beside(time_source, told, spec, where)
         return stamps.channel(spec.channel, unit, source, stamp or day), [*notes, *stamps.findings]
@@ -163,15 +168,14 @@ def _times(path: Path, data: h5py.Dataset, field: str, spec: ChannelSpec, specs:
     return time_beside(same, taken, lambda name: _source(path, sets[name], ""))
 
 
-def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str) -> tuple[float, list[Finding]]:
+def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str) -> tuple[float, tuple[Finding, ...]]:
     rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
     if rate is None and step is None:
-        return spec.sample_rate, []
+        return spec.sample_rate, ()
     value = float(rate) if rate is not None else 1.0 / float(step)
     if not (np.isfinite(value) and value > 0.0):
         raise Refusal(f"{where}: the sampling rate in the file is {value!r} Hz, expected a number > 0")
-    agreed, findings = agreed_rate(value, spec.sample_rate, where, 1e-9, "the attribute in the file says")
-    return agreed, list(findings)
+    return agreed_rate(value, spec.sample_rate, where, "the attribute in the file says")
 
 
 def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Dataset, str]:
@@ -217,7 +221,7 @@ def _source(path: Path, data: h5py.Dataset, field: str) -> CallSource:
         raise Refusal(f"{path}: data set {data.name} has shape {data.shape}, expected one row of samples{hint}")
     number = _column(columns, field)
     factor, offset = _scale(data)
-    plain, blank = (factor, offset) == (1.0, 0.0), _blank(data)
+    is_scaled, blank = (factor, offset) != (1.0, 0.0), _blank(data)
     key, axis, shape = data.name, (long[0] if long else 0), data.shape
 
     def call(start: int, stop: int) -> np.ndarray:
@@ -227,7 +231,7 @@ def _source(path: Path, data: h5py.Dataset, field: str) -> CallSource:
             samples = file[key][place]
         if field and not columns:
             return np.asarray(samples[field])
-        scaled = samples if plain else samples * factor + offset
+        scaled = samples * factor + offset if is_scaled else samples
         return np.where(np.isin(samples, blank), np.nan, scaled) if blank else scaled
 
     return CallSource(int(shape[axis]), call, path, "HDF5")
@@ -269,32 +273,26 @@ def _check_chunks(path: Path, data: h5py.Dataset) -> None:
         )
 
 
-def _same_length(path: Path, times: h5py.Dataset, n_times: int, n_samples: int) -> None:
-    if n_times != n_samples:
-        raise Refusal(f"{path}: {n_times} times in {times.name} for {n_samples} samples: the file is cut or mixed up")
-
-
 def _attributes(data: h5py.Dataset) -> dict[str, Any]:
     """Return attributes of file, groups and data set, the nearest last; a rate may be a data set of one number."""
-    found: dict[str, Any] = dict(data.file.attrs)
-    found |= {name: item[()] for name, item in data.parent.items() if _plain(name) in RATE_NAMES and item.size == 1}
-    parent, chain = data.parent, []
-    while parent.name != "/":
-        chain.append(dict(parent.attrs))
-        parent = parent.parent
-    for attributes in [*reversed(chain), dict(data.attrs)]:
-        found |= attributes
-    return found
+    found = {name: item[()] for name, item in data.parent.items() if plain(name) in RATE_NAMES and item.size == 1}
+    chain = [data]
+    while chain[-1].parent.name != "/":
+        chain.append(chain[-1].parent)
+    for item in reversed(chain):
+        found |= dict(item.attrs)
+    return dict(data.file.attrs) | found
 
 
 def _first(attributes: Mapping[str, Any], names: tuple[str, ...]) -> Any:
-    plain = {_plain(name): value for name, value in attributes.items()}
-    value = next((plain[name] for name in names if name in plain), None)
+    known = {plain(name): value for name, value in attributes.items()}
+    value = next((known[name] for name in names if name in known), None)
     value = value.ravel()[0] if isinstance(value, np.ndarray) and value.size == 1 else value
     return value.decode() if isinstance(value, bytes) else value
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """Return a name in small letters without blanks, dashes and underscores."""
     return re.sub(r"[ _-]", "", name).lower()
 
 
@@ -308,7 +306,7 @@ def _scale_findings(path: Path, data: h5py.Dataset) -> list[Finding]:
     numbers = {
         name: float(value)
         for name, value in data.attrs.items()
-        if _plain(name) in SCALE_NAMES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu"
+        if plain(name) in SCALE_NAMES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu"
     }
     unused = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))
     if not unused:
@@ -324,16 +322,18 @@ def _scale_findings(path: Path, data: h5py.Dataset) -> list[Finding]:
 
 def _scale(data: h5py.Dataset) -> tuple[float, float]:
     """Return factor and offset by the attributes of the CF conventions (netCDF), 1 and 0 where there are none."""
-    values = [
-        np.asarray(data.attrs.get(name, usual)).ravel() for name, usual in (("scale_factor", 1), ("add_offset", 0))
-    ]
-    return float(values[0][0]), float(values[1][0])
+    factor, offset = (
+        np.ravel(data.attrs.get(name, usual))[0] for name, usual in (("scale_factor", 1), ("add_offset", 0))
+    )
+    return float(factor), float(offset)
 
 
 def _blank(data: h5py.Dataset) -> list[float]:
     """Return the stored values that stand for missing samples by the CF conventions."""
-    marks = (data.attrs.get(name, ()) for name in ("_FillValue", "missing_value"))
-    return [value for mark in marks for value in np.asarray(mark).ravel().tolist() if isinstance(value, int | float)]
+    values = (
+        value for name in ("_FillValue", "missing_value") for value in np.ravel(data.attrs.get(name, ())).tolist()
+    )
+    return [value for value in values if isinstance(value, int | float)]
 
 
 def _epoch(text: Any) -> float | None:

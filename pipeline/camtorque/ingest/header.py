@@ -142,7 +142,8 @@ def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...
     found = []
     for number, row in enumerate(rows):
         beyond = tuple(field for field in row[n_columns:] if field)
-        if len(row) < least or names_in(beyond) & set(wanted) or not any(row) or _is_keyed(row):
+        keyed = len(row) == 2 and row[0].endswith(":") and not row[1].endswith(":")  # a setting: "Type:" before "raw"
+        if len(row) < least or names_in(beyond) & set(wanted) or not any(row) or keyed:
             continue
         row = (row + [""] * n_columns)[:n_columns]
         plain = [name_and_unit(field) for field in row]
@@ -151,11 +152,6 @@ def _header_rows(rows: list[list[str]], first: list[str], wanted: tuple[str, ...
         named = 0 if any(map(_is_setting, row)) else len(set(filter(_is_text, row)))
         found.append(HeaderRow(number, hits if wanted else named, row, plain, beyond))
     return found
-
-
-def _is_keyed(row: list[str]) -> bool:
-    """Tell the key of a setting and its value beside two columns: ``Type:`` before ``raw``."""
-    return len(row) == 2 and row[0].endswith(":") and not row[1].endswith(":")
 
 
 def _is_setting(field: str) -> bool:
@@ -168,13 +164,11 @@ def names_in(fields: Iterable[str]) -> set[str]:
     return {name for field in fields for name in (field, name_and_unit(field)[0])}
 
 
-def _may_be_shifted(row: HeaderRow) -> bool:
-    """Tell names of which the first may stand over no column: one that counts rows, or a last one with a unit."""
-    return bool(row.beyond) and bool(COUNTS.match(row.fields[0]) or any(name_and_unit(f)[1] for f in row.beyond))
+def _refuse_other_count(path: Path, rows: list[list[str]], n_columns: int, wanted: tuple[str, ...]) -> None:
+    """Refuse wanted names beyond the columns, where which has none is a guess, and commas of two kinds.
 
-
-def _refuse_more_names(path: Path, rows: list[list[str]], n_columns: int, wanted: tuple[str, ...]) -> None:
-    """Refuse a header whose wanted names go beyond the columns: which of its names has none is a guess."""
+    Where commas separate columns and mark decimals every number falls in two.
+    """
     longer = next((row for row in rows if names_in(row[n_columns:]) & set(wanted)), None)
     if longer:
         raise Refusal(
@@ -182,10 +176,6 @@ def _refuse_more_names(path: Path, rows: list[list[str]], n_columns: int, wanted
             "which of them has none cannot be told; correct the header, or name columns by their place: channel = "
             f"{numbered_name(0)!r} to {numbered_name(n_columns - 1)!r}"
         )
-
-
-def _refuse_commas_of_two_kinds(path: Path, rows: list[list[str]], n_columns: int) -> None:
-    """Refuse a file whose commas separate columns and mark decimals: every number falls in two."""
     named = next((row for row in rows if 2 * len(row) == n_columns and all(map(_is_text, row))), None)
     if named:
         raise Refusal(
@@ -217,8 +207,7 @@ def names_of(
     if not candidates:
         if not wanted:
             return tuple(map(numbered_name, range(n_columns))), ("",) * n_columns, ()
-        _refuse_more_names(path, rows, n_columns, wanted)
-        _refuse_commas_of_two_kinds(path, rows, n_columns)
+        _refuse_other_count(path, rows, n_columns, wanted)
         raise Refusal(
             f"{path}: no header line has {n_columns} names for the {n_columns} columns of numbers; add a line with the "
             f"names, or name columns by their place: channel = {numbered_name(0)!r} to {numbered_name(n_columns - 1)!r}"
@@ -229,7 +218,9 @@ def names_of(
         named if named and not wanted else candidates,
         key=lambda row: (row.hits - len(row.beyond), -row.number if wanted else row.number),
     )
-    if not wanted and (not chosen.hits or _may_be_shifted(chosen)):
+    # of names beyond the columns the first may stand over none: one that counts rows, or where the last has a unit
+    counted = COUNTS.match(chosen.fields[0]) or any(name_and_unit(field)[1] for field in chosen.beyond)
+    if not wanted and (not chosen.hits or (chosen.beyond and counted)):
         numbered = [numbered_name(n) for n in range(n_columns)]
         chosen = replace(chosen, number=-1, fields=numbered, plain=[(name, "") for name in numbered])
     elif not chosen.hits:

@@ -45,7 +45,8 @@ def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -
     """Return every column but the times as a channel; the time's usual step tells the rate."""
     columns = {number: layout.time_column("", (), number) for number in sources}
     has_times = any(time is not None for time in columns.values())
-    first = next((number for number, source in sources.items() if _is_filled(source)), -1)
+    filled = (n for n, s in sources.items() if np.isfinite(s.read(0, min(s.n_samples, RATE_SAMPLES))).mean() > 0.5)
+    first = next(filled, -1)
     unnamed = first if not has_times and first >= 0 and _may_be_time(layout, first, sources[first]) else None
     if unnamed is not None:
         columns = dict.fromkeys(columns, unnamed)
@@ -78,11 +79,6 @@ def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -
         and layout.stamp_kind(number) != "date"
         and not (COUNTS.match(layout.names[number]) and _rises_evenly(source))
     )
-
-
-def _is_filled(source: SampleSource) -> bool:
-    """Tell a column that holds a number in most rows."""
-    return bool(np.isfinite(source.read(0, min(source.n_samples, RATE_SAMPLES))).mean() > 0.5)
 
 
 def _may_be_time(layout: CsvLayout, column: int, source: SampleSource) -> bool:
@@ -133,9 +129,12 @@ def _rises_evenly(source: SampleSource) -> bool:
 def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int) -> float | None:
     stamped = bool(layout.stamp_kind(column))
     unit = "" if stamped or not is_known_unit(layout.units[column]) else layout.units[column]
-    epoch = 0.0 if unit or stamped else _epoch_unit(times)
-    rate = usual_rate(times, time_unit_of(path, layout, column) if unit or stamped else epoch or 1.0)
-    if not unit and not stamped and not epoch and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
+    if unit or stamped:
+        return usual_rate(times, time_unit_of(path, layout, column))
+    start = float(times.read(0, 1)[0])
+    epoch = next((factor for factor in (1.0, 1e-3, 1e-6, 1e-9) if date_of(start * factor) is not None), 0.0)
+    rate = usual_rate(times, epoch or 1.0)
+    if not epoch and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
         return layout.header_rate  # seconds or milliseconds: the header, or a person, has to say
     return rate
 
@@ -144,12 +143,6 @@ def time_unit_of(path: Path, layout: CsvLayout, column: int) -> float:
     """Return the unit of a time column [s]; 1 where the file says none that is known."""
     unit = layout.units[column]
     return unit_factor(unit, "time", f"{path} time") if is_known_unit(unit) and not layout.stamp_kind(column) else 1.0
-
-
-def _epoch_unit(times: SampleSource) -> float:
-    """Return the unit [s] in which times are a date of this century, 0 where they are none."""
-    first = times.read(0, 1)
-    return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if date_of(float(first[0]) * unit) is not None), 0.0)
 
 
 def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:

@@ -6,7 +6,7 @@ segment of data. A file of several segments is refused: its rows do not share on
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
@@ -23,28 +23,25 @@ UNITS = {"volts": "V", "volt": "V", "seconds": "s", "newton-meters": "N m", "pas
 """LabVIEW writes units out."""
 
 
-@dataclass(frozen=True)
-class Segment:
-    """The header of one segment: key -> fields, one per channel, empty ones between."""
+Segment = dict[str, list[str]]
+"""The header of one segment: key -> fields, one per channel, empty ones between."""
 
-    values: dict[str, list[str]]
 
-    def number(self, key: str, path: Path) -> float | None:
-        """Return a number that all channels share, None where the key is not there."""
-        found = {field.replace(",", ".") for field in self.values.get(key, []) if field}
-        if not found:
-            return None
-        if len(found) > 1 and len({float(field) for field in found if is_number(field)}) != 1:
-            raise Refusal(f"{path}: {key} differs between channels ({', '.join(sorted(found))}); export them apart")
-        return self.largest(key, path)
+def _shared(segment: Segment, key: str, path: Path) -> float | None:
+    """Return a number that all channels share, None where the key is not there."""
+    found = {field.replace(",", ".") for field in segment.get(key, []) if field}
+    if len(found) > 1 and len({float(field) for field in found if is_number(field)}) != 1:
+        raise Refusal(f"{path}: {key} differs between channels ({', '.join(sorted(found))}); export them apart")
+    return _largest(segment, key, path) if found else None
 
-    def largest(self, key: str, path: Path) -> float:
-        """Return the largest number of the channels, 0 where the key is not there."""
-        fields = [field for field in self.values.get(key, []) if field]
-        try:
-            return max((float(field.replace(",", ".")) for field in fields), default=0.0)
-        except ValueError as error:
-            raise Refusal(f"{path}: {key} is {fields[0]!r:.40}, expected a number") from error
+
+def _largest(segment: Segment, key: str, path: Path) -> float:
+    """Return the largest number of the channels, 0 where the key is not there."""
+    fields = [field for field in segment.get(key, []) if field]
+    try:
+        return max((float(field.replace(",", ".")) for field in fields), default=0.0)
+    except ValueError as error:
+        raise Refusal(f"{path}: {key} is {fields[0]!r:.40}, expected a number") from error
 
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
@@ -52,7 +49,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     segment = _segment(path)
     result = read_table(path, _layout(path, segment, tuple(spec.channel for spec in specs)), specs, hint)
     found = max(channel.source.n_samples for channel in result.channels)
-    missing = missing_samples(found, segment.largest("Samples", path), path.name)
+    missing = missing_samples(found, _largest(segment, "Samples", path), path.name)
     return RawFile(result.channels, (*result.findings, *missing))
 
 
@@ -65,7 +62,7 @@ def _layout(path: Path, segment: Segment, wanted: tuple[str, ...]) -> CsvLayout:
     layout = sniff(path, wanted or (TIME,))
     # a column of times comes before all channels or before each of them, whether it is filled or not
     times = [number for number, name in enumerate(layout.names) if name == TIME]
-    labels = [UNITS.get(unit.lower(), unit) for unit in segment.values.get("Y_Unit_Label", [])]
+    labels = [UNITS.get(unit.lower(), unit) for unit in segment.get("Y_Unit_Label", [])]
     others = [number for number in range(layout.n_columns) if number not in times]
     # the key stands below the first time, so that each label stands above its column
     aligned = [labels[number - 1] if 0 < number <= len(labels) else "" for number in others]
@@ -76,10 +73,9 @@ def _layout(path: Path, segment: Segment, wanted: tuple[str, ...]) -> CsvLayout:
     layout = replace(layout, units=tuple(units.get(number, "") for number in range(layout.n_columns)), surplus=())
     if any(layout.first_row[number] for number in times):
         return replace(layout, header_rate=None)
-    step = segment.number("Delta_X", path)
+    step, start = (_shared(segment, key, path) for key in ("Delta_X", "X0"))
     names = tuple("" if number in times else name for number, name in enumerate(layout.names))
-    rate = 1.0 / step if step else None
-    return replace(layout, names=names, header_rate=rate, start=segment.number("X0", path))
+    return replace(layout, names=names, header_rate=1.0 / step if step else None, start=start)
 
 
 def _segment(path: Path) -> Segment:
@@ -97,4 +93,4 @@ def _segment(path: Path) -> Segment:
     lines = text.partition(END)[2].partition(END)[0].splitlines()
     separator = "," if "\tComma" in text or "Separator,Comma" in text else "\t"
     rows = [[field.strip() for field in line.split(separator)] for line in lines]
-    return Segment({row[0]: row[1:] for row in rows if row and row[0]})
+    return {row[0]: row[1:] for row in rows if row and row[0]}

@@ -35,7 +35,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     names = _variable_names(path, wanted)
     beside = {name for name in names if is_time_name(name) or is_rate_name(name)}
     with refusing(path, "MATLAB v5"):
-        variables = loadmat(str(path), variable_names=sorted(wanted | beside), squeeze_me=False, struct_as_record=True)
+        variables = loadmat(str(path), variable_names=sorted(wanted | beside))
     members = members_of(variables)
     return read_each(path, "MATLAB v5", specs, lambda spec: channel_of(path, members, spec, names, specs))
 
@@ -47,7 +47,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     check_mat(path)
     names = _variable_names(path, set())
     with refusing(path, "MATLAB v5"):
-        variables = loadmat(str(path), variable_names=list(names), squeeze_me=False, struct_as_record=True)
+        variables = loadmat(str(path), variable_names=list(names))
     found = listed(members_of(variables))
     if not found:
         _variable_names(path, {""})

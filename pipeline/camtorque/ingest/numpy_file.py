@@ -20,8 +20,6 @@ from camtorque.ingest.variables import channel_of, listed, members_of
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Refusal
 
-READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read arrays of a NumPy file."""
@@ -63,8 +61,8 @@ def _archive(path: Path) -> dict[str, np.ndarray]:
 
 def _check_size(path: Path, name: str, file: BinaryIO, size: int) -> None:
     """Refuse an array that declares more values than are stored, before there is room made for them."""
-    version = npy.read_magic(file)
-    shape, _, dtype = READ_HEADER.get(version, npy.read_array_header_2_0)(file)
+    read_header = npy.read_array_header_1_0 if npy.read_magic(file) == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read_header(file)
     if dtype.hasobject:
         raise Refusal(f"{path}: {name} holds Python objects, expected numbers; save it as numbers: array.astype(float)")
     declared, stored = int(np.prod([float(n) for n in shape])) * dtype.itemsize, size - file.tell()

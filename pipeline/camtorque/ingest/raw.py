@@ -144,6 +144,24 @@ class ArraySource:
 
 
 @dataclass(frozen=True)
+class PairSource:
+    """Samples computed from those of two sources of one time base: times and their fractions, a bridge's supply."""
+
+    first: SampleSource
+    second: SampleSource
+    combine: Callable[[Array, Array], Array]
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return self.first.n_samples
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return raw samples ``[start, stop)``."""
+        return self.combine(self.first.read(start, stop), self.second.read(start, stop))
+
+
+@dataclass(frozen=True)
 class CallSource:
     """Samples that a library reads in pieces; its exceptions come out as refusals."""
 

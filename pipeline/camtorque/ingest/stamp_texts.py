@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from camtorque.ingest.cells import PERIODS
+from camtorque.ingest.cells import MONTHS, PERIODS
 from camtorque.records import Array
 
 DATES = {
@@ -18,10 +18,8 @@ DATES = {
     "month name": r"^(?P<day>\d{1,2})[- ](?P<month>[A-Za-z]{3})[- ](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
 }
 """Kind of a stamp -> its parts."""
-MONTHS = {name: f"{number:02d}" for number, name in enumerate(
+MONTH_NAMES = {name: f"{number:02d}" for number, name in enumerate(
     ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"), start=1)}  # fmt: skip
-MOST_MONTHS = 12
-"""A first number above it is a day."""
 LAST_COLON = r"(?P<clock>:\d\d:\d\d):(?P<part>\d+)$"
 """12:03:04:001, as some loggers write milliseconds."""
 
@@ -46,10 +44,10 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
         texts = texts.str.removesuffix("UTC").str.strip()
     else:
         parts = texts.str.extract(DATES[kind])
-        if kind == "slashes" and (pd.to_numeric(parts["month"]) > MOST_MONTHS).any():
+        if kind == "slashes" and (pd.to_numeric(parts["month"]) > MONTHS).any():  # then it is the day
             parts = parts.rename(columns={"month": "day", "day": "month"})
         parts["year"] = parts["year"].str.replace(r"^(\d\d)$", r"20\1", regex=True)
-        parts["month"] = parts["month"].str.lower().replace(MONTHS)
+        parts["month"] = parts["month"].str.lower().replace(MONTH_NAMES)
         padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
         clock = _whole_day(parts["clock"], errors).str.replace(r"^(\d):", r"0\1:", regex=True)
         texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + clock

@@ -87,7 +87,8 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
     findings = [*_stamp_findings(damaged + stamps, strays, where), *break_findings(index, size, step, where),
                 *_appended(index, size, first[0], step, where)]  # fmt: skip
     # the stamps of the ends are rounded, which bounds how well they tell the rate
-    rate, more = agreed_rate(rate, declared_rate, where, 2.0 * rounding * rate / max(steps_seen, 1))
+    unsure = 2.0 * rounding * rate / max(steps_seen, 1)
+    rate, more = agreed_rate(rate, declared_rate, where, "the time stamps say", unsure)
     start = first[1] - first[0] / rate
     return Stamps(start, rate, tuple(index.tolist()), tuple(size.tolist()), (*findings, *more))
 
@@ -132,21 +133,23 @@ def _coarse_base(times: SampleSource, declared_rate: float, where: str, to_secon
 
 
 def agreed_rate(
-    rate: float, declared_rate: float, where: str, tolerance: float, what: str = "the time stamps say"
+    rate: float, declared_rate: float, where: str, what: str, tolerance: float = 0.0
 ) -> tuple[float, tuple[Finding, ...]]:
-    """Hold a file's rate against the declared one: equal within rounding, a finding, or a refusal."""
+    """Hold a file's rate, as ``what`` says it, against the declared one: equal, a finding, or a refusal.
+
+    ``tolerance`` is a relative difference that rounding of the stamps may cause.
+    """
     difference = abs(rate / declared_rate - 1.0)
     if difference <= max(tolerance, 1.0e-9):
         return declared_rate, ()
     text = f"{what} {rate:.8g} Hz, recording.toml says {declared_rate:.8g} Hz"
     if difference > RATE_GROSS:
         slips = {"ms or us for s": (1e3, 1e6), "s for ms or us": (1e-3, 1e-6)}
-        near = (
-            slip
+        hint = "".join(
+            f", or the unit of the stamps ({slip}?)"
             for slip, factors in slips.items()
             if any(abs(rate * factor / declared_rate - 1.0) <= RATE_GROSS for factor in factors)
         )
-        hint = "".join(f", or the unit of the stamps ({slip}?)" for slip in near)
         raise Refusal(f"{where}: {text}; correct the one that is wrong{hint}")
     if difference <= RATE_NOTE:
         return rate, ()
@@ -247,23 +250,17 @@ def break_findings(index: np.ndarray, size: Array, step: float, where: str) -> l
     """Tell jumps of a time: at which samples, by how much [s], of a usual step [s]."""
     found = []
     forward, back, twice = size > 0.0, size < -step, np.abs(size + step) < STANDS * step
-    for chosen, code, what in (
-        (forward, "time_gap", ("gap in time", "gaps in time")),
-        (~forward & ~back & ~twice, "time_short_step", ("step that is too short", "steps that are too short")),
-        (
-            twice,
-            "time_repeated",
-            (
-                "row has the time of the one before and may stand there twice",
-                "rows have the time of the one before: leave out those that stand there twice",
-            ),
-        ),
-        (back & ~twice, "time_not_monotonic", ("place where time runs back", "places where time runs back")),
-    ):
-        count = int(chosen.sum())
-        if count:
+    rows = (
+        (forward, "time_gap", "gap in time", "gaps in time"),
+        (~forward & ~back & ~twice, "time_short_step", "step that is too short", "steps that are too short"),
+        (twice, "time_repeated", "row has the time of the one before and may stand there twice",
+         "rows have the time of the one before: leave out those that stand there twice"),
+        (back & ~twice, "time_not_monotonic", "place where time runs back", "places where time runs back"),
+    )  # fmt: skip
+    for chosen, code, one, many in rows:
+        if chosen.any():
             at = ", ".join(f"sample {i} ({s:+.6g} s)" for i, s in zip(index[chosen][:3], size[chosen][:3], strict=True))
-            found.append(Finding(code, "error", f"{count} {what[count > 1]}: {at}", where))
+            found.append(Finding(code, "error", f"{counted(int(chosen.sum()), one, many)}: {at}", where))
     return found
 
 

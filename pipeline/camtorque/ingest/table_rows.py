@@ -5,13 +5,12 @@ A table may hold channels of several rates, each in rows of its own, and levels 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from camtorque.ingest.raw import ArraySource
-from camtorque.records import Array, Finding, Refusal, SampleSource
+from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import counted
 
 END_ROWS = 100_000
@@ -84,24 +83,6 @@ def at(rows: slice, source: SampleSource) -> SampleSource:
     return ArraySource(
         np.concatenate([source.read(low, low + block)[rows] for low in range(0, source.n_samples, block)])
     )
-
-
-@dataclass(frozen=True)
-class SumSource:
-    """Times whose fraction of a second stands in a column of its own, in units of ``factor`` seconds."""
-
-    whole: SampleSource
-    fraction: SampleSource
-    factor: float
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples."""
-        return self.whole.n_samples
-
-    def read(self, start: int, stop: int) -> Array:
-        """Return raw samples ``[start, stop)``."""
-        return self.whole.read(start, stop) + self.factor * self.fraction.read(start, stop)
 
 
 def is_fraction(source: SampleSource, unit: float) -> bool:

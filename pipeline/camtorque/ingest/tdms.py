@@ -158,7 +158,7 @@ def _channel(
             raise Refusal(
                 f"{path} {spec.group}/{spec.channel}: wf_increment is {increment!r}, expected a time step > 0 s"
             )
-        rate, more = agreed_rate(1.0 / increment, spec.sample_rate, where, 1e-9, "wf_increment says")
+        rate, more = agreed_rate(1.0 / increment, spec.sample_rate, where, "wf_increment says")
         findings += more
     start = properties.get("wf_start_offset", spec.start_time or 0.0)
     stamp, index, size = _epoch(properties.get("wf_start_time")), np.empty(0, dtype=np.int64), np.empty(0)
@@ -254,7 +254,12 @@ def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
         raise Refusal(f"{path}: channel {channel.name!r} has a scale of an unknown kind; export it scaled")
     pieces = _pieces(file, channel.path)
     if pieces is None:
-        return CallSource(len(channel), lambda start, stop: _by_library(path, channel, start, stop), path, "TDMS")
+
+        def by_library(start: int, stop: int) -> np.ndarray:
+            with TdmsFile.open(path) as again:
+                return again[channel.group_name][channel.name].read_data(start, stop - start)
+
+        return CallSource(len(channel), by_library, path, "TDMS")
     # the library's scales expect an object with the raw values in .data
     scale = None if scaling is None else lambda raw: scaling.scale(SimpleNamespace(data=raw, scaler_data=None))
     if scale is not None:
@@ -271,11 +276,6 @@ def _refuse_many_scales(file: TdmsFile, channel: TdmsChannel, path: Path) -> Non
                 f"{path}: channel {channel.name!r} states {count!r:.40} scales, expected at most {MOST_SCALES}; "
                 "the file is damaged, export it scaled"
             )
-
-
-def _by_library(path: Path, channel: TdmsChannel, start: int, stop: int) -> np.ndarray:
-    with TdmsFile.open(path) as file:
-        return file[channel.group_name][channel.name].read_data(start, stop - start)
 
 
 def _pieces(file: TdmsFile, channel_path: str) -> tuple[Piece, ...] | None:

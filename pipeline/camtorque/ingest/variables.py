@@ -7,7 +7,6 @@ else the declared rate.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ def listed(members: Members) -> tuple[FileChannel, ...]:
         samples = np.asarray(value)
         if samples.dtype.kind in hdf5.KINDS and 1 < samples.size == max(samples.shape):
             source, near = ArraySource(samples.ravel()), beside(members, group)
-            rate, unit = near.get("rate"), str(near.get("unit", ""))
+            unit, rate = near.get("unit", ""), near.get("rate")
             found.append(FileChannel(group, member, unit, source.n_samples, rate, "", source))
     return with_times(found)
 
@@ -76,25 +75,22 @@ def beside(members: Members, group: str) -> dict[str, Any]:
             array = np.asarray(value)
             if other != place or array.size != 1:
                 continue
-            if is_rate_name(name) and array.dtype.kind in "fiu" and float(array.ravel()[0]) > 0.0:
-                found["rate"] = float(array.ravel()[0])
-            if _plain(name) in hdf5.UNIT_NAMES and place and array.dtype.kind == "U":
-                found["unit"] = str(array.ravel()[0])
+            kind, only = array.dtype.kind, array.ravel()[0]
+            if is_rate_name(name) and kind in "fiu" and only > 0:
+                found["rate"] = float(only)
+            if hdf5.plain(name) in hdf5.UNIT_NAMES and place and kind == "U":
+                found["unit"] = str(only)
     return found
 
 
 def is_rate_name(name: str) -> bool:
     """Tell a variable that by its name holds a sampling rate."""
-    return _plain(name) in hdf5.RATE_NAMES
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[ _]", "", name).lower()
+    return hdf5.plain(name) in hdf5.RATE_NAMES
 
 
 def channel_of(
     path: Path, members: Members, spec: ChannelSpec, names: tuple[str, ...], specs: tuple[ChannelSpec, ...]
-) -> tuple[RawChannel, list[Finding]]:
+) -> tuple[RawChannel, tuple[Finding, ...]]:
     """Return a channel; ``names`` are the variables of the file, ``specs`` all that is read of it.
 
     Raises
@@ -104,17 +100,16 @@ def channel_of(
     where = f"{path.name} {spec.group}.{spec.channel}".replace(" .", " ")
     samples = _numbers(path, members, (spec.group, spec.channel), names)
     source, near = ArraySource(samples), beside(members, spec.group)
-    unit = str(near.get("unit", ""))
+    unit = near.get("unit", "")
     time_channel = spec.time_channel or ("" if "rate" in near else _times(members, spec, samples.size, specs))
     if not time_channel:
-        start = spec.start_time if spec.start_time is not None else 0.0
-        rate, findings = agreed_rate(near.get("rate", spec.sample_rate), spec.sample_rate, where, 1e-9, "the file says")
-        return RawChannel(spec.channel, unit, source, start, rate), list(findings)
+        rate, findings = agreed_rate(near.get("rate", spec.sample_rate), spec.sample_rate, where, "the file says")
+        return RawChannel(spec.channel, unit, source, spec.start_time or 0.0, rate), findings
     times = _numbers(path, members, (spec.group, time_channel), names)
     if times.size != samples.size:
         raise Refusal(f"{where}: {times.size} times for {samples.size} samples; save both from one recording")
     stamps, stamp = times_beside(ArraySource(times), time_unit(time_channel), spec, where)
-    return stamps.channel(spec.channel, unit, source, stamp), list(stamps.findings)
+    return stamps.channel(spec.channel, unit, source, stamp), stamps.findings
 
 
 def _times(members: Members, spec: ChannelSpec, n_samples: int, specs: tuple[ChannelSpec, ...]) -> str:

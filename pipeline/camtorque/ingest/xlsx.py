@@ -20,7 +20,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, is_stamp, unwrapped
-from camtorque.ingest.columns import columns_of, raw_file, time_columns_of
+from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import is_number, names_in, names_of
 from camtorque.ingest.listing import listed
@@ -37,21 +37,17 @@ Row = tuple[Any, ...]
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a sheet."""
-    groups = {spec.group for spec in specs}
-    channels: list[tuple[ChannelSpec, RawChannel]] = []
+    found: dict[ChannelSpec, RawChannel] = {}
     findings: list[Finding] = []
-    for group in sorted(groups):
+    for group in sorted({spec.group for spec in specs}):
         mine = tuple(spec for spec in specs if spec.group == group)
         rows = _sheet(path, group)
         layout = _layout(path, rows, tuple(spec.channel for spec in mine))
-        wanted = columns_of(path, layout, mine)
-        times = {column for column in time_columns_of(path, layout, mine) if column is not None}
+        wanted = {number for place in columns_of(path, layout, mine) for number in place if number is not None}
         _refuse_other_header(path, rows, layout)
-        sources = _sources(path, rows, layout, sorted({*wanted, *times}))
-        result = raw_file(path, layout, sources, mine)
-        channels += list(zip(mine, result.channels, strict=True))
+        result = raw_file(path, layout, _sources(path, rows, layout, sorted(wanted)), mine)
+        found |= dict(zip(mine, result.channels, strict=True))
         findings += result.findings
-    found = dict(channels)
     return RawFile(tuple(found[spec] for spec in specs), tuple(findings))
 
 
