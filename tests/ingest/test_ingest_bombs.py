@@ -243,3 +243,18 @@ def test_a_feather_whose_header_is_torn_is_refused(tmp_path: Path):
         file.write_bytes(bytes(torn))
         with contextlib.suppress(Refusal):  # whatever else arises fails the test
             read_recording(folder)
+
+
+def test_a_feather_with_more_missing_values_than_are_marked_is_refused(tmp_path: Path):
+    """What marks missing values is not stored where none are missing: it had been read from memory beyond."""
+    pyarrow = pytest.importorskip("pyarrow")
+    feather = pytest.importorskip("pyarrow.feather")
+    folder, file = folder_of(tmp_path, PLANS["parquet"])
+    table = pyarrow.parquet.read_table(file)
+    feather.write_feather(table, file, compression="lz4")
+    node, data = struct.pack("<qq", table.num_rows, 0), file.read_bytes()
+    place = data.rfind(node, 0, 3000)  # of the last column; the same stands once more at the end of the file
+    assert place > 0
+    file.write_bytes(data[: place + 8] + struct.pack("<q", 7) + data[place + 16 :])
+    with pytest.raises(Refusal, match="cannot be read as Parquet or Feather, the file is damaged"):
+        read_recording(folder)

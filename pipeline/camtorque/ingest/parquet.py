@@ -133,6 +133,7 @@ def _sources(path: Path, schema: Any, wanted: list[int]) -> dict[int, SampleSour
                                                read_dictionary=chosen)  # fmt: skip
         else:
             table = library.feather.read_table(path, columns=chosen)
+            table.validate(full=True)  # a torn header states missing values whose marks lie beyond the file
         return {number: ArraySource(_numbers(library, table.column(n))) for n, number in enumerate(wanted)}
 
 
