@@ -182,6 +182,25 @@ def test_a_header_before_each_block_is_left_out(tmp_path: Path):
     assert_read(both(write(tmp_path, head, *body[:100], "", head, *body[100:])), "csv_header_repeated")
 
 
+def test_a_header_before_each_block_of_one_column_is_left_out(tmp_path: Path):
+    """A line that holds nothing is a row with one missing value there: it had been taken off the damaged rows."""
+    body = [f"{value:.3f}" for value in TORQUE]
+    file = write(tmp_path, "Torque [Nm]", *body[:100], "", "Torque [Nm]", *body[100:])
+    raw = read(file, (spec(file, "torque", "Torque", "N m"),), "")
+    assert raw.channels[0].source.n_samples == len(body)
+    assert [finding.code for finding in raw.findings] == ["csv_header_repeated"]
+
+
+def test_a_damaged_time_above_another_header_is_told_by_its_line(tmp_path: Path):
+    head = "Time,Torque [Nm],Pressure [bar]"
+    body = [f"12:00:0{n // 100}.{n % 100:02d},{TORQUE[n]:.2f},10.0" for n in range(200)]
+    body[50] = body[50].replace("12:00", "12:x0")
+    file = write(tmp_path, head, *body[:100], "", head, *body[100:])
+    raw = read(file, (spec(file, "torque", "Torque", "N m", 100.0),), "")
+    told = next(finding.text for finding in raw.findings if finding.code == "csv_cells_damaged")
+    assert "(line 52)" in told
+
+
 @pytest.mark.parametrize(
     "head", ["No.,Time,Torque,Pressure,Trigger", "No.,Time [s],Torque [N m],Pressure [bar],Trigger [V]"]
 )

@@ -10,7 +10,7 @@ import io
 import math
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -223,21 +223,19 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapp
 
 
 def _parse_lines(
-    block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str], damage: Damage, line: int
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str], damage: Damage, first: int
 ) -> list[Array]:
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
-    rows: list[list[float]] = []
-    texts: list[list[str]] = []
+    rows: list[tuple[int, list[float], list[str]]] = []
     blank, heads = 0, [sorted(split_row(head, layout.separator)) for head in layout.repeated]
-    for text in block[:-1].decode(layout.encoding, errors="replace").split("\n"):
+    for line, text in enumerate(block[:-1].decode(layout.encoding, errors="replace").split("\n"), start=first):
         text = text.rstrip("\r")
         if text in layout.repeated:
             damage.headers += 1
-            line += 1
-            while blank:  # lines before it that hold nothing part the blocks
-                rows.pop(), texts.pop()
+            del rows[len(rows) - blank :]  # lines before it that hold nothing part the blocks
+            while damage.rows and damage.rows[-1] >= line - blank:
                 damage.rows.pop()
-                blank -= 1
+            blank = 0
             continue
         blank = blank + 1 if not text.strip() else 0
         fields = split_row(text, layout.separator)
@@ -250,27 +248,18 @@ def _parse_lines(
         if len(fields) != layout.n_columns:
             damage.rows.append(line)
             lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
-            rows += [[np.nan] * len(wanted)] * lost
-            texts += [[""] * len(stamps)] * lost
+            rows += [(line, [np.nan] * len(wanted), [""] * len(stamps))] * lost
         else:
-            rows.append([np.nan if c in stamps else _cell(fields[c], layout, c, damage, line) for c in wanted])
-            texts.append([fields[column] for column in stamps])
-            if all(map(math.isnan, rows[-1])) and is_other_header(fields, layout):
+            values = [np.nan if c in stamps else _cell(fields[c], layout, c, damage, line) for c in wanted]
+            rows.append((line, values, [fields[column] for column in stamps]))
+            if all(map(math.isnan, values)) and is_other_header(fields, layout):
                 damage.renamed = damage.renamed or line
-        line += 1
-    columns = list(np.array(rows).T.copy()) if rows else [np.empty(0) for _ in wanted]
-    for (column, kind), cells in zip(stamps.items(), zip(*texts, strict=True), strict=False):
-        columns[wanted.index(column)] = _stamp_column(cells, kind, damage, line - len(rows))
-    return columns
-
-
-def _stamp_column(texts: Sequence[str], kind: str, damage: Damage, line: int) -> Array:
-    """Return date and time in seconds since 1970; what is none is nan and counted."""
-    seconds = seconds_of_texts(texts, kind)
-    for number in np.flatnonzero(np.isnan(seconds)).tolist():
-        if texts[number].lower() not in MISSING:
-            damage.cells.append(line + number)
-    return seconds
+    columns = list(np.array([values for _, values, _ in rows]).T.copy())
+    for place, (column, kind) in enumerate(stamps.items() if rows else ()):
+        texts = [texts[place] for _, _, texts in rows]
+        columns[wanted.index(column)] = seconds = seconds_of_texts(texts, kind)
+        damage.cells.extend(rows[n][0] for n in np.flatnonzero(np.isnan(seconds)) if texts[n].lower() not in MISSING)
+    return columns or [np.empty(0) for _ in wanted]
 
 
 def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) -> float:
