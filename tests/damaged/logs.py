@@ -228,9 +228,12 @@ def write_mat73(path: Path, log: Log) -> None:
         file.write(head)
 
 
-def write_catman(path: Path, log: Log, *, width: int = 8, with_time: bool = True) -> None:
+def write_catman(
+    path: Path, log: Log, *, width: int = 8, with_time: bool = True, time_unit: str = "s", with_step: bool = True
+) -> None:
     """catman binary: headers of all channels, then the channels one after the other."""
-    columns = [("Time  1 - default sample rate", "s", log.times)] if with_time else []
+    times = log.times / {"s": 1.0, "ms": 1e-3}[time_unit]
+    columns = [("Time  1 - default sample rate", time_unit, times)] if with_time else []
     columns += [(NAMES[quantity], "V", volts) for quantity, volts in log.volts.items()]
     export = {8: 0, 4: 1, 2: 2}[width]
 
@@ -240,7 +243,9 @@ def write_catman(path: Path, log: Log, *, width: int = 8, with_time: bool = True
     headers, data = b"", b""
     for number, (name, unit, values) in enumerate(columns, start=1):
         kind = 0 if name.startswith("Time") else export
-        extended = struct.pack("<dd4h3f4f", 45728.375, 1e3 / log.rate, *[0] * 4, *[0.0] * 7) + bytes(32 + 8 + 8 + 8 + 8)
+        extended = struct.pack("<dd4h3f4f", 45728.375, with_step * 1e3 / log.rate, *[0] * 4, *[0.0] * 7) + bytes(
+            32 + 8 + 8 + 8 + 8
+        )
         extended += bytes(6 + 2 + 4 + 4 + 8) + struct.pack("<b7x", kind)
         headers += struct.pack("<hi", number, values.size) + text(name) + text(unit) + text("")
         headers += struct.pack("<hhdi", 0, 8, 45728.375, len(extended)) + extended

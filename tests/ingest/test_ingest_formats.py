@@ -85,6 +85,13 @@ def test_catman_without_time_channel_asks_nobody(tmp_path: Path, monkeypatch: py
     assert read.channels[0].sample_rate == LOG.rate
 
 
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_catman_times_tell_the_rate_in_their_own_unit(tmp_path: Path, unit: str):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("catman", writer_options={"time_unit": unit, "with_step": False}))
+    assert {channel.sample_rate for channel in FORMATS["catman"].channels(log_file(folder))} == {LOG.rate}
+    assert_is_the_log(read_recording(folder))
+
+
 def test_two_time_channels_of_one_length_are_refused_not_guessed(tmp_path: Path):
     folder = write_folder(tmp_path / "r", [LOG], PLANS["catman"])
     file = log_file(folder)

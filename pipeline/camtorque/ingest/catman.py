@@ -20,7 +20,7 @@ from camtorque.ingest.listing import usual_rate
 from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, read_each, refusing
 from camtorque.ingest.stamps import DAY, EPOCHS, Stamps, agreed_rate, read_stamps
 from camtorque.records import Finding, Refusal
-from camtorque.units import did_you_mean, is_known_unit, unit_factor
+from camtorque.units import UNITS, did_you_mean, is_known_unit, tidy_unit, unit_factor
 
 EXTENDED = struct.Struct("<dd hhhh fff 4f 32s 8s 8s hhhh ff hhh bb f b3x f f b".replace(" ", ""))
 EXPORT_BYTES = {0: 8, 1: 4, 2: 2}
@@ -67,7 +67,9 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
         if header.length and not TIME_NAME.search(header.name):
             mates = [n for n, h in enumerate(headers) if TIME_NAME.search(h.name) and h.length == header.length]
             rate = 1.0 / header.time_step if header.time_step > 0.0 else None
-            rate = usual_rate(sources[mates[0]]) if len(mates) == 1 and rate is None else rate
+            if len(mates) == 1 and rate is None:
+                unit = UNITS["time"].get(tidy_unit(headers[mates[0]].unit), 1.0)
+                rate = usual_rate(sources[mates[0]], unit)
             found.append(FileChannel("", header.name, header.unit, header.length, rate, "", source))
     return tuple(found)
 
