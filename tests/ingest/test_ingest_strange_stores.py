@@ -288,6 +288,15 @@ def test_attributes_are_found_however_they_are_spelled(tmp_path: Path):
     assert [(c.name, c.unit, c.sample_rate) for c in hdf5.channels(file)] == [("Torque", "Nm", RATE)]
 
 
+def test_a_step_of_no_time_is_refused_by_its_name(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store.create_dataset("Torque", data=TORQUE).attrs["dt"] = 0.0
+    assert [c.sample_rate for c in hdf5.channels(file)] == [None]
+    with pytest.raises(Refusal, match=r"Torque: the sampling rate in the file is inf Hz, .* states rate or step"):
+        hdf5.read(file, (spec(file, "", "Torque"),), "")
+
+
 def test_a_compound_data_set_is_a_table(tmp_path: Path):
     file, rows = tmp_path / "run.h5", np.zeros(400, dtype=[("time_ms", "f8"), ("torque_Nm", "f8"), ("note", "S3")])
     rows["time_ms"], rows["torque_Nm"] = 1e3 * TIME, TORQUE

@@ -172,9 +172,10 @@ def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str)
     rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
     if rate is None and step is None:
         return spec.sample_rate, ()
-    value = float(rate) if rate is not None else 1.0 / float(step)
+    value = float(rate) if rate is not None else 1.0 / float(step) if step else np.inf
     if not (np.isfinite(value) and value > 0.0):
-        raise Refusal(f"{where}: the sampling rate in the file is {value!r} Hz, expected a number > 0")
+        raise Refusal(f"{where}: the sampling rate in the file is {value!r} Hz, expected a number > 0; correct the "
+                      "attribute that states rate or step, or take it out")  # fmt: skip
     return agreed_rate(value, spec.sample_rate, where, "the attribute in the file says")
 
 
