@@ -159,16 +159,13 @@ def absolute_unit(unit: str) -> str:
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
     """Return ", did you mean 'x'?" for the nearest known word, or an empty string."""
-    lowered = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(lowered), n=3, cutoff=MAYBE_ALIKE)
-    meant = [lowered[name] for name in near if _is_alike(word.lower(), name)]
-    return f", did you mean {meant[0]!r}?" if meant else ""
-
-
-def _is_alike(word: str, name: str) -> bool:
-    """Tell whether a word may be a slip for a name: much alike, or of the same beginning, or a part of it."""
-    ratio = difflib.SequenceMatcher(None, name, word).ratio()
-    return ratio > SURELY_ALIKE or word[:1] == name[:1] or word in name or name in word
+    word, lowered = word.lower(), {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word, list(lowered), n=3, cutoff=MAYBE_ALIKE)
+    for name in near:
+        surely = difflib.SequenceMatcher(None, name, word).ratio() > SURELY_ALIKE
+        if surely or word[:1] == name[:1] or word in name or name in word:
+            return f", did you mean {lowered[name]!r}?"
+    return ""
 
 
 def zone_hint(apart: float) -> str:

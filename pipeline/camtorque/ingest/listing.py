@@ -153,11 +153,9 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
     names = {(item.group, item.name) for item in found}
     own = {place: item for item in found if (place := (item.group, TIME_OF.sub("", item.name, 1))) in names
            and place != (item.group, item.name)}  # fmt: skip
-    listed_channels = []
-    for item in found:
+    taken, listed_channels = {id(item) for item in (*times.values(), *own.values())}, []
+    for item in (item for item in found if id(item) not in taken):
         time = own.get((item.group, item.name)) or times.get((item.group, item.n_samples))
-        if any(item is other for other in (*times.values(), *own.values())):
-            continue
         if item.sample_rate is None and time is not None:
             unit = time_unit(time.name, time.unit)
             factor = unit_factor(unit, "time", f"{time.name} unit") if unit else 1.0

@@ -30,11 +30,10 @@ MOST_OPEN = 8
 NEEDED = ("torque", "pressure")
 PATHS = ("cam_table", "calibration", "file")
 COPIED = ("pump", "trigger", "fluid", "drive")
-ASKED_SENSOR = ("unit", "sensitivity_V_per_unit", "zero_V", "nominal_range", "accuracy_percent_fs", "group_delay_s",
-                "cutoff_hz", "filter")  # fmt: skip
-ASKED_BRIDGE = ("zero_mV_per_V", "accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
 ASKED_SCALED = ("accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
-"""Sheet keys that are asked for: of a sensor in volts, of a bridge, and of values that the logger has scaled."""
+ASKED_BRIDGE = ("zero_mV_per_V", *ASKED_SCALED)
+ASKED_SENSOR = ("unit", "sensitivity_V_per_unit", "zero_V", "nominal_range", *ASKED_SCALED)
+"""Sheet keys that are asked for: of values that the logger has scaled, of a bridge, and of a sensor in volts."""
 ASKED_RIG = ("rotation", "follower_offset_m", "edge", "switching_delay_typ_s")
 """Keys of the rig that are asked for, with what is assumed where they are left out."""
 

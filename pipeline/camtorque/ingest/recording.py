@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, time
 from pathlib import Path
 
 import numpy as np
@@ -120,7 +120,7 @@ def _other_run(config: RecordingConfig) -> list[Finding]:
     for path in dict.fromkeys(spec.path for spec in config.channels):
         named = {match[1] for match in pattern.finditer(path.stem)}
         if named and series[2] not in named:
-            other = f"{series[1]}{sorted(named)[0]}{series[3]}"
+            other = f"{series[1]}{min(named)}{series[3]}"
             text = f"the file's name says {other}, recording.toml is about {config.id}: it may be of another run"
             found.append(Finding("log_of_other_run", "warning", text, path.name))
     return found
@@ -193,7 +193,8 @@ def _channel(
     calibration, reference = None, config.sensors.get(spec.quantity)
     if sensor is not None:
         calibration = sensor.calibration
-        findings += certificate_age(sensor, _moment(config, raw), where)
+        noon = None if config.date is None else datetime.combine(config.date, time(12), UTC)
+        findings += certificate_age(sensor, raw.stamp if noon is None else noon.timestamp(), where)
     elif unit in UNIT_OFFSETS:
         calibration = SensorCalibration(spec.quantity, spec.sensor, zero_volts=-UNIT_OFFSETS[unit], zero_source="unit")
     if sensor is not None and not is_volts:
@@ -215,13 +216,6 @@ def _channel(
         text = f"{channel.duration:.4f} s are there, recording.toml declares {expected:.4f} s"
         findings.append(Finding("duration_differs", "error", text, where))
     return channel, findings
-
-
-def _moment(config: RecordingConfig, raw: RawChannel) -> float | None:
-    """Return when the recording was made in seconds since 1970: as recording.toml says, else as the file does."""
-    if config.date is None:
-        return raw.stamp
-    return datetime(config.date.year, config.date.month, config.date.day, 12, tzinfo=UTC).timestamp()
 
 
 def _scale(spec: ChannelSpec) -> tuple[float, bool]:

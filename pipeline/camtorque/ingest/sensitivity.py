@@ -109,23 +109,16 @@ def range_of(sheet: Sheet, name: str, otherwise: tuple[float, float] = (0.0, 0.0
 
 
 def sensitivity_findings(sheet: Sheet, line: CertificateLine, factor: float) -> list[Finding]:
-    """Hold the nominal sensitivity against the certificate: a factor between them is a wrong unit or sensor."""
+    """Hold nominal sensitivity and ranges against the certificate: a factor between them is a wrong unit or sensor."""
     nominal, found = sheet["nominal_sensitivity_V_per_unit"], factor / line.gain
-    if nominal is None:
-        return _ranges_apart(sheet, found)
-    if nominal == 0.0 or not 0.5 < found / nominal < 2.0:
+    if nominal is not None and (nominal == 0.0 or not 0.5 < found / nominal < 2.0):
         raise Refusal(
             f"{sheet.where} nominal_sensitivity_V_per_unit: {nominal:g} V per unit, the certificate shows "
             f"{found:.4g}; unit or certificate is wrong"
         )
-    if abs(found / nominal - 1.0) <= OFF_NOMINAL:
-        return _ranges_apart(sheet, found)
-    text = f"the certificate's sensitivity is {100 * (found / nominal - 1):+.2f} % off the nominal one"
-    return [Finding("sensitivity_off_nominal", "warning", text, sheet.place)]
-
-
-def _ranges_apart(sheet: Sheet, found: float) -> list[Finding]:
-    """Tell ranges of the sheet that draw another line than its sensitivity [V per unit]."""
+    if nominal is not None and abs(found / nominal - 1.0) > OFF_NOMINAL:
+        text = f"the certificate's sensitivity is {100 * (found / nominal - 1):+.2f} % off the nominal one"
+        return [Finding("sensitivity_off_nominal", "warning", text, sheet.place)]
     if sheet["nominal_range"] is None or sheet["output_range"] is None:
         return []
     (low, high), (out_low, out_high) = range_of(sheet, "nominal_range"), range_of(sheet, "output_range")

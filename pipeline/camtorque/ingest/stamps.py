@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from camtorque.ingest.raw import RawChannel
 from camtorque.records import Array, Finding, Refusal, SampleSource
@@ -81,10 +82,14 @@ def read_stamps(times: SampleSource, declared_rate: float, where: str, *, to_sec
             f"{where}: {odd_index.size} of {steps_seen} time steps differ from {step:.6g} s by more than half a step; "
             "the samples are not equidistant, export them at one rate"
         )
-    index, size, passing, stamps = _take_damaged_stamps(odd_index, odd_size, passing, step)
-    strays, index, size = int(passing.sum()), index[~passing], size[~passing]
-    rate = _rate(index, size, first, last, where)
-    findings = [*_stamp_findings(damaged + stamps, strays, where), *break_findings(index, size, step, where),
+    true = _not_of_one_stamp(odd_index, odd_size, step)
+    damaged, strays = damaged + int(np.sum(~true)) // 2, int(np.sum(true & passing))
+    index, size = odd_index[true & ~passing], odd_size[true & ~passing]
+    elapsed = last[1] - first[1] - float(np.sum(size))
+    if not elapsed > 0.0:
+        raise Refusal(f"{where}: the time stamps cover {elapsed:.6g} s for {steps_seen} samples; export them anew")
+    rate = steps_seen / elapsed
+    findings = [*_stamp_findings(damaged, strays, where), *break_findings(index, size, step, where),
                 *_appended(index, size, first[0], step, where)]  # fmt: skip
     # the stamps of the ends are rounded, which bounds how well they tell the rate
     unsure = 2.0 * rounding * rate / max(steps_seen, 1)
@@ -200,38 +205,22 @@ def _odd_steps(
         odd = np.flatnonzero(np.abs(excess) > ODD_STEP * step)
         indices.append(at[odd + 1])
         sizes.append(excess[odd])
-        back.append(np.abs(_level_changes(value - at * step, odd)) < ODD_STEP * step)
+        # by the medians of those beside, time is as late behind the step as before it
+        windows = sliding_window_view(np.pad(value - at * step, BESIDE, mode="edge"), BESIDE)
+        before, behind = (np.median(windows[odd + shift], axis=1) for shift in (1, 1 + BESIDE))
+        back.append(np.abs(behind - before) < ODD_STEP * step)
         last = (int(at[-1]), float(value[-1]))
     assert first is not None  # _usual_step found good stamps
     return np.concatenate(indices), np.concatenate(sizes), np.concatenate(back), damaged, first, last
 
 
-def _level_changes(late: Array, places: np.ndarray) -> Array:
-    """Return by how much stamps come later behind places than before, by the medians of those beside."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(late, BESIDE, mode="edge"), BESIDE)
-    before, behind = windows[places + 1], windows[places + 1 + BESIDE]
-    return np.asarray(np.median(behind, axis=1) - np.median(before, axis=1), dtype=np.float64)
-
-
-def _take_damaged_stamps(
-    index: np.ndarray, size: Array, passing: np.ndarray, step: float
-) -> tuple[np.ndarray, Array, np.ndarray, int]:
-    """Drop pairs of odd steps that cancel: one stamp is damaged there, time itself went on."""
+def _not_of_one_stamp(index: np.ndarray, size: Array, step: float) -> np.ndarray:
+    """Tell odd steps from pairs of them that cancel: one stamp is damaged there, time itself went on."""
     keep = np.ones(index.size, dtype=bool)
     for i in range(index.size - 1):
         if keep[i] and index[i + 1] - index[i] == 1 and abs(size[i] + size[i + 1]) < ODD_STEP * step:
             keep[i] = keep[i + 1] = False
-    return index[keep], size[keep], passing[keep], int((~keep).sum()) // 2
-
-
-def _rate(index: np.ndarray, size: Array, first: tuple[int, float], last: tuple[int, float], where: str) -> float:
-    """Return the rate over the whole stretch with the jumps taken off."""
-    elapsed = last[1] - first[1] - float(np.sum(size))
-    if not elapsed > 0.0:
-        raise Refusal(
-            f"{where}: the time stamps cover {elapsed:.6g} s for {last[0] - first[0]} samples; export them anew"
-        )
-    return (last[0] - first[0]) / elapsed
+    return keep
 
 
 def _stamp_findings(damaged: int, strays: int, where: str) -> list[Finding]:

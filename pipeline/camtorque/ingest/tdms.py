@@ -219,26 +219,19 @@ def _times(file: TdmsFile, channel: TdmsChannel, path: Path, specs: tuple[Channe
 def _find(file: TdmsFile, path: Path, group: str, name: str) -> TdmsChannel:
     """Return a channel of a group, or the only one of that name where no group is named."""
     groups = [item.name for item in file.groups()]
-    if not group:
-        places = [(item.name, channel.name) for item in file.groups() for channel in item.channels()]
-        holding = [place for place, other in places if other == name]
-        if len(holding) > 1:
-            raise Refusal(
-                f"{path}: {name!r} is in the groups {', '.join(holding)}; name one as group in recording.toml"
-            )
-        if not holding:
-            hint = did_you_mean(name, tuple(other for _, other in places))
-            shown = ", ".join("/".join(place) for place in places[:MOST_SHOWN]) or "none"
-            raise Refusal(f"{path}: no channel {name!r} in any group{hint}; there are {shown}")
-        return file[holding[0]][name]
-    if group not in groups:
-        hint = did_you_mean(group, tuple(groups))
+    if group and group not in groups:
+        hint = did_you_mean(group, groups)
         raise Refusal(f"{path}: no group {group!r}{hint}; the file has {', '.join(groups) or 'none'}")
-    names = [channel.name for channel in file[group].channels()]
-    if name not in names:
-        hint = did_you_mean(name, tuple(names))
-        raise Refusal(f"{path}: no channel {name!r} in group {group!r}{hint}; there are {', '.join(names)}")
-    return file[group][name]
+    places = [(place, channel.name) for place in ([group] if group else groups) for channel in file[place].channels()]
+    holding = [place for place, other in places if other == name]
+    if len(holding) > 1:
+        raise Refusal(f"{path}: {name!r} is in the groups {', '.join(holding)}; name one as group in recording.toml")
+    if not holding:
+        names = [other for _, other in places]
+        shown = ", ".join(names if group else map("/".join, places[:MOST_SHOWN])) or "none"
+        where = f"group {group!r}" if group else "any group"
+        raise Refusal(f"{path}: no channel {name!r} in {where}{did_you_mean(name, names)}; there are {shown}")
+    return file[holding[0]][name]
 
 
 def _epoch(stamp: Any) -> float | None:
