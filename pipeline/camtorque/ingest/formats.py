@@ -131,14 +131,11 @@ def file_format(path: Path, declared: str) -> str:
     """
     head = first_bytes(path)
     found = content_format(head)
-    # damage at the very beginning of a text makes it look like nothing: its reader says more
     other = next((name for name, begins in UNREADABLE.items() if begins(head)), "")
-    agrees = (
-        found == declared or (declared == "csv" and not found and not other) or (declared, found) == ("mat", "hdf5")
-    )
-    if found and not declared:
+    if found and declared in ("", found):
         return found
-    if agrees and declared:
+    # damage at the very beginning of a text makes it look like nothing: its reader says more
+    if (declared, found or other) in (("csv", ""), ("mat", "hdf5")):
         return declared
     said = FORMATS[found].shown if found else other or "of no known kind or damaged at its very beginning"
     if declared:

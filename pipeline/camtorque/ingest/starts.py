@@ -97,9 +97,10 @@ def _ends(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]
     findings = []
     for group in _by_clock(config, channels):
         ends = [channel.start_time + channel.duration + sum(channel.break_steps) for channel in group]
+        longest_step = max(1.0 / channel.sample_rate for channel in group)
         for channel, end in zip(group, ends, strict=True):
             early = max(ends) - end
-            if early > max(1.5 / channel.sample_rate, 1.5 * max(1.0 / c.sample_rate for c in group)):
+            if early > 1.5 * longest_step:
                 begun = end > max(other.start_time for other in group)
                 what = "is it cut?" if begun else "another begins later: do their times count from one moment?"
                 text = f"the log ends {early:.6g} s before the others on its clock; {what}"
