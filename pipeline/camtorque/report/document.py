@@ -14,7 +14,7 @@ from camtorque.limits import judge, limits_document
 from camtorque.records import Alternative, Estimate, FittedTorque, LossEvidence, ParameterEstimate, ResidualBump
 from camtorque.report.bundle import RunResult
 from camtorque.report.files import findings_document, inputs_document
-from camtorque.report.gaps import gap_shares
+from camtorque.report.gaps import STRETCHES, gap_shares
 from camtorque.report.measured import measured_document
 from camtorque.report.numbers import typeset
 from camtorque.report.verdict import verdict
@@ -177,13 +177,12 @@ def _alignment(result: RunResult) -> dict[str, Any]:
 def _gap(result: RunResult) -> dict[str, Any]:
     """Return measured minus rigid torque by cause; each column sums to its total."""
     shares = gap_shares(result)
-    columns = ("forward", "return_stroke", "return_minimum")
-    total = {f"{name}_nm": sum(getattr(row, name) for row in shares) for name in columns}
+    total = {f"{name}_nm": sum(row.parts[k] for row in shares) for k, name in enumerate(STRETCHES)}
     rows = [
         {
-            "cause": row.cause, "text": row.meaning, **{f"{name}_nm": getattr(row, name) for name in columns},
-            **{f"{name}_stderr_nm": None if row.stderr is None else float(row.stderr[k])
-               for k, name in enumerate(columns)},
+            "cause": row.cause, "text": row.meaning,
+            **{f"{name}_nm": row.parts[k] for k, name in enumerate(STRETCHES)},
+            **{f"{name}_stderr_nm": None if row.stderr is None else row.stderr[k] for k, name in enumerate(STRETCHES)},
         }
         for row in shares
     ]  # fmt: skip

@@ -19,6 +19,8 @@ CONSERVED = 1.0e-4
 """Share of the input below which a cause gives back over the revolution what it takes."""
 SMALLEST_SHARE = 2.0e-3
 """A cause below this share of the largest one, in both panels, stands in the table only."""
+GAP_PANELS = {0: "forward stroke, mean [N m]", 2: "at the return minimum [N m]"}
+"""Place among the parts of a gap -> what its panel is called."""
 VERDICT_TONES = {"needed": "c0", "cannot tell": "c5", "not needed": "c7"}
 EVIDENCE_SHOWN = 30.0
 PAST_DOUBT = 100.0
@@ -112,27 +114,17 @@ def gap(result: RunResult) -> Rows:
     rows = shown(gap_shares(result))
     sure = [row.stderr if result.fitted.explained else None for row in rows]
     panels = tuple(
-        RowPanel(name, (_bars(values, [None if one is None else float(one[part]) for one in sure]),),
-                 notes=tuple(with_sign(v) for v in values))
-        for name, part, values in (
-            ("forward stroke, mean [N m]", 0, tuple(row.forward for row in rows)),
-            ("at the return minimum [N m]", 2, tuple(row.return_minimum for row in rows)),
-        )
+        RowPanel(name, (_bars(tuple(row.parts[k] for row in rows), [None if one is None else one[k] for one in sure]),),
+                 notes=tuple(with_sign(row.parts[k]) for row in rows))
+        for k, name in GAP_PANELS.items()
     )  # fmt: skip
     return Rows(tuple(words(row.cause) for row in rows), panels)
 
 
 def shown(rows: tuple[GapShare, ...]) -> list[GapShare]:
     """Return the rows that can be seen in a figure; the residual always."""
-    forward = max(abs(row.forward) for row in rows)
-    lowest = max(abs(row.return_minimum) for row in rows)
-    return [
-        row
-        for row in rows
-        if row.cause == RESIDUAL
-        or abs(row.forward) > SMALLEST_SHARE * forward
-        or abs(row.return_minimum) > SMALLEST_SHARE * lowest
-    ]
+    least = {k: SMALLEST_SHARE * max(abs(row.parts[k]) for row in rows) for k in GAP_PANELS}
+    return [row for row in rows if row.cause == RESIDUAL or any(abs(row.parts[k]) > least[k] for k in GAP_PANELS)]
 
 
 def budget(result: RunResult) -> Rows | None:

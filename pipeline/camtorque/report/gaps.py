@@ -13,6 +13,8 @@ from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 
 RESIDUAL = "residual"
+STRETCHES = ("forward", "return_stroke", "return_minimum")
+"""Mean over the loaded part of the forward stroke, over the return stroke, where the measured torque is least there."""
 MEANINGS = {
     ANGLE: "line pressure at the true cam angle: trigger angle, twist, speed within the revolution",
     CHAMBER: "chamber pressure in the place of line pressure, and the transducer's response to it",
@@ -26,21 +28,14 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class GapShare:
-    """Part of one cause in measured minus rigid torque [N m].
+    """Part of one cause in measured minus rigid torque over the `STRETCHES`, (3,) [N m].
 
-    Attributes
-    ----------
-    forward : mean over the loaded part of the forward stroke
-    return_stroke : mean over the return stroke
-    return_minimum : where the measured torque is least on the return stroke
-    stderr : (3,) standard uncertainties of the three, None of what is left over
+    ``stderr`` : (3,) standard uncertainties, None of what is left over
     """
 
     cause: str
     meaning: str
-    forward: float
-    return_stroke: float
-    return_minimum: float
+    parts: tuple[float, float, float]
     stderr: Array | None
 
 
@@ -85,10 +80,11 @@ def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
     forward, fall, lowest = parts_of_gap(result.rigid, result.cycles.mean_torque)
     rows = [
         GapShare(
-            name, MEANINGS.get(name, ""), float(np.mean(curve[forward])), float(np.mean(curve[fall])),
-            float(curve[lowest]), result.fitted.gap_stderr.get(name),
+            name, MEANINGS.get(name, ""),
+            (float(np.mean(curve[forward])), float(np.mean(curve[fall])), float(curve[lowest])),
+            result.fitted.gap_stderr.get(name),
         )
         for name, curve in gap_curves(result).items()
         if name == RESIDUAL or np.any(curve != 0.0)
     ]  # fmt: skip
-    return tuple(sorted(rows, key=lambda row: (row.cause == RESIDUAL, -abs(row.forward) - abs(row.return_minimum))))
+    return tuple(sorted(rows, key=lambda row: (row.cause == RESIDUAL, -abs(row.parts[0]) - abs(row.parts[2]))))

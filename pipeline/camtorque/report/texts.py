@@ -9,6 +9,7 @@ from typing import Any
 from camtorque.laws import ROWS
 from camtorque.records import APART, KNOWLEDGE, TOGETHER, UNTOLD
 from camtorque.report.answer import NOT_LOSSES, estimate_text, sure
+from camtorque.report.gaps import STRETCHES
 from camtorque.report.numbers import (
     UNKNOWN,
     plus_minus,
@@ -221,7 +222,7 @@ def gap_rows(doc: Document) -> list[dict[str, Any]]:
             "name": words(row["cause"]),
             **{
                 f"{part}_error": f"± {with_decimals(error, 3)}" if sure(doc, error := row[f"{part}_stderr_nm"]) else ""
-                for part in ("forward", "return_stroke", "return_minimum")
+                for part in STRETCHES
             },
             "forward_share": _share(row["forward_nm"], total["forward_nm"]),
             "return_share": _share(row["return_minimum_nm"], total["return_minimum_nm"]),
