@@ -12,7 +12,7 @@ from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Recording
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
-from camtorque.report.cycles_file import write_aligned
+from camtorque.report.cycles_file import aligned_variables, write_cycles
 from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import findings_document, inputs_document, write_json, write_page
 from camtorque.report.page import align_page
@@ -23,7 +23,7 @@ from camtorque.version import __version__
 
 def write_alignment(recording: Recording, cycles: CamCycles, created: str, folder: Path) -> dict[str, Any]:
     """Write aligned.h5, align.html and align.json; return the content of the last."""
-    write_aligned(folder / "aligned.h5", recording, cycles)
+    write_cycles(folder / "aligned.h5", recording, cycles, aligned_variables(cycles))
     summary = alignment_summary(cycles)
     findings = findings_document(dict.fromkeys((*recording.findings, *cycles.findings)))
     doc = jsonable({

@@ -41,17 +41,8 @@ def result_variables(result: RunResult) -> list[Variable]:
     return [*aligned_variables(result.cycles), *_halves(result.cycles), *_model(result), *_forces(result)]
 
 
-def write_cycles(path: Path, result: RunResult) -> None:
-    """Write cycles.h5 of a run: aligned cycles, means, model by cause, forces."""
-    _write(path, result.recording, result.cycles, result_variables(result))
-
-
-def write_aligned(path: Path, recording: Recording, cycles: CamCycles) -> None:
-    """Write aligned.h5: the aligned cycles and their mean, without a model."""
-    _write(path, recording, cycles, aligned_variables(cycles))
-
-
-def _write(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
+def write_cycles(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
+    """Write angles and cycle numbers with `result_variables` (cycles.h5) or `aligned_variables` (aligned.h5)."""
     with atomic_file(path) as partial:
         reserve(partial, sum(np.asarray(variable.values).nbytes for variable in variables) + ROOM_FOR_THE_REST)
         # from format 1.8 on an attribute (the configuration text) may be longer than 64 kB

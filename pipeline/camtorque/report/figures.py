@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from camtorque.report import fit_figures, part_figures, torque_figures
 from camtorque.report.drawings import FigureSpec
 
@@ -19,11 +21,11 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "lift": FigureSpec("Lift", "The strokes are those of the lift.", part_figures.lift, "curves", True),
     "torque_forward": FigureSpec(
-        "Forward stroke", "The lift rises; the pump is loaded.", torque_figures.forward_stroke, "strokes",
+        "Forward stroke", "The lift rises; the pump is loaded.", partial(torque_figures.stroke, which=0), "strokes",
     ),
     "torque_return": FigureSpec(
-        "Return stroke", "The lift falls; what is still compressed drives the cam.", torque_figures.return_stroke,
-        "strokes",
+        "Return stroke", "The lift falls; what is still compressed drives the cam.", 
+        partial(torque_figures.stroke, which=1), "strokes",
     ),
     "gap": FigureSpec(
         "What closes the gap", "Measured − rigid torque, by cause. Left: mean over the loaded part of the forward "

@@ -34,7 +34,8 @@ def _chamber(result: RunResult) -> dict[str, Any] | None:
     if measured is None or rebuilt is None:
         return None
     difference, peak = measured - rebuilt, float(np.max(rebuilt))
-    std = np.hypot(_model_std(result, rebuilt), _sensor_std(result, measured))
+    model_std = result.fitted.chamber_pressure_std
+    std = np.hypot(np.nan if model_std is None else model_std, _sensor_std(result, measured))
     loaded = rebuilt > LOADED_SHARE * peak
     worst = int(np.argmax(np.abs(difference)))
     rms = float(np.sqrt(np.mean(difference**2)))
@@ -48,11 +49,6 @@ def _chamber(result: RunResult) -> dict[str, Any] | None:
         "largest_difference_at_deg": float(result.cycles.theta[worst]) / DEGREE,
         "loaded_inside_two_std_percent": 100.0 * float(np.mean(np.abs(difference[loaded]) < 2.0 * std[loaded])),
     }
-
-
-def _model_std(result: RunResult, rebuilt: Array) -> Array:
-    std = result.fitted.chamber_pressure_std
-    return np.full_like(rebuilt, np.nan) if std is None else std
 
 
 def _sensor_std(result: RunResult, measured: Array) -> Array:

@@ -31,17 +31,8 @@ def full_cycle(result: RunResult) -> Curves:
     return Curves(angle, CAM_ANGLE, (_torques(result), _residuals(result)), spans=spans(result))
 
 
-def forward_stroke(result: RunResult) -> Curves:
-    """Show the forward stroke."""
-    return _stroke(result, 0)
-
-
-def return_stroke(result: RunResult) -> Curves:
-    """Show the return stroke."""
-    return _stroke(result, 1)
-
-
-def _stroke(result: RunResult, which: int) -> Curves:
+def stroke(result: RunResult, which: int) -> Curves:
+    """Show the forward stroke (0) or the return stroke (1)."""
     rigid, angle = result.rigid, result.rigid.theta / DEGREE
     mask = stroke_masks(rigid.lift, rigid.lift_velocity)[which]
     low, high = max(float(angle[mask].min()) - MARGIN_DEG, 0.0), min(float(angle[mask].max()) + MARGIN_DEG, 360.0)
@@ -99,21 +90,11 @@ THUMB_WIDTH, THUMB_HEIGHT = 150.0, 50.0
 def thumbnail(result: RunResult) -> str:
     """Return measured, rigid and fitted torque as a small SVG element without axes."""
     curves = (result.cycles.mean_torque, result.rigid.torque, result.fitted.torque)
-    return small_torques(result.cycles.theta, curves, result.recording.config.id)
-
-
-def small_torques(theta: Array, curves: tuple[Array, Array, Array], name: str) -> str:
-    """Return measured, rigid and fitted torque over one revolution as a small SVG element.
-
-    Parameters
-    ----------
-    theta : (n,) cam angle [rad]; curves : three of (n,) in one unit; name : of the recording
-    """
     across = Scale(0.0, 2.0 * np.pi, 1.0, THUMB_WIDTH - 1.0)
     up = Scale(*padded(curves), THUMB_HEIGHT, 0.0)
     styles = (("measured", 1.6, ""), ("rigid", 0.8, "3 2"), ("fitted", 0.8, ""))
     parts = [
-        polyline(across.places(theta), up.places(values), tone, width, dash)
+        polyline(across.places(result.cycles.theta), up.places(values), tone, width, dash)
         for values, (tone, width, dash) in zip(curves, styles, strict=True)
     ]
-    return drawing(THUMB_WIDTH, THUMB_HEIGHT, f"torque of {name}", parts)
+    return drawing(THUMB_WIDTH, THUMB_HEIGHT, f"torque of {result.recording.config.id}", parts)

@@ -9,7 +9,7 @@ from typing import Any
 
 from camtorque.records import Refusal
 from camtorque.report.bundle import RunResult
-from camtorque.report.cycles_file import write_cycles
+from camtorque.report.cycles_file import result_variables, write_cycles
 from camtorque.report.document import result_document
 from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.figures import FIGURES
@@ -23,7 +23,7 @@ from camtorque.report.phases import phases
 def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     """Write cycles.h5, figures/, report.html and result.json; return the last, with the time spent here."""
     start = time.perf_counter()
-    write_cycles(folder / "cycles.h5", result)
+    write_cycles(folder / "cycles.h5", result.recording, result.cycles, result_variables(result))
     drawings = [
         drawing_of(name, chart, spec.title, spec.caption, spec.section, spec.wide)
         for name, spec in FIGURES.items()
