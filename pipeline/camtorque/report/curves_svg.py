@@ -22,7 +22,7 @@ from camtorque.report.svg import (
     polyline,
     text,
     text_width,
-    tick_text,
+    tick_texts,
     ticks,
 )
 from camtorque.report.tones import stroke
@@ -33,7 +33,7 @@ POINT = 5.2
 """Width of a point [px]."""
 BETWEEN_NAMES, NAME_LINE = 4.0, 13.0
 """Least room between the names of two stretches, and how far below each other they stand where they have less [px]."""
-TURN_TICKS = tuple(range(0, 361, 45))
+TURN_TICKS = tuple(45.0 * k for k in range(9))
 
 
 def curves_svg(chart: Curves, label: str) -> str:
@@ -43,17 +43,16 @@ def curves_svg(chart: Curves, label: str) -> str:
     inside = (chart.x >= low) & (chart.x <= high)
     parts, y = [], TOP + (16.0 if any(not span.loud for span in chart.spans) else 0.0)
     for number, panel in enumerate(chart.panels):
-        words = _legend(panel, chart.width - LEFT - RIGHT)
-        y += LEGEND_LINE * len(words)
-        parts += _shaded(chart, across, y, panel.height, number == 0, y - LEGEND_LINE * len(words))
+        legend = _legend(panel, chart.width - LEFT - RIGHT)
+        y += LEGEND_LINE * len(legend)
+        parts += _shaded(chart, across, y, panel.height, number == 0, y - LEGEND_LINE * len(legend))
         parts += _panel(panel, chart.x[inside], inside, across, y)
-        parts += _legend_drawn(words, y)
+        parts += _legend_drawn(legend, y)
         y += panel.height + GAP
     bottom = y - GAP
     turn = chart.full_turn and chart.x_range is None
-    places = [float(tick) for tick in TURN_TICKS] if turn else ticks(low, high, 8)
-    step = places[1] - places[0] if len(places) > 1 else 1.0
-    parts += [text(across(place), bottom + 16.0, tick_text(place, step), "middle", "muted") for place in places]
+    marks = tick_texts(TURN_TICKS if turn else ticks(low, high, 8))
+    parts += [text(across(place), bottom + 16.0, words, "middle", "muted") for place, words in marks]
     parts.append(text(0.5 * (LEFT + chart.width - RIGHT), bottom + 33.0, chart.abscissa, "middle"))
     return drawing(chart.width, bottom + BOTTOM, label, parts)
 
@@ -82,10 +81,9 @@ def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> lis
     ends = [part[inside] for item in panel.bands for part in (item.low, item.high)]
     low, high = panel.limits or padded([item.values[inside] for item in shown] + ends + _error_ends(shown, inside))
     up = Scale(low, high, y + panel.height, y)
-    places = ticks(low, high, max(4, int(panel.height / 38.0)))
-    step = places[1] - places[0] if len(places) > 1 else 1.0
-    parts = [line(LEFT, up(place), across.stop, up(place), "grid") for place in places]
-    parts += [text(LEFT - 6.0, up(place) + 4.0, tick_text(place, step), "end", "muted") for place in places]
+    marks = tick_texts(ticks(low, high, max(4, int(panel.height / 38.0))))
+    parts = [line(LEFT, up(place), across.stop, up(place), "grid") for place, _ in marks]
+    parts += [text(LEFT - 6.0, up(place) + 4.0, words, "end", "muted") for place, words in marks]
     if panel.zero and low < 0.0 < high:
         parts.append(line(LEFT, up(0.0), across.stop, up(0.0), "axis", 0.8))
     place = across.places(x)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import posixpath
 import re
+from typing import TypeGuard
 
 from camtorque.laws import ROWS
 from camtorque.units import short
@@ -65,46 +66,37 @@ def words(name: str) -> str:
     return name.split("__")[0].replace("_", " ")
 
 
-def _known(value: float | None) -> bool:
+def _known(value: float | None) -> TypeGuard[float]:
     return value is not None and math.isfinite(value)
 
 
 def significant(value: float | None, digits: int = 3) -> str:
     """Return a number with ``digits`` significant digits."""
-    if value is None or not _known(value):
-        return UNKNOWN
-    return exponents(short(value, digits)).replace("-", MINUS)
+    return exponents(short(value, digits)).replace("-", MINUS) if _known(value) else UNKNOWN
 
 
 def signed_significant(value: float | None) -> str:
     """Return a number with its sign and two significant digits."""
-    if value is None or not _known(value):
-        return UNKNOWN
-    return ("+" if value >= 0.0 else "") + significant(value, 2)
+    return ("+" if _known(value) and value >= 0.0 else "") + significant(value, 2)
 
 
 def with_sign(value: float | None, decimals: int = 2) -> str:
     """Return a number with its sign and ``decimals`` decimals."""
     text = with_decimals(value, decimals)
-    return f"+{text}" if _known(value) and value > 0.0 and float(text) else text  # type: ignore[operator]
+    return f"+{text}" if _known(value) and value > 0.0 and float(text) else text
 
 
 def with_decimals(value: float | None, decimals: int = 2) -> str:
     """Return a number with ``decimals`` decimals."""
-    if value is None or not _known(value):
+    if not _known(value):
         return UNKNOWN
     text = f"{value:.{decimals}f}"
     return text.replace("-", MINUS if float(text) else "")
 
 
-def scaled(value: float | None, factor: float) -> str:
-    """Return a number in a smaller unit."""
-    return UNKNOWN if value is None or not _known(value) else significant(value * factor, 2)
-
-
 def rounded_to_error(value: float | None, stderr: float | None) -> str:
     """Return a value with the decimals that show two digits of its standard error."""
-    if value is None or stderr is None or not _known(value) or not _known(stderr) or stderr <= 0.0:
+    if not _known(value) or not _known(stderr) or stderr <= 0.0:
         return significant(value, 4)
     decimals = 1 - math.floor(math.log10(stderr))
     return with_decimals(round(value, decimals), max(decimals, 0)) if -3 <= decimals <= 7 else significant(value, 4)
@@ -112,12 +104,12 @@ def rounded_to_error(value: float | None, stderr: float | None) -> str:
 
 def plus_minus(stderr: float | None) -> str:
     """Return a standard error with two digits; one that is zero or unknown says nothing."""
-    return UNKNOWN if stderr is None or not _known(stderr) or stderr <= 0.0 else rounded_to_error(stderr, stderr)
+    return rounded_to_error(stderr, stderr) if _known(stderr) and stderr > 0.0 else UNKNOWN
 
 
 FILTERS = {
     "significant": significant, "signed_significant": signed_significant, "with_decimals": with_decimals,
-    "with_sign": with_sign, "scaled": scaled, "rounded_to_error": rounded_to_error, "plus_minus": plus_minus,
+    "with_sign": with_sign, "rounded_to_error": rounded_to_error, "plus_minus": plus_minus,
     "unit": unit_text, "words": words, "typeset": lambda text: exponents(typeset(named(text))), "no_break": no_break,
     "path": posixpath.normpath, "sentence": lambda text: text[:1].upper() + text[1:],
 }  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 
 from camtorque.records import Array, ResidualBump
 from camtorque.report.chart import Span
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, TURN
 
 ENDS = 2.0e-3
 """Share of the lift within which it counts as base circle, or as top."""
@@ -76,10 +76,5 @@ def bump_spans(bumps: tuple[ResidualBump, ...]) -> tuple[Span, ...]:
     return tuple(
         Span(part.low, part.high, f"bump {k}", loud=True)
         for k, bump in enumerate(bumps, 1)
-        for part in _within_turn("", bump.start / DEGREE, _after(bump) / DEGREE)
+        for part in _within_turn("", bump.start / DEGREE, (bump.stop + TURN * (bump.stop < bump.start)) / DEGREE)
     )
-
-
-def _after(bump: ResidualBump) -> float:
-    """Return the end of a bump, past the zero of the angle where it wraps."""
-    return bump.stop if bump.stop >= bump.start else bump.stop + 2.0 * np.pi

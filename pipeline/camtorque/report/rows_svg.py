@@ -19,7 +19,7 @@ from camtorque.report.svg import (
     padded,
     text,
     text_width,
-    tick_text,
+    tick_texts,
     ticks,
 )
 
@@ -72,16 +72,13 @@ def _panel(panel: RowPanel, across: tuple[float, float], rows: tuple[float, floa
     scale, (top, bottom) = _scale(panel, *across), rows
     parts = []
     if panel.shaded:
-        low, high = (scale(min(max(end, scale.low), scale.high)) for end in panel.shaded)
+        low, high = map(scale.within, panel.shaded)
         parts.append(box(low, top, high - low, bottom - top, "soft"))
-    places = (
-        log_ticks(scale.low, scale.high)
-        if panel.log
-        else ticks(scale.low, scale.high, int((across[1] - across[0]) / 62))
-    )
-    step = places[1] - places[0] if len(places) > 1 else 1.0
-    for place in places:
-        words = f"{place:g}" if panel.log else tick_text(place, step)
+    if panel.log:
+        marks = [(place, f"{place:g}") for place in log_ticks(scale.low, scale.high)]
+    else:
+        marks = tick_texts(ticks(scale.low, scale.high, int((scale.stop - scale.start) / 62)))
+    for place, words in marks:
         parts.append(line(scale(place), top, scale(place), bottom, "grid"))
         parts.append(text(scale(place), bottom + 15.0, words, "middle", "muted"))
     if not panel.log and scale.low < 0.0 < scale.high:
@@ -104,9 +101,9 @@ def _marks(item: Marks, scale: Scale, top: float) -> list[str]:
                 continue
             parts.append(box(scale(item.low[k]), middle - 8.0, scale(value) - scale(item.low[k]), 16.0, tone))
             continue
-        place = scale(min(max(value, scale.low), scale.high))
+        place = scale.within(value)
         if item.kind == "bar":
-            zero = scale(min(max(0.0, scale.low), scale.high))
+            zero = scale.within(0.0)
             parts.append(box(min(zero, place), middle - 7.5, abs(place - zero), 15.0, tone))
         if item.low is not None and item.high is not None:
             parts += _interval(item.low[k], item.high[k], scale, middle, "ink" if item.kind == "bar" else tone)
@@ -118,7 +115,7 @@ def _marks(item: Marks, scale: Scale, top: float) -> list[str]:
 def _interval(low: float, high: float, scale: Scale, middle: float, tone: str) -> list[str]:
     if not (math.isfinite(low) and math.isfinite(high)):
         return []
-    ends = [scale(min(max(end, scale.low), scale.high)) for end in (low, high)]
+    ends = [scale.within(end) for end in (low, high)]
     return [line(ends[0], middle, ends[1], middle, tone, 1.4)] + [
         line(end, middle - 4.0, end, middle + 4.0, tone, 1.4) for end in ends
     ]
@@ -131,8 +128,7 @@ def _notes(panel: RowPanel, scale: Scale, top: float) -> list[str]:
         highs = [part[k] for item in panel.marks for part in (item.values, item.high) if part is not None]
         lows = [part[k] for item in panel.marks for part in (item.values, item.low) if part is not None]
         highs, lows = [v for v in highs if math.isfinite(v)], [v for v in lows if math.isfinite(v)]
-        zero = scale(min(max(0.0, scale.low), scale.high))
-        place, anchor = max(scale.start, zero) + 5.0, "start"
+        place, anchor = scale.within(0.0) + 5.0, "start"
         left = scale(max(min(lows, default=0.0), scale.low)) - 5.0
         if highs and max(highs) <= 0.0 and min(lows) < 0.0 and left - text_width(note, SMALL) > scale.start:
             place, anchor = left, "end"

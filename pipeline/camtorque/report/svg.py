@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -42,6 +42,10 @@ class Scale:
     def __call__(self, value: float) -> float:
         """Return the place of one value [px]."""
         return float(self.places(np.array([value]))[0])
+
+    def within(self, value: float) -> float:
+        """Return the place of a value that is held within the scale [px]."""
+        return self(min(max(value, self.low), self.high))
 
     def places(self, values: Array) -> Array:
         """Return the places of values [px]."""
@@ -122,6 +126,12 @@ def tick_text(value: float, step: float) -> str:
         decimals += 1
     shown = f"{value:.{decimals}f}" if 1e-5 <= step < 1e6 else f"{value:.4g}"
     return shown.replace("-", MINUS)
+
+
+def tick_texts(places: Sequence[float]) -> list[tuple[float, str]]:
+    """Return ticks at even steps, each with its text."""
+    step = places[1] - places[0] if len(places) > 1 else 1.0
+    return [(place, tick_text(place, step)) for place in places]
 
 
 def padded(values: Iterable[Array], share: float = 0.06) -> tuple[float, float]:
