@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
-from camtorque.records import Array
+from camtorque.records import Array, FittedTorque
 from camtorque.report.bundle import CampaignResult, RunResult
 from camtorque.report.files import short
 from camtorque.units import RPM
@@ -23,10 +24,8 @@ DIGITS = 7
 
 def run_fit_document(result: RunResult) -> dict[str, Any]:
     """Return fit.json of one recording; its report is the folder itself."""
-    fitted = result.fitted
-    share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
-    about = (str(fitted.details.get("delivery", "")), share, fitted.explained)
-    row = _recording(result.recording.config.id, ".", result.cycles.mean_speed / RPM, about)
+    fitted, speed = result.fitted, result.cycles.mean_speed / RPM
+    row = _recording(result.recording.config.id, ".", speed, str(fitted.details.get("delivery", "")), fitted)
     rows = {item.name: item for item in fitted.parameters}
     kept = [k for k, name in enumerate(fitted.correlation_names) if name in rows]
     names = [fitted.correlation_names[k] for k in kept]
@@ -45,9 +44,7 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
     entries = {entry.id: entry for entry in result.entries if entry.status == "ok"}
     rows = []
     for name, fitted in zip(joint.names, joint.fitted, strict=True):
-        share = fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak
-        about = (fitted.structure, share, fitted.explained)
-        row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], about)
+        row = _recording(name, entries[name].folder, entries[name].summary["speed_rpm"], fitted.structure, fitted)
         modes = {mode: left.get((name, mode)) for mode in ("own_zero_and_end", "blind")}
         rows.append({**row, "left_out_rms_percent": modes})
     document = _document(joint.free, joint.values, *_told(joint.free, rows, joint.covariance), rows)
@@ -113,12 +110,13 @@ def known_covariance(document: Mapping[str, Any]) -> ArrowCovariance:
     return ArrowCovariance(shared, matrix, tuple(places), tuple(through), tuple(rest))
 
 
-def _recording(name: str, folder: str, speed: object, about: tuple[str, float, bool]) -> dict[str, Any]:
-    """Return what is stated of a recording; ``about`` is its structure, rms residual [% of peak], whether explained."""
-    structure, share, explained = about
+def _recording(
+    name: str, folder: str, speed: object, structure: str, fitted: FittedTorque | JointRecording
+) -> dict[str, Any]:
     return {
-        "id": name, "folder": folder, "speed_rpm": speed, "structure": structure, "rms_percent_of_peak": share,
-        "left_out_rms_percent": None, "explained": explained,
+        "id": name, "folder": folder, "speed_rpm": speed, "structure": structure,
+        "rms_percent_of_peak": fitted.metrics["fitted_held_out_cycles"].rms_percent_of_peak,
+        "left_out_rms_percent": None, "explained": fitted.explained,
     }  # fmt: skip
 
 
