@@ -146,7 +146,7 @@ def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Seque
     designs = [_design(k, point, loads) for k, point in enumerate(front.points)]
     before = first_guess(answer)
     return render(
-        "design.html", {}, title=f"{task.path.stem}: design", aims=[label_of(name) for name in task.aims],
+        "design.html", title=f"{task.path.stem}: design", aims=[label_of(name) for name in task.aims],
         fronts=[Markup(front_svg(front, task.aims, (a, b), before)) for a, b in pairs],
         designs=designs, chosen=front.chosen + 1,
         families=[law_name(f.name) for f in task.families],

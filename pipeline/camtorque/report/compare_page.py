@@ -17,7 +17,7 @@ from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, P
 from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
-from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.page import Drawing, render
 from camtorque.report.phases import phases, strokes
 from camtorque.units import BAR, DEGREE
 
@@ -85,7 +85,7 @@ def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], fo
     title = f"{document['before']['name']} against {document['after']['name']}"
     named = phases(curves[0].theta, curves[0].lift) if curves else ()
     html = render(
-        "compare.html", live_charts(drawings), named, title=title, doc=document, drawings=drawings,
+        "compare.html", drawings, named, title=title, doc=document,
         tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]],
         answer=compare_answer(document), events=compare_events(document), left_out=left_out(document),
         cautions=compare_cautions(document), findings=document.get("findings", ()),

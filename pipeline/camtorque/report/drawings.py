@@ -44,11 +44,6 @@ class FigureSpec:
     png: bool = False
 
 
-def svg_of(chart: Chart, label: str) -> str:
-    """Return a chart as an SVG element; ``label`` is what a screen reader says."""
-    return rows_svg(chart, label) if isinstance(chart, Rows) else curves_svg(chart, label)
-
-
 def png_of(svg: str) -> bytes:
     """Return a drawing as a PNG image on white, with the font of matplotlib: the same on every machine."""
     return bytes(
@@ -70,17 +65,17 @@ def _font() -> Path:
 def drawing_of(
     name: str, chart: Chart, title: str, caption: str = "", section: str = "curves", wide: bool = True
 ) -> Drawing:
-    """Return a chart as a figure of a page, see `FigureSpec`."""
+    """Return a chart as a figure of a page, see `FigureSpec`; where no script redraws it, as wide as a phone too."""
     label = f"{title}. {caption}" if caption else title
-    svg = Markup(svg_of(chart, label))
-    return Drawing(name, title, caption, section, wide, chart, svg, Markup("".join(_narrow(chart, label))) or None)
-
-
-def _narrow(chart: Chart, label: str) -> list[str]:
-    """Return a chart that no script redraws as wide as a phone, its panels of rows below each other."""
-    if isinstance(chart, Rows):
-        return [rows_svg(Rows(chart.labels, (panel,), NARROW), label) for panel in chart.panels]
-    return [] if chart.live or chart.width <= NARROW else [curves_svg(replace(chart, width=NARROW), label)]
+    narrow = list[str]()
+    if isinstance(chart, Rows):  # its panels below each other
+        svg = rows_svg(chart, label)
+        narrow = [rows_svg(Rows(chart.labels, (panel,), NARROW), label) for panel in chart.panels]
+    else:
+        svg = curves_svg(chart, label)
+        if not chart.live and chart.width > NARROW:
+            narrow = [curves_svg(replace(chart, width=NARROW), label)]
+    return Drawing(name, title, caption, section, wide, chart, Markup(svg), Markup("".join(narrow)) or None)
 
 
 def write_figures(drawings: list[Drawing], folder: Path, wants_png: Callable[[str], bool]) -> None:

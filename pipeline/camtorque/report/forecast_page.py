@@ -19,7 +19,7 @@ from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.forecast_texts import ENDED_BY, ending_text, flight_text, step_text
 from camtorque.report.numbers import plus_minus, rounded_to_error, significant, words
-from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.page import Drawing, render
 from camtorque.report.tones import CYCLE
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
@@ -144,7 +144,7 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
     unsure = [text for item in items for text in (*flight_text(item), *step_text(item), *ending_text(item))]
     answer = " ".join((answer, *dict.fromkeys(unsure)))
     html = render(
-        "forecast.html", live_charts(drawings), (), title=title, drawings=drawings, answer=answer,
+        "forecast.html", drawings, title=title, answer=answer,
         look=bool(beyond or unsure), assumed=document["assumed"],
         sweep=[(TITLES[key], [_cell(row[key]) for row in rows]) for key in TITLES],
     )  # fmt: skip

@@ -8,7 +8,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -109,13 +109,7 @@ class Drawing:
 @cache
 def versions() -> str:
     """Return the versions of what computes."""
-    found = [f"Python {platform.python_version()}"]
-    for name in VERSIONS_OF:
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            continue
-    return ", ".join(found)
+    return ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in VERSIONS_OF)])
 
 
 @cache
@@ -147,21 +141,18 @@ def _environment() -> Environment:
 
 
 def render(
-    template: str, charts: Mapping[str, Curves], phases: tuple[Span, ...] = (), explorer: str = "", **values: Any
+    template: str, drawings: Sequence[Drawing] = (), phases: tuple[Span, ...] = (), explorer: str = "", **values: Any
 ) -> str:
     """Return one page; what a template names and is not given is an error. ``explorer``: data of trends and maps."""
+    charts = {item.name: item.chart for item in drawings if isinstance(item.chart, Curves) and item.chart.live}
     css = tone_css() + "".join(map(_text, STYLES))
     names = (*(SCRIPTS if charts or explorer else ()), *((EXPLORER,) if explorer else ()))
     scripts = [_text(name) for name in names]
     return _environment().get_template(template).render(
         css=Markup(css), versions=versions(), scripts=[Markup(text) for text in scripts], policy=policy(css, scripts),
-        data=chart_data(charts, phases) if scripts else "", explorer=explorer, zoom_hint=ZOOM_HINT, **values,
+        drawings=drawings, data=chart_data(charts, phases) if scripts else "", explorer=explorer, zoom_hint=ZOOM_HINT,
+        **values,
     )  # fmt: skip
-
-
-def live_charts(drawings: Sequence[Drawing]) -> dict[str, Curves]:
-    """Return the charts that the script draws, by the name of their figure."""
-    return {item.name: item.chart for item in drawings if isinstance(item.chart, Curves) and item.live}
 
 
 def run_page(
@@ -172,8 +163,8 @@ def run_page(
     budget = budget_rows(alignment["angle_error_budget_deg"], alignment["angle_error_budget_after_fit_deg"])
     large, small = by_size(budget)
     return render(
-        "run.html", live_charts(drawings), phases, title=f"{doc['recording']['name']}: measured against model",
-        doc=doc, drawings=drawings, verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
+        "run.html", drawings, phases, title=f"{doc['recording']['name']}: measured against model", doc=doc,
+        verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
         losses=loss_rows(doc), gaps=gap_rows(doc), groups=parameter_groups(doc),
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
         config_text=config_text, metric_names=METRIC_NAMES,
@@ -184,7 +175,4 @@ def run_page(
 
 def align_page(doc: Mapping[str, Any], drawings: Sequence[Drawing], config_text: str) -> str:
     """Return align.html: the aligned cycles of a recording without a model."""
-    return render(
-        "align.html", live_charts(drawings), title=f"{doc['name']}: aligned", doc=doc, drawings=drawings,
-        config_text=config_text,
-    )  # fmt: skip
+    return render("align.html", drawings, title=f"{doc['name']}: aligned", doc=doc, config_text=config_text)

@@ -30,9 +30,9 @@ def write_plan(document: Mapping[str, Any], title: str, folder: Path) -> None:
 def plan_page(document: Mapping[str, Any], title: str) -> str:
     """Return the page of `camtorque.plan.plan_runs` as HTML."""
     return render(
-        "plan.html", {}, title=title, doc=document, answer=plan_answer(document), unit=unit_text(document["unit"]),
-        name=words(document["target"]), rows=run_rows(document), drawings=plan_drawings(document),
-        assumed=assumptions(document),
+        "plan.html", plan_drawings(document), title=title, doc=document, answer=plan_answer(document),
+        unit=unit_text(document["unit"]),
+        name=words(document["target"]), rows=run_rows(document), assumed=assumptions(document),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import output_folder
 from camtorque.report.numbers import significant, with_decimals, words
-from camtorque.report.page import live_charts, render
+from camtorque.report.page import render
 from camtorque.report.phases import phases, strokes
 from camtorque.report.tones import CYCLE
 from camtorque.report.torque_figures import DASHES
@@ -143,8 +143,8 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     ]
     steep, back = (value / DEGREE for value in prediction.flat_pressure_angles)
     return render(
-        "predict.html", live_charts(drawings), phases(prediction.theta, prediction.kinematics.lift), title=title,
-        drawings=drawings, findings=prediction.findings, contact=contact_text(prediction), steep=steep, back=-back,
+        "predict.html", drawings, phases(prediction.theta, prediction.kinematics.lift), title=title,
+        findings=prediction.findings, contact=contact_text(prediction), steep=steep, back=-back,
         rough=not prediction.friction.none, peaks=peak_text(rows),
         sweep=[(SWEEP[key], [_cell(key, row[key]) for row in rows]) for key in rows[0]],
         lost=any(row["contact_lost"] for row in rows),
