@@ -7,7 +7,15 @@ from typing import Any
 
 from camtorque.report.answer import estimate_text, work_parts
 from camtorque.report.numbers import named, typeset, words
-from camtorque.report.verdict import bump_place, doubtful_input, known_metrics, missed_limits, unusual_values
+from camtorque.report.verdict import (
+    bump_place,
+    doubtful,
+    doubtful_input,
+    known_metrics,
+    missed_limits,
+    unexplained,
+    unusual_values,
+)
 
 PULLED, MOST_PULLED = "prior_pulled", 3
 """Finding of a value far from what was expected: a run that fails has many, for one cause that is another."""
@@ -85,11 +93,11 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
         high = f"{known_metrics(out).peak_excess_percent:+.1f} %" if out else "-"
         name = f"{row['name']:22}{row['speed_rpm']:8.1f}"
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
-    failed = [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
-    told = [f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where"] if failed else []
-    look = [row["name"] for row in doc["recordings"] if row.get("verdict") == "look"]
-    told += [f"LOOK CLOSER: {', '.join(look)}: the reports say why"] if look else []
-    return "\n".join([*lines, *told, *loud_findings(doc["findings"])])
+    if failed := unexplained(doc):
+        lines.append(f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where")
+    if look := doubtful(doc):
+        lines.append(f"LOOK CLOSER: {', '.join(look)}: the reports say why")
+    return "\n".join([*lines, *loud_findings(doc["findings"])])
 
 
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:

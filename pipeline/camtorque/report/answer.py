@@ -131,8 +131,7 @@ def sureness_text(doc: Document) -> str:
             "gain, linearity and zero by the certificate), which no residual reveals; plunger, cam and spring are "
             "taken as the sheet has them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
         )
-    text += f" Of {len(rows)} parameters {known_text(rows)}; the others are no surer than sheet or literature had them."
-    return text + alternatives_text(doc)
+    return f"{text} {known_text(rows)}{alternatives_text(doc)}"
 
 
 def left_out_text(blocks: Sequence[float]) -> str:
@@ -149,15 +148,14 @@ def left_out_text(blocks: Sequence[float]) -> str:
     return f"{text}the worst ({place}) to {significant(largest, 2)} %."
 
 
-def known_text(rows: Collection[Document]) -> str:
+def known_text(rows: Collection[Document], what: str = "parameters") -> str:
     """Return how many parameters the data tell something about, and what."""
-    counts = [sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE]
-    limits = (
-        f"{counts[1]} have only an upper limit (their interval reaches the lower bound, mostly zero), "
-        if counts[1]
-        else ""
+    measured, limited, narrowed = (sum(row["knowledge"] == word for row in rows) for word in KNOWLEDGE[:3])
+    limits = f"{limited} have only an upper limit (their interval reaches the lower bound, mostly zero), "
+    return (
+        f"Of {len(rows)} {what} {measured} are measured, {limits if limited else ''}{narrowed} narrowed; the others "
+        "are no surer than sheet or literature had them."
     )
-    return f"{counts[0]} are measured, {limits}{counts[2]} narrowed"
 
 
 def shape_text(accuracy: Document, stands_out: bool = False) -> str:

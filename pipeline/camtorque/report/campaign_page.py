@@ -26,11 +26,11 @@ from camtorque.report.numbers import (
     with_sign,
     words,
 )
-from camtorque.report.page import Drawing, live_charts, render
+from camtorque.report.page import Drawing, render
 from camtorque.report.payload import explorer_data
 from camtorque.report.sources import ranking, source_chart
 from camtorque.report.texts import parameter_row
-from camtorque.report.verdict import known_metrics
+from camtorque.report.verdict import doubtful, known_metrics, unexplained
 from camtorque.units import LOGARITHM
 
 MOST_NAMED, MOST_QUOTED = 5, 2
@@ -87,16 +87,6 @@ def verdict_text(doc: Mapping[str, Any]) -> str:
     return text + (f" {serious} warning{'s' if serious > 1 else ''} below." if serious else "")
 
 
-def unexplained(doc: Mapping[str, Any]) -> list[str]:
-    """Return the names of the recordings that the model does not explain."""
-    return [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
-
-
-def doubtful(doc: Mapping[str, Any]) -> list[str]:
-    """Return the names of the recordings whose own page asks to look closer."""
-    return [row["name"] for row in doc["recordings"] if row.get("verdict") == "look"]
-
-
 def left_out_text(doc: Mapping[str, Any]) -> str:
     """Return how well recordings are predicted from the others, those that are not by their names."""
     known = [row for row in doc["held_out"] if row["mode"] == MODES[0] and row["metrics"]["rms_percent_of_peak"]]
@@ -130,11 +120,7 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
         text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
     if known:
-        text = (
-            f"Of {len(known)} shared parameters {known_text(known.values())}; the others are no surer than sheet or "
-            "literature had them."
-        )
-        parts.append({"head": "How sure", "text": text})
+        parts.append({"head": "How sure", "text": known_text(known.values(), "shared parameters")})
     odd = unexplained(doc)
     advice = []
     if odd:
@@ -176,9 +162,9 @@ def campaign_page(
     serious = any(row["severity"] != "info" for row in doc["findings"])
     thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
-        "campaign.html", live_charts(drawings), title="Campaign", doc=doc, verdict=verdict_text(doc),
+        "campaign.html", drawings, title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
-        drawings=drawings, answer=campaign_answer(doc), shared=_shared_rows(doc),
+        answer=campaign_answer(doc), shared=_shared_rows(doc),
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
         ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],

@@ -106,6 +106,16 @@ def missed_limits(held: Document) -> list[str]:
     ]
 
 
+def unexplained(doc: Document) -> list[str]:
+    """Return the names of the recordings of a campaign.json that the model does not explain."""
+    return [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
+
+
+def doubtful(doc: Document) -> list[str]:
+    """Return the names of the recordings of a campaign.json whose own page asks to look closer."""
+    return [row["name"] for row in doc["recordings"] if row.get("verdict") == "look"]
+
+
 def known_metrics(row: Document) -> Metrics:
     """Return the metrics of a result; null is nan."""
     return Metrics(**{key: math.nan if value is None else value for key, value in row.items()})
