@@ -8,7 +8,7 @@ one loses more past the valve) is computed once, for the chosen cam and for the 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from camtorque.design.answer import Answer
 from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
-from camtorque.finished_fit import Rig, chain_of, curve_of, read_fit, rig_of
+from camtorque.finished_fit import FinishedFit, Rig, chain_of, curve_of, read_fit, rig_of
 from camtorque.fit.draws import Load
 from camtorque.fit.end_shape import Curve
 from camtorque.fit.forecast import Forecast
@@ -43,44 +43,36 @@ BASE = 1.0e-3
 """Share of the lift below which the follower rests on the base circle."""
 
 
-@dataclass(frozen=True)
-class Known:
-    """A fit with its folder, and where the report of each recording lies."""
-
-    fit: KnownFit
-    folder: Path
-    reports: Mapping[str, Path]
-
-    def source(self, name: str, speed: float) -> FittedAt:
-        """Return a recording by its name, or the one nearest in speed."""
-        return next((item for item in self.fit.recordings if item.id == name), self.fit.nearest(speed))
-
-
-def read_known(path: Path) -> Known:
-    """Return a fit.
+def read_known(path: Path) -> FinishedFit:
+    """Return a fit without its correction of the lift table: that of another cam is another, both are run without.
 
     Raises
     ------
     Refusal : see `camtorque.finished_fit.read_fit`
     """
-    fit, folder, rows = read_fit(path)
-    fit = replace(fit, lift=None)  # the errors of another cam are its own: both cams are run without
-    return Known(fit, folder, {row["id"]: folder / row["folder"] for row in rows})
+    fit = read_fit(path)
+    return fit._replace(known=replace(fit.known, lift=None))
 
 
-def fitted_pump(known: Known) -> FittedPump:
+def _source(fit: FinishedFit, name: str, speed: float) -> FittedAt:
+    """Return a recording by its name, or the one nearest in speed."""
+    return next((item for item in fit.known.recordings if item.id == name), fit.known.nearest(speed))
+
+
+def fitted_pump(fit: FinishedFit) -> FittedPump:
     """Return what a design takes of a fit.
 
     Raises
     ------
     Refusal : the sheets of its recordings are gone
     """
-    first = known.reports[known.fit.recordings[0].id]
+    known, reports = fit.known, fit.reports
+    first = reports[known.recordings[0].id]
 
     def stroke(name: str, speed: float) -> FittedStroke:
-        source = known.source(name, speed)
-        rig = rig_of(known.reports[source.id], None, None)
-        item, _ = _run(known, source, rig, curve_of(known.reports[source.id], source.speed), speed)
+        source = _source(fit, name, speed)
+        rig = rig_of(reports[source.id], None, None)
+        item, _ = _run(known, source, rig, curve_of(reports[source.id], source.speed), speed)
         angle = np.mod(item.true_angle, TURN)
         order = np.argsort(angle, kind="stable")
         pushed = rig.pump.plunger_area * lift_law(rig.table).evaluate(angle, 1) * speed
@@ -88,20 +80,20 @@ def fitted_pump(known: Known) -> FittedPump:
         return FittedStroke(source.id, PressureCurve(angle[order], item.pressure[order]), share[order])
 
     return FittedPump(
-        path=known.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
-        friction=friction_of(known.fit, known.fit.recordings[0]), law=lift_law(rig_of(first, None, None).table),
-        recordings=tuple(item.id for item in known.fit.recordings), stroke=stroke,
+        path=fit.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
+        friction=friction_of(known, known.recordings[0]), law=lift_law(rig_of(first, None, None).table),
+        recordings=tuple(item.id for item in known.recordings), stroke=stroke,
     )  # fmt: skip
 
 
 def _run(
-    known: Known, source: FittedAt, rig: Rig, curve: Curve, speed: float, ends: Mapping[str, Estimate] | None = None
+    known: KnownFit, source: FittedAt, rig: Rig, curve: Curve, speed: float, ends: Mapping[str, Estimate] | None = None
 ) -> tuple[Forecast, Forces]:
     chain = chain_of(rig, speed, curve, source.structure)
-    return on_one_thread(with_forces)(known.fit, source, rig, chain, Load(ends or {}), {})
+    return on_one_thread(with_forces)(known, source, rig, chain, Load(ends or {}), {})
 
 
-def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]:
+def as_fitted(fit: FinishedFit, answer: Answer, table: Path) -> list[dict[str, Any]]:
     """Return fitted pump and chosen design (its lift table) by the fitted model under each load of a recording.
 
     Raises
@@ -118,22 +110,22 @@ def as_fitted(known: Known, answer: Answer, table: Path) -> list[dict[str, Any]]
     rows = []
     for load in answer.task.loads:
         if load.source:
-            source = known.source(load.source, load.speed)
-            rig = rig_of(known.reports[source.id], None, None)
+            source = _source(fit, load.source, load.speed)
+            rig = rig_of(fit.reports[source.id], None, None)
             pump = replace(rig.pump, **changed, **columns)
-            rows.append(_pair(known, source, rig, replace(rig, pump=pump, table=read_cam_table(pump)[0]), load))
+            rows.append(_pair(fit, source, rig, replace(rig, pump=pump, table=read_cam_table(pump)[0]), load))
     return rows
 
 
-def _pair(known: Known, source: FittedAt, before: Rig, after: Rig, load: DesignLoad) -> dict[str, Any]:
-    curve = curve_of(known.reports[source.id], source.speed)
-    places = known.fit.own(source.id)
-    offset = float(known.fit.values[places["trigger_offset"]]) if "trigger_offset" in places else 0.0
+def _pair(fit: FinishedFit, source: FittedAt, before: Rig, after: Rig, load: DesignLoad) -> dict[str, Any]:
+    known, curve = fit.known, curve_of(fit.reports[source.id], source.speed)
+    places = known.own(source.id)
+    offset = float(known.values[places["trigger_offset"]]) if "trigger_offset" in places else 0.0
     old, new = lift_law(before.table), lift_law(after.table)
     moved = replace(curve, pressure=carried_pressure(curve, old, new, offset))
     ends = {}
     if source.structure == "land":
-        angle = float(known.fit.values[places["end_of_delivery"]])
+        angle = float(known.values[places["end_of_delivery"]])
         ends["end_of_delivery"] = Estimate(float(carried_angles(np.array([angle]), new, old)[0]), 0.0)
     sides = {
         "fitted_pump": _run(known, source, before, curve, load.speed),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -52,8 +52,21 @@ class Rig:
     findings: tuple[Finding, ...] = ()
 
 
-def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
-    """Return the fit beside a result.json or campaign.json (or in such a folder), its folder, and its recordings.
+class FinishedFit(NamedTuple):
+    """A fit, its folder, and what its fit.json says of each recording that it explains."""
+
+    known: KnownFit
+    folder: Path
+    rows: list[dict[str, Any]]
+
+    @property
+    def reports(self) -> dict[str, Path]:
+        """Folder of the report of each recording."""
+        return {row["id"]: self.folder / row["folder"] for row in self.rows}
+
+
+def read_fit(path: Path) -> FinishedFit:
+    """Return the fit beside a result.json or campaign.json, or in such a folder.
 
     Raises
     ------
@@ -88,7 +101,8 @@ def read_fit(path: Path) -> tuple[KnownFit, Path, list[dict[str, Any]]]:
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
     values = np.array(doc["values"], dtype=np.float64)
     known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings, known_shown(doc), known_lift(doc))
-    return known.without([row["id"] for row in doc["recordings"] if not row["explained"]]), folder, rows
+    unexplained = [row["id"] for row in doc["recordings"] if not row["explained"]]
+    return FinishedFit(known.without(unexplained), folder, rows)
 
 
 def _fitted_at(row: Mapping[str, Any]) -> FittedAt:

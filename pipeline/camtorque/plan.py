@@ -97,12 +97,12 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     ------
     Refusal : see `wanted_number`, `camtorque.finished_fit.read_fit`
     """
-    known, folder, rows = read_fit(Path(fit))
+    found = read_fit(Path(fit))
+    known, folder, reports = found.known, found.folder, found.reports
     loads = _loads(known)
     known = known.only([item.id for item in (*loads, _fastest(known))])
     shared = [name for name in known.names if name in ROWS and ROWS[name].role == "shared"]
     wanted = wanted_number(target, [CHAMBER_PEAK, *shared])
-    reports = {row["id"]: folder / row["folder"] for row in rows}
     goal = _target(known, folder, reports, wanted)
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]

@@ -100,8 +100,10 @@ def predict_from(
     ------
     Refusal : an ending without a load; see `read_fit`, `rig_of`, `load_curve`, `curve_through`, `leakage_factor`
     """
-    known, folder, rows = read_fit(Path(fit))
-    known = known if pump is None and cam is None else replace(known, lift=None)  # it belongs to the fitted cam
+    found = read_fit(Path(fit))
+    folder, reports = found.folder, found.reports
+    # the correction of the lift table belongs to the fitted cam
+    known = found.known if pump is None and cam is None else replace(found.known, lift=None)
     factor = leakage_factor(clearance) if clearance else 1.0
     refuse_leaky(known, clearance, factor)
     name, given = _given(pressure, load_of)
@@ -114,7 +116,6 @@ def predict_from(
             f"predict: found --ending {ending} without a load, expected one that may end so; give it with --load-of or "
             "--pressure: without them the load is that of a fitted recording, whose ending is known"
         )
-    reports = {row["id"]: folder / row["folder"] for row in rows}
     templates = {item.id: curve_of(reports[item.id], item.speed) for item in known.recordings}
     if load_of is not None:
         nearest = reports[known.nearest(speeds_rpm[0] * RPM).id]
@@ -124,7 +125,7 @@ def predict_from(
     runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]
     items, forces = [item for item, _ in runs], [force for _, force in runs]
     inputs = _inputs((folder / NAME, pressure, pump, cam), load_of)
-    origin = {"fit": str(folder / NAME), "recordings": rows, "inputs": inputs}
+    origin = {"fit": str(folder / NAME), "recordings": found.rows, "inputs": inputs}
     return Found(tuple(items), forecast_document(items, forces, origin))
 
 
@@ -173,9 +174,14 @@ def _at_speed(
     given = asked.given
     sources = (known.nearest(speed),) if given is None else endings_of(known, speed, asked.ending)
 
-    def run(source: FittedAt) -> tuple[Forecast, Forces, Mapping[str, Estimate]]:
+    @on_one_thread
+    def run(source: FittedAt) -> tuple[Forecast, Forces, Rig, Mapping[str, Estimate]]:
         rig = rig_of(reports[source.id], asked.pump, asked.cam)
-        return _predicted(known, source, templates, rig, speed, given, asked.changes)
+        curve = templates[source.id] if given is None else given
+        chain = chain_of(rig, speed, curve, source.structure)
+        shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
+        load = Load({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
+        return *with_forces(known, source, rig, chain, load, asked.changes), rig, load.ends
 
     runs = [run(source) for source in sources]
     item = runs[0][0]
@@ -191,31 +197,13 @@ def _at_speed(
         beyond = beyond_text(float(np.max(given.pressure)), top_range(templates.values()))
         if asked.pump is None and asked.cam is None:
             beyond += elsewhere_text(rise_angle(given), rise_range(templates.values()))
-    texts = [text for source, (_, _, ends) in zip(sources, runs, strict=True)
+    texts = [text for source, (*_, ends) in zip(sources, runs, strict=True)
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
-    rig = rig_of(reports[sources[0].id], asked.pump, asked.cam)
-    odd = (f"{row.where}: {row.text}." for row in rig.findings if row.severity == "warning")
-    return replace(
-        item,
-        assumed=(
-            *flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts, *ending_text(item),
-            *constant_text(item),
-        ),
-    ), tuple(one[1] for one in runs)  # fmt: skip
-
-
-@on_one_thread
-def _predicted(
-    known: KnownFit, source: FittedAt, templates: Mapping[str, Curve], rig: Rig, speed: float, given: Curve | None,
-    changes: Mapping[str, float],
-) -> tuple[Forecast, Forces, Mapping[str, Estimate]]:  # fmt: skip
-    curve = templates[source.id] if given is None else given
-    chain = chain_of(rig, speed, curve, source.structure)
-    shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
-    load = Load({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
-    item, forces = with_forces(known, source, rig, chain, load, changes)
-    return item, forces, load.ends
+    odd = [f"{row.where}: {row.text}." for row in runs[0][2].findings if row.severity == "warning"]
+    texts = [*flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts, *ending_text(item),
+             *constant_text(item)]  # fmt: skip
+    return replace(item, assumed=tuple(texts)), tuple(one[1] for one in runs)
 
 
 def with_forces(

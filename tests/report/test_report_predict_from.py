@@ -16,7 +16,7 @@ from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.config.pump import PressureCurve
-from camtorque.finished_fit import load_curve, read_fit, refuse_load_of_another_pump, rig_of
+from camtorque.finished_fit import FinishedFit, load_curve, read_fit, refuse_load_of_another_pump, rig_of
 from camtorque.fit import ends as ends_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
@@ -451,7 +451,7 @@ def test_two_loads_and_a_leakage_that_no_pump_has_are_refused(
     options: dict[str, Any], text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fit = replace(known([0.1]), values=np.array([1e-14, 2.0]))
-    monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
+    monkeypatch.setattr(predict_flow, "read_fit", lambda path: FinishedFit(fit, tmp_path, []))
     with pytest.raises(Refusal, match=text):
         predict_flow.predict_from(tmp_path, [500.0], **options)
 
@@ -459,7 +459,7 @@ def test_two_loads_and_a_leakage_that_no_pump_has_are_refused(
 def test_a_prediction_names_the_files_that_it_rests_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "fit.json").write_text("{}")
     fit = replace(known([0.1]), recordings=())
-    monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
+    monkeypatch.setattr(predict_flow, "read_fit", lambda path: FinishedFit(fit, tmp_path, []))
     monkeypatch.setattr(predict_flow, "_at_speed", lambda *rest: (None, ()))
     monkeypatch.setattr(predict_flow, "forecast_document", lambda items, forces, origin: origin)
     found = predict_flow.predict_from(tmp_path, [500.0], cam=SHEETS / "cam_A.csv").document["inputs"]
@@ -478,7 +478,7 @@ def test_the_lift_correction_goes_with_the_fitted_cam_and_with_no_other(
     lift = SharedLift(np.arange(8.0), np.full(4, 2e-6), np.zeros(4))
     fit = replace(known([0.1]), values=np.array([1e-15, 2.0]), recordings=(), lift=lift)
     taken: list[KnownFit] = []
-    monkeypatch.setattr(predict_flow, "read_fit", lambda path: (fit, tmp_path, []))
+    monkeypatch.setattr(predict_flow, "read_fit", lambda path: FinishedFit(fit, tmp_path, []))
     monkeypatch.setattr(predict_flow, "_at_speed", lambda known, *rest: taken.append(known) or (None, ()))
     monkeypatch.setattr(predict_flow, "forecast_document", lambda *parts: {})
     monkeypatch.setattr(predict_flow, "_inputs", lambda *paths: [])

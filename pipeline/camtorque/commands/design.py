@@ -14,7 +14,8 @@ from camtorque.design import Answer, answer_document, design_page, read_task, so
 from camtorque.design.answer import TABLE
 from camtorque.design.page import fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
-from camtorque.design_from import Known, as_fitted, fitted_pump, read_known
+from camtorque.design_from import as_fitted, fitted_pump, read_known
+from camtorque.finished_fit import FinishedFit
 from camtorque.jsonable import jsonable
 from camtorque.process.second_process import second_process
 from camtorque.report.files import write_json, write_page
@@ -35,7 +36,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     return Outcome("\n".join([*odd, *_table(answer), *fitted, str(arguments.out / "design.html")]), document)
 
 
-def _written(answer: Answer, known: Known | None, folder: Path) -> dict[str, Any]:
+def _written(answer: Answer, known: FinishedFit | None, folder: Path) -> dict[str, Any]:
     """Write everything into an open folder and return the document."""
     read_back = write_chosen(answer.chosen.evaluated, folder)
     fitted = [] if known is None else as_fitted(known, answer, folder / TABLE)
