@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config.keys import Band, Key, TableSchema
-from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
+from camtorque.config.tables import Problems, Table, check_schema, read_closed, read_toml
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean, plain_unit
 
@@ -115,15 +115,13 @@ def read_limits(path: Path | str) -> tuple[Limit, ...]:
     problems, limits = Problems(), []
     for table in root.tables("limit"):
         with problems.collecting():
-            limits.append(_limit(table, problems))
+            limits.append(_limit(table))
     problems.raise_any()
     return tuple(limits)
 
 
-def _limit(table: Table, problems: Problems) -> Limit:
-    table.only(LIMIT.names)
-    values = read_keys(table, LIMIT, problems)
-    problems.raise_any()
+def _limit(table: Table) -> Limit:
+    values = read_closed(table, LIMIT)
     try:
         return Limit(**values)
     except Refusal as refusal:

@@ -157,14 +157,14 @@ def absolute_unit(unit: str) -> str:
     return base if BORDER_UNITS.get(base, ("", 1.0))[0] == "pressure" and not is_known_unit(unit) else ""
 
 
-def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
+def did_you_mean(word: str, known: list[str] | tuple[str, ...], ask: str = "did you mean") -> str:
     """Return ", did you mean 'x'?" for the nearest known word, or an empty string."""
     word, lowered = word.lower(), {name.lower(): name for name in known}
     near = difflib.get_close_matches(word, list(lowered), n=3, cutoff=MAYBE_ALIKE)
     for name in near:
         surely = difflib.SequenceMatcher(None, name, word).ratio() > SURELY_ALIKE
         if surely or word[:1] == name[:1] or word in name or name in word:
-            return f", did you mean {lowered[name]!r}?"
+            return f", {ask} {lowered[name]!r}?"
     return ""
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from camtorque import cli
+from camtorque.config.tables import Refusals
 from camtorque.limits import UNIT_OF_ENDING, Limit, judge, overall, quantities, read_limits
 from camtorque.records import Refusal
 from camtorque.report.write import write_run
@@ -91,6 +92,14 @@ def test_the_worst_verdict_counts() -> None:
 def test_a_limits_file_that_cannot_be_used(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(Refusal, match=told):
         read_limits(limits_file(tmp_path, text))
+
+
+def test_each_limit_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+    empty, turned = '[[limit]]\nquantity = "a.b"\n', '[[limit]]\nquantity = "c.d"\nmin = 2\nmax = 1\n'
+    with pytest.raises(Refusals, match=r"a\.b: found neither min nor max") as refused:
+        read_limits(limits_file(tmp_path, empty + turned))
+    assert len(refused.value.problems) == 2
+    assert "c.d: min 2 is above max 1" in refused.value.problems[1]
 
 
 def test_another_schema(tmp_path: Path) -> None:

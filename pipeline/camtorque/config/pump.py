@@ -15,7 +15,7 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.config.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
-from camtorque.config.tables import Problems, Table, check_schema, read_keys, read_toml
+from camtorque.config.tables import Problems, Table, check_schema, read_closed, read_toml
 from camtorque.records import Array, CamTable, Finding, ReadOnly, Refusal
 from camtorque.units import BAR, DEGREE, short
 
@@ -140,10 +140,8 @@ def load_pump_config(path: Path | str) -> PumpConfig:
 def _values(root: Table, name: str, problems: Problems) -> dict[str, Any]:
     schema = PUMP_FILE_TABLES[name]
     with problems.collecting():
-        table = root.table(name, optional=not schema.required)
         inner = ("sections",) if name == "cam" else ()
-        table.only((*schema.names, *inner))
-        return read_keys(table, schema, problems)
+        return read_closed(root.table(name, optional=not schema.required), schema, *inner)
     return {}
 
 
@@ -161,10 +159,7 @@ def _sections(cam: Table, problems: Problems) -> tuple[SectionSpec, ...]:
 def _section(table: Table) -> SectionSpec:
     """Return one section; a tangent lobe takes the angle that it needs."""
     schema = PUMP_FILE_TABLES["cam.sections"]
-    table.only(schema.names)
-    problems = Problems()
-    values = read_keys(table, schema, problems)
-    problems.raise_any()
+    values = read_closed(table, schema)
     needed = {"tangent": ("rise", "nose_radius"), "dwell": ("angle",)}.get(values["kind"], ("angle", "rise"))
     for key in schema.keys:
         if key.attribute in needed and not table.has(key.name):

@@ -193,9 +193,7 @@ class Table:
         if key.name not in self.values:
             if not key.required:
                 return key.default
-            hint = did_you_mean(key.name, tuple(k for k in self.values if k not in known)).replace(
-                "did you mean", "is it"
-            )
+            hint = did_you_mean(key.name, [k for k in self.values if k not in known], "is it")
             raise Refusal(f"{self.where(key.name)}: this key is missing{hint}; {key.meaning}")
         if self.values[key.name] == UNKNOWN:
             raise Refusal(f"{self.where(key.name)}: is still {UNKNOWN!r}; {key.meaning}")
@@ -206,8 +204,7 @@ class Table:
         header = f"{self.header[:-1]}.{name}]" if self.header else f"[{name}]"
         value = self.values.get(name, {}) if optional else self.values.get(name)
         if value is None:
-            hint = did_you_mean(name, tuple(self.values))
-            raise Refusal(f"{self.file}: the table {header} is missing{hint.replace('did you mean', 'is it')}")
+            raise Refusal(f"{self.file}: the table {header} is missing{did_you_mean(name, [*self.values], 'is it')}")
         if not isinstance(value, dict):
             raise Refusal(f"{self.file} {name}: found {_shown(value)}, expected a table {header}")
         return Table(value, self.file, header)
@@ -228,6 +225,20 @@ def read_keys(table: Table, schema: TableSchema, problems: Problems) -> dict[str
             value = table.value(key, schema.names)
             if key.used:
                 values[key.attribute] = value
+    return values
+
+
+def read_closed(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
+    """Return attribute -> value of a table that holds the keys of a schema, perhaps tables of ``others``, and no more.
+
+    Raises
+    ------
+    Refusals : an unknown key; all else that is wrong
+    """
+    table.only((*schema.names, *others))
+    problems = Problems()
+    values = read_keys(table, schema, problems)
+    problems.raise_any()
     return values
 
 
@@ -306,9 +317,8 @@ def _choice(table: Table, key: Key, value: Any) -> Any:
     word = _text_value(table, key, value)
     chosen = word if word in key.choices else word.lower()
     if chosen not in key.choices:
-        allowed = tuple(key.choices)
-        hint = did_you_mean(word, allowed)
-        raise Refusal(f"{table.where(key.name)}: found {_shown(word)}, expected one of {', '.join(allowed)}{hint}")
+        hint = did_you_mean(word, tuple(key.choices))
+        raise Refusal(f"{table.where(key.name)}: found {_shown(word)}, expected one of {', '.join(key.choices)}{hint}")
     return key.choices[chosen]
 
 
