@@ -18,12 +18,12 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 LIMIT = 60
 """Seconds after which a process that should have ended counts as hanging."""
 BLOCKED = """
-import hashlib, sys, time
+import hashlib, shutil, sys, time
 from pathlib import Path
 from camtorque.process import stopping
 folder = Path(sys.argv[1])
 folder.mkdir()
-with stopping.stoppable(), stopping.removed_when_stopped(folder, []):
+with stopping.stoppable(), stopping.before_leaving(lambda: shutil.rmtree(folder)):
     Path(sys.argv[1] + ".ready").touch()
     hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
 """

@@ -7,14 +7,12 @@ back. A thread therefore hears of the signal too and ends the process itself whe
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -42,20 +40,6 @@ def before_leaving(step: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         _last_steps.remove(step)
-
-
-@contextmanager
-def removed_when_stopped(folder: Path, parents: Sequence[Path]) -> Iterator[None]:
-    """Have an unfinished folder, and parents made for it, removed when the process is stopped inside the block."""
-
-    def remove() -> None:
-        shutil.rmtree(folder, ignore_errors=True)
-        for parent in reversed(parents):
-            with suppress(OSError):
-                parent.rmdir()
-
-    with before_leaving(remove):
-        yield
 
 
 def end_workers() -> None:

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from camtorque.process.stopping import removed_when_stopped
+from camtorque.process.stopping import before_leaving
 from camtorque.process.system import described
 from camtorque.records import Refusal
 from camtorque.report.checksums import unlisted_files, visible_files, write_checksums
@@ -173,13 +173,19 @@ def _written_beside(target: Path, place: Path) -> Iterator[Path]:
     """Give an empty hidden neighbour of a place that is gone after the block, with the parents made for it."""
     partial = hidden(place, "partial")
     made: list[Path] = []
+
+    def remove_parents() -> None:
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()  # only where it is empty: nothing was written
+
     try:
-        made = _made_parents(partial.parent)
+        made += _made_parents(partial.parent)
         _need_space(target, partial.parent)
         restore_earlier(target.resolve())
         lock = _claimed(target, partial)
         try:
-            with removed_when_stopped(partial, made):
+            with before_leaving(remove_parents), before_leaving(lambda: shutil.rmtree(partial, ignore_errors=True)):
                 yield partial
         finally:
             os.close(lock)
@@ -189,9 +195,7 @@ def _written_beside(target: Path, place: Path) -> Iterator[Path]:
             raise
         raise CannotWrite(cannot_write(f"output {target}", error)) from error
     finally:
-        for folder in reversed(made):
-            with suppress(OSError):
-                folder.rmdir()  # only where it is empty: nothing was written
+        remove_parents()
 
 
 def is_about(error: Exception, partial: Path) -> bool:
