@@ -44,12 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"camtorque {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, command in COMMANDS.items():
-        arguments = commands.add_parser(name, help=command.help, description=command.help)
-        add_arguments(arguments, name)
-        if command.json:
-            arguments.add_argument("--json", action="store_true", help="one JSON object on standard output")
-        arguments.add_argument("--quiet", action="store_true", help="no progress lines on standard error")
-        arguments.add_argument("--debug", action="store_true", help="show where an unexpected error arose")
+        add_arguments(commands.add_parser(name, help=command.help, description=command.help), name, command.json)
     return parser
 
 

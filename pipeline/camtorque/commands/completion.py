@@ -34,8 +34,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 def _words(name: str) -> list[str]:
     """Return the options of a command, and the values of an argument that has a list of them."""
     parser = argparse.ArgumentParser(prog=name)
-    add_arguments(parser, name)
-    found = ["--quiet", "--debug", "--json"] if COMMANDS[name].json else ["--quiet", "--debug"]
+    add_arguments(parser, name, COMMANDS[name].json)
+    found: list[str] = []
     for action in parser._actions:  # noqa: SLF001  argparse has no public list of them
         found += action.option_strings or [str(choice) for choice in action.choices or ()]
     return sorted(set(found))
