@@ -116,7 +116,8 @@ def rig_rows(family: str, seed: int, kinds: Sequence[str]) -> list[dict[str, obj
         moved = truth if kind != "preload" else change(truth, pump__spring_preload=0.94 * truth.pump.spring_preload)
         after = compared_side(recorded(changed(moved, kind), speed, load, 10 * seed + place + 1), sheet, kind)
         found = compare_prepared(before, after)
-        told, true = set(found.changed), true_changes(kind, truth)
+        told = {row.name for row in (*found.parameters, *found.losses) if row.verdict == "changed"}
+        true = true_changes(kind, truth)
         parameters = {row.name: row for row in found.parameters}
         wrong = [name for name, size in true.items() if (row := parameters.get(name)) is not None
                  and row.verdict == "not changed" and abs(size) > row.smallest_change]  # fmt: skip

@@ -57,11 +57,6 @@ class Compared:
         """Differences of the losses."""
         return loss_differences(self.pair, self.found)
 
-    @property
-    def changed(self) -> tuple[str, ...]:
-        """Names of parameters and losses that are reported as changed."""
-        return tuple(row.name for row in (*self.parameters, *self.losses) if row.verdict == "changed")
-
 
 @dataclass(frozen=True)
 class Matched:
