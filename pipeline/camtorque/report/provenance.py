@@ -12,7 +12,7 @@ from typing import Any
 from camtorque.report.checksums import visible_files
 from camtorque.report.files import write_json
 
-CRATE = "ro-crate-metadata.json"
+CRATE, COMPUTATION = "ro-crate-metadata.json", "#computation"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 TERMS = "https://w3id.org/ro/terms/workflow-run/context"
@@ -29,35 +29,25 @@ def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
     """Write ro-crate-metadata.json of a finished folder; ``doc``: its result.json or align.json."""
     inputs = [_input(item) for item in doc["inputs"]]
     outputs = [_output(path, folder) for path in visible_files(folder) if path != folder / CRATE]
-    software, action = _software(doc), _action(doc, title, inputs, outputs)
-    graph = [DESCRIPTOR, _root(doc, title, [*inputs, *outputs], action), PROCESS_RUN, MIT, software, action]
-    write_json(folder / CRATE, {"@context": [f"{SPECIFICATION}/context", TERMS], "@graph": [*graph, *inputs, *outputs]})
-
-
-def _root(doc: Mapping[str, Any], title: str, parts: Sequence[Entity], action: Entity) -> Entity:
-    return {
+    root = {
         "@id": "./", "@type": "Dataset", "name": title,
         "description": f"What camtorque {doc['version']} computed of {title}",
         "datePublished": doc["created"], "license": {"@id": LICENCE}, "conformsTo": {"@id": PROFILE},
-        "hasPart": references(parts), "mentions": {"@id": action["@id"]},
+        "hasPart": references([*inputs, *outputs]), "mentions": {"@id": COMPUTATION},
     }  # fmt: skip
-
-
-def _software(doc: Mapping[str, Any]) -> Entity:
-    return {
+    software = {
         "@id": SOFTWARE, "@type": "SoftwareApplication", "name": "camtorque", "url": SOFTWARE,
         "softwareVersion": doc["version"], "softwareRequirements": f"Python {platform.python_version()}",
         "operatingSystem": platform.system(),
     }  # fmt: skip
-
-
-def _action(doc: Mapping[str, Any], title: str, inputs: Sequence[Entity], outputs: Sequence[Entity]) -> Entity:
-    return {
-        "@id": "#computation", "@type": "CreateAction", "name": f"{doc['schema']} of {title}",
+    action = {
+        "@id": COMPUTATION, "@type": "CreateAction", "name": f"{doc['schema']} of {title}",
         "description": "the options stand in the report",
         "instrument": {"@id": SOFTWARE}, "endTime": doc["created"], "actionStatus": "http://schema.org/CompletedActionStatus",
         "object": references(inputs), "result": references(outputs),
     }  # fmt: skip
+    graph = [DESCRIPTOR, root, PROCESS_RUN, MIT, software, action, *inputs, *outputs]
+    write_json(folder / CRATE, {"@context": [f"{SPECIFICATION}/context", TERMS], "@graph": graph})
 
 
 def _input(item: Mapping[str, str]) -> Entity:
