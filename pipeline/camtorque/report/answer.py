@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -54,7 +53,7 @@ def answer(doc: Document) -> list[dict[str, str]]:
 def gap_size(doc: Document) -> str:
     """Return how far the measurement is from the rigid model on both strokes."""
     rigid = doc["metrics"]["rigid"]
-    gap = math.nan if rigid["forward_gap_percent"] is None else rigid["forward_gap_percent"]
+    gap = rigid["forward_gap_percent"]
     side = "above" if gap >= 0.0 else "below"
     return (
         f"The measured torque lies {significant(abs(gap))} % {side} the rigid model on the loaded forward stroke. On "

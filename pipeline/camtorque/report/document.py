@@ -130,11 +130,12 @@ def uncertainty_document(fitted: FittedTorque) -> dict[str, Any]:
 
 
 def _recording(result: RunResult) -> dict[str, Any]:
-    cycles = result.cycles
-    assert cycles.torque is not None
+    """Return what was measured; date, temperature and pressure, over which trends are drawn, None where untold."""
+    config, cycles = result.recording.config, result.cycles
+    warm = fuel_temperature(config.fluid, cycles)
     return {
-        "name": result.recording.config.id,
-        "pump": result.recording.config.pump_id,
+        "name": config.id,
+        "pump": config.pump_id,
         "speed_rpm": cycles.mean_speed / RPM,
         "speed_ripple_percent": cycles.speed_ripple_percent,
         "duration_s": cycles.duration,
@@ -143,19 +144,10 @@ def _recording(result: RunResult) -> dict[str, Any]:
         "peak_torque_nm": np.max(cycles.mean_torque),
         "odd_even_rms_nm": result.fitted.odd_even_rms,
         "trigger_jitter_s": cycles.trigger_jitter_s,
-        **_conditions(result),
-        "cut_flow": [asdict(row) for row in cycles.cut_flow],
-    }
-
-
-def _conditions(result: RunResult) -> dict[str, Any]:
-    """Return what a trend is drawn over beside the speed; None where the recording does not tell."""
-    config, cycles = result.recording.config, result.cycles
-    warm = fuel_temperature(config.fluid, cycles)
-    return {
         "date": None if config.date is None else config.date.isoformat(),
         "fuel_temperature_c": None if warm is None else warm - ZERO_CELSIUS,
-        "line_pressure_peak_bar": np.max(result.cycles.mean_pressure) / BAR,
+        "line_pressure_peak_bar": np.max(cycles.mean_pressure) / BAR,
+        "cut_flow": [asdict(row) for row in cycles.cut_flow],
     }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from camtorque.records import UNTOLD, LossEvidence, ParameterEstimate
+from camtorque.records import UNTOLD, LossEvidence
 from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
@@ -74,21 +74,17 @@ def size_text(row: LossEvidence) -> str:
 
 def priors(result: RunResult) -> Rows | None:
     """Show each parameter with a prior in standard deviations of the prior; two of them are shaded."""
-    rows = [row for row in result.fitted.parameters if row.prior is not None]
-    if not rows:
+    known = [(row, *row.prior) for row in result.fitted.parameters if row.prior is not None]
+    if not known:
         return None
-    pulls = [_pull(row) for row in rows]
+    rows = [row for row, *_ in known]
+    pulls = [(row.value - mean) / std for row, mean, std in known]
+    errors = [row.stderr / std for row, _, std in known]
     tones = tuple("c7" if row.knowledge in UNTOLD else "fitted" for row in rows)
-    marks = Marks("", tuple(p[0] for p in pulls), tones, "point", tuple(p[0] - p[1] for p in pulls),
-                  tuple(p[0] + p[1] for p in pulls))  # fmt: skip
+    low, high = (tuple(p + side * e for p, e in zip(pulls, errors, strict=True)) for side in (-1.0, 1.0))
+    marks = Marks("", tuple(pulls), tones, "point", low, high)
     panel = RowPanel("distance from what was expected [standard deviations of the prior]", (marks,), shaded=(-2.0, 2.0))
     return Rows(tuple(words(row.name) for row in rows), (panel,))
-
-
-def _pull(row: ParameterEstimate) -> tuple[float, float]:
-    assert row.prior is not None
-    mean, std = row.prior
-    return (row.value - mean) / std, row.stderr / std
 
 
 def losses(result: RunResult) -> Rows:

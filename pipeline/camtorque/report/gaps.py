@@ -52,7 +52,8 @@ def gap_curves(result: RunResult) -> dict[str, Array]:
         for name in dict.fromkeys((*fitted, *rigid))
         if name != "pressure"
     }
-    angle = _angle_part(result)
+    force = result.cycles.mean_pressure * result.recording.config.pump.plunger_area
+    angle = line_pressure_torque(result.rigid, result.fitted.true_angle, force) - force * result.rigid.lift_velocity
     pressure = fitted.get("pressure", none) - rigid.get("pressure", none)
     residual = result.cycles.mean_torque - result.fitted.torque
     return {CHAMBER: pressure - angle, ANGLE: angle, **curves, RESIDUAL: residual}
@@ -66,12 +67,6 @@ def _grouped(causes: Mapping[str, Array], names: Mapping[str, Array]) -> dict[st
         key = stem if stem in names else name
         grouped[key] = grouped[key] + values if key in grouped else values
     return grouped
-
-
-def _angle_part(result: RunResult) -> Array:
-    rigid = result.rigid
-    force = result.cycles.mean_pressure * result.recording.config.pump.plunger_area
-    return line_pressure_torque(rigid, result.fitted.true_angle, force) - force * rigid.lift_velocity
 
 
 def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
