@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from camtorque import predict_from as flow
 from camtorque.commands.arguments import ENDINGS as WORDS
+from camtorque.finished_fit import FinishedFit
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import Load, draws
 from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
@@ -76,7 +77,7 @@ def test_an_ending_that_nothing_can_tell_is_refused() -> None:
 
 
 def test_an_ending_without_a_load_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flow, "read_fit", lambda path: (known({"a": "land"}), tmp_path, []))
+    monkeypatch.setattr(flow, "read_fit", lambda path: FinishedFit(known({"a": "land"}), tmp_path, []))
     with pytest.raises(Refusal, match="found --ending land without a load"):
         flow.predict_from(tmp_path, [500.0], ending="land")
 

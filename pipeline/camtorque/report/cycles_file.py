@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.records import Array, CamCycles, Recording
+from camtorque.records import Array, CamCycles, Forces, Recording
 from camtorque.report.files import atomic_file
 from camtorque.report.folder import reserve
 from camtorque.stacks import pieces
@@ -38,7 +38,14 @@ class Variable:
 
 def result_variables(result: RunResult) -> list[Variable]:
     """Return every curve of a run: aligned cycles, means, model by cause, forces."""
-    return [*aligned_variables(result.cycles), *_halves(result.cycles), *_model(result), *_forces(result)]
+    fitted, held = result.cycles.torque_halves
+    return [
+        *aligned_variables(result.cycles),
+        Variable("mean/torque_fitted", fitted, "N m", "mean, fitted cycles"),
+        Variable("mean/torque_held_out", held, "N m", "mean, held out"),
+        *_model(result),
+        *_forces(result.fitted.forces),
+    ]
 
 
 def write_cycles(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
@@ -128,14 +135,6 @@ def _others(cycles: CamCycles) -> list[Variable]:
     return rows
 
 
-def _halves(cycles: CamCycles) -> list[Variable]:
-    fitted, held = cycles.torque_halves
-    return [
-        Variable("mean/torque_fitted", fitted, "N m", "mean, fitted cycles"),
-        Variable("mean/torque_held_out", held, "N m", "mean, held out"),
-    ]
-
-
 def _model(result: RunResult) -> list[Variable]:
     fitted, rigid = result.fitted, result.rigid
     rows = [
@@ -161,8 +160,7 @@ def _cause(path: str, values: Array, name: str) -> Variable:
     return Variable(path, values, "N m", f"torque by cause: {name.replace('_', ' ')}")
 
 
-def _forces(result: RunResult) -> list[Variable]:
-    forces = result.fitted.forces
+def _forces(forces: Forces) -> list[Variable]:
     return [
         Variable("forces/contact_normal", forces.contact_normal, "N", "normal force between cam and roller"),
         Variable("forces/contact_tangential", forces.contact_tangential, "N", "tangential force of cam and roller"),

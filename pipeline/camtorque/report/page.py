@@ -171,8 +171,3 @@ def run_page(
         sections={name: section for name, section in SECTIONS.items() if not section.needs or doc[section.needs]},
         budget=budget, large_errors=large, small_errors=small, beyond_doubt=LARGE,
     )  # fmt: skip
-
-
-def align_page(doc: Mapping[str, Any], drawings: Sequence[Drawing], config_text: str) -> str:
-    """Return align.html: the aligned cycles of a recording without a model."""
-    return render("align.html", drawings, title=f"{doc['name']}: aligned", doc=doc, config_text=config_text)
