@@ -95,8 +95,9 @@ class Recording(records.Recording):
 
         Raises
         ------
-        Refusal : an array that is empty, not of one dimension or without a finite number; no positive rate or speed;
-            a delay, tolerance or uncertainty that none can be; a blank name
+        Refusal : an array that is empty, not of one dimension or without a finite number; arrays of different lengths
+            at one rate; no positive rate or speed; an angle, delay, tolerance or uncertainty that none can be; a sensor
+            of another name; a blank name; torque and pressure that cannot come from this pump
 
         Examples
         --------

@@ -94,14 +94,7 @@ def recording_from_arrays(
     sensors: Mapping[str, Sensor],
     name: str,
 ) -> Recording:
-    """Return a recording of arrays in SI on one clock; see `camtorque.Recording.from_arrays`.
-
-    Raises
-    ------
-    Refusal : an array that is missing, empty, not of one dimension, not of real or finite numbers; arrays of different
-        lengths at one rate; a rate or speed that is not positive; an angle of the trigger beyond a turn; a sensor of
-        another name; a blank name; torque and pressure that cannot come from this pump
-    """
+    """Return a recording of arrays in SI on one clock; see `camtorque.Recording.from_arrays`."""
     if not isinstance(sensors, Mapping):
         raise Refusal(
             f"sensors: found a {type(sensors).__name__}, expected one by name, such as {{'torque': Sensor(...)}}"

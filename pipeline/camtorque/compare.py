@@ -124,12 +124,7 @@ def _by_name(before: Prepared, after: Prepared) -> dict[str, Prepared]:
 
 
 def refuse_same(before: Prepared, after: Prepared) -> None:
-    """Refuse a measurement that is held against itself, under whatever id and sheets.
-
-    Raises
-    ------
-    Refusal : the logs of both are the same
-    """
+    """Refuse a measurement that is held against itself: both have the same logs, under whatever ids and sheets."""
     one, two = (_logs(side.recording) for side in (before, after))
     if one == two:
         raise Refusal(

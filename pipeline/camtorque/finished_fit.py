@@ -182,9 +182,7 @@ def load_curve(path: Path) -> tuple[str, Curve]:
 def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
     """Refuse a load that neither the fitted pump nor the one that is asked for made, by plunger and stroke.
 
-    Raises
-    ------
-    Refusal : see above; a recording without [pump] does not tell whose load it is
+    A recording without [pump] does not tell whose load it is.
     """
     report = report_named(path)
     config = load_recording_config(path if report is None else recording_of(report))

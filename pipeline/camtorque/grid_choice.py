@@ -44,12 +44,7 @@ def choose_grid(tolerance: float) -> tuple[int, str, float]:
 
 
 def grid_note(tolerance: float, least: int = 0) -> tuple[int, Finding]:
-    """Return the points per revolution for a wanted error, at least ``least``, and what the choice implies.
-
-    Raises
-    ------
-    Refusal : see `choose_grid`
-    """
+    """Return the points per revolution by `choose_grid`, at least ``least``, and what the choice implies."""
     n_theta, method, implied = choose_grid(tolerance)
     raised = f", raised to the {least} that the fit needs," if least > n_theta else ""
     text = (

@@ -178,12 +178,7 @@ def overall(verdicts: Sequence[Verdict]) -> str:
 
 
 def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limit]) -> None:
-    """Refuse a quantity that none of the results has: most likely it is misspelt.
-
-    Raises
-    ------
-    Refusal : naming the quantity and those that are alike
-    """
+    """Refuse a quantity that none of the results has, naming those that are alike: most likely it is misspelt."""
     known = sorted({path for document in documents for path in quantities(document)})
     for limit in limits:
         if limit.quantity not in known:

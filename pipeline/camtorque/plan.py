@@ -171,12 +171,7 @@ def rest_of(folder: Path, report: Path, name: str, per: float, fitted: float) ->
 
 
 def need_size(name: str, value: float, std: float, unit: str) -> None:
-    """Refuse a share of a number that may as well be zero.
-
-    Raises
-    ------
-    Refusal : its 95 % interval holds zero
-    """
+    """Refuse a share of a number that may as well be zero: its 95 % interval holds zero."""
     if abs(value) < COVERAGE * std:
         raise Refusal(
             f"plan: {name} is {value:.2g} ± {std:.2g} {unit}, so that zero is not excluded and a share of it means "

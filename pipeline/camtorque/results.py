@@ -54,12 +54,7 @@ def read_result(path: Path) -> dict[str, Any]:
 
 
 def read_campaign(path: Path) -> dict[str, Any]:
-    """Return the content of one campaign.json.
-
-    Raises
-    ------
-    Refusal : as `read_result`
-    """
+    """Return the content of one campaign.json; refused as by `read_result`."""
     return read_document(path, CAMPAIGN_SCHEMA, "what `camtorque campaign` writes")
 
 
@@ -83,12 +78,7 @@ def read_document(path: Path, schema: str, what: str) -> dict[str, Any]:
 
 
 def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Return the documents of all reports below some paths, by their folder.
-
-    Raises
-    ------
-    Refusal : see `find_results`, `read_result`
-    """
+    """Return the documents of all reports below some paths, by their folder; see `find_results`, `read_result`."""
     files = dict.fromkeys(file for path in paths for file in find_results(path))
     return {file.parent.as_posix(): read_result(file) for file in files}
 
@@ -156,12 +146,7 @@ def recording_of(report: Path) -> Path:
 
 
 def refuse_changed(report: Path, files: Iterable[InputFile]) -> None:
-    """Refuse files that are not those that a report was made of.
-
-    Raises
-    ------
-    Refusal : some have changed since, or others lie in their place
-    """
+    """Refuse files that are not those that a report was made of: changed since, or others in their place."""
     known = {row["sha256"] for row in read_result(report / NAME)["inputs"]}
     others = [file.path for file in files if file.sha256 not in known]
     if others:

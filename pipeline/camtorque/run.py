@@ -73,12 +73,7 @@ def peak_memory_mb() -> float:
 
 
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
-    """Return everything about one recording, and what a joint fit needs of it.
-
-    Raises
-    ------
-    Refusal : the recording cannot be used
-    """
+    """Return everything about one recording, and what a joint fit needs of it; see `analyse_recording`."""
     watch = Stopwatch(progress)
     with watch.stage("ingest", f"reading {path}"):
         recording = read_recording(path)

@@ -32,12 +32,7 @@ class Refusal(Exception):
 
 
 def require(packages: tuple[str, ...], what: str, extra: str) -> None:
-    """Refuse a choice whose optional packages are not installed.
-
-    Raises
-    ------
-    Refusal : a package is missing; the message names the extra that brings it
-    """
+    """Refuse a choice whose optional packages are not installed, naming the extra that brings them."""
     missing = [name for name in packages if find_spec(name) is None]
     if missing:
         raise Refusal(
