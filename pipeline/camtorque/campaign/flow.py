@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -27,7 +26,7 @@ from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
-from camtorque.report.folder import move_files
+from camtorque.report.folder import output_files
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
 from camtorque.units import did_you_mean, first_of
@@ -197,12 +196,8 @@ def _write_index(
     """Write page, document and figures of the campaign; each file is replaced as a whole."""
     if len(entries) <= MOST_THUMBNAILS:
         entries = [_with_thumbnail(out, entry) for entry in entries]
-    scratch = out / ".index.partial"
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir()
-    doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch, out)
-    move_files(scratch, out)
-    shutil.rmtree(scratch)
+    with output_files(out) as scratch:
+        doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch, out)
     own = [path for path in visible_files(out) if path.relative_to(out).parts[0] != "runs"]
     write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in entries if entry.folder)])
     return doc

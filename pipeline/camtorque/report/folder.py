@@ -144,9 +144,9 @@ def seal(folder: Path, name: str) -> None:
 
 @contextmanager
 def output_files(target: Path) -> Iterator[Path]:
-    """Give a temporary folder whose files are moved into the target when the block ends without an error.
+    """Give a temporary folder whose files, each as a whole, are moved into the target when the block ends well.
 
-    For outputs that share a folder with others, such as the charts of two studies.
+    For outputs that share a folder with others, such as the charts of two studies or the page of a campaign.
 
     Raises
     ------
@@ -156,16 +156,11 @@ def output_files(target: Path) -> Iterator[Path]:
     place = target.resolve() / "files" if target.is_dir() else target.resolve()
     with _written_beside(target, place) as partial:
         yield partial
-        move_files(partial, target)
-
-
-def move_files(source: Path, target: Path) -> None:
-    """Move every file of a folder and those below it, each replaced as a whole."""
-    for file in sorted(source.rglob("*")):
-        if file.is_file() and file.name != LOCK:
-            place = target / file.relative_to(source)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(file, place)
+        for file in sorted(partial.rglob("*")):
+            if file.is_file() and file.name != LOCK:
+                moved = target / file.relative_to(partial)
+                moved.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(file, moved)
 
 
 @contextmanager
