@@ -94,19 +94,12 @@ def __dir__() -> list[str]:
 class _Face(ModuleType):
     """The package, whose functions stay in place when a room of the same name is imported."""
 
-
-def _keep(name: str) -> property:
-    def loaded(self: ModuleType) -> Any:
-        return __getattr__(name)
-
-    def bound(self: ModuleType, value: Any) -> None:
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in ROOMS_OF_THAT_NAME:
+            super().__setattr__(name, value)
         # importing the room binds it here; a statement `from camtorque.fit import ...` does not look here
-        if not isinstance(value, ModuleType):
+        elif not isinstance(value, ModuleType):
             raise AttributeError(f"camtorque.{name} cannot be replaced")
 
-    return property(loaded, bound)
 
-
-for _name in ROOMS_OF_THAT_NAME:
-    setattr(_Face, _name, _keep(_name))
 sys.modules[__name__].__class__ = _Face

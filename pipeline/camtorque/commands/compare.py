@@ -42,11 +42,6 @@ def compare_table(doc: Mapping[str, Any]) -> str:
             for row in found
         ]
     unknown = [row["name"] for row in rows if row["verdict"] == "cannot tell"]
-    return "\n".join(
-        [*lines, *([f"cannot tell: {', '.join(unknown)}"] if unknown else []), *left_out(doc), *_of_recordings(doc)]
-    )
-
-
-def _of_recordings(doc: Mapping[str, Any]) -> list[str]:
-    """Return what is odd in the recordings, with the recording's name."""
-    return loud_findings([{**row, "text": f"{row['recording']}: {row['text']}"} for row in doc.get("findings", ())])
+    lines += [f"cannot tell: {', '.join(unknown)}"] * bool(unknown)
+    odd = [{**row, "text": f"{row['recording']}: {row['text']}"} for row in doc.get("findings", ())]
+    return "\n".join([*lines, *left_out(doc), *loud_findings(odd)])

@@ -102,15 +102,12 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
 
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per finding."""
-    return [
-        f"{row['severity']:8}  {typeset(named(row['text']))}"
-        + (f" {_bracketed(row['where'])}" if row["where"] and words(row["where"]) not in row["text"] else "")
-        for row in findings
-    ]
-
-
-def _bracketed(place: str) -> str:
-    return place if place.startswith("[") else f"[{place}]"
+    lines = []
+    for row in findings:
+        place = row["where"] if row["where"].startswith("[") else f"[{row['where']}]"
+        told = not row["where"] or words(row["where"]) in row["text"]
+        lines.append(f"{row['severity']:8}  {typeset(named(row['text']))}" + ("" if told else f" {place}"))
+    return lines
 
 
 def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -127,11 +124,11 @@ def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def limit_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per limit."""
-    return [f"{row['verdict']:12}{row['quantity']:48}{_number(row['value']):>12}  {_band(row)}" for row in rows]
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.5g}"
+    numbers = ["-" if row["value"] is None else f"{row['value']:.5g}" for row in rows]
+    return [
+        f"{row['verdict']:12}{row['quantity']:48}{number:>12}  {_band(row)}"
+        for row, number in zip(rows, numbers, strict=True)
+    ]
 
 
 def _band(row: Mapping[str, Any]) -> str:

@@ -86,16 +86,13 @@ def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], fo
     named = phases(curves[0].theta, curves[0].lift) if curves else ()
     html = render(
         "compare.html", drawings, named, title=title, doc=document,
-        tables=[(name, compare_rows(document[key])) for name, key in _TABLES if document[key]],
+        tables=[(key.capitalize(), compare_rows(document[key])) for key in ("losses", "parameters") if document[key]],
         answer=compare_answer(document), events=compare_events(document), left_out=left_out(document),
         cautions=compare_cautions(document), findings=document.get("findings", ()),
     )  # fmt: skip
     write_page(folder / "compare.html", html)
     write_json(folder / "compare.json", document)
     return document
-
-
-_TABLES = (("Losses", "losses"), ("Parameters", "parameters"))
 
 
 def compare_answer(document: Mapping[str, Any]) -> str:
