@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_TABLES
-from camtorque.config.tables import read_toml
+from camtorque.config.tables import Refusals, read_toml
 from camtorque.ingest.formats import FORMATS, declared_format, file_format, first_bytes
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
@@ -64,6 +64,18 @@ def test_values_come_out_in_si(tmp_path: Path):
     assert config.pump.poisson_ratio == 0.3
     assert config.pump.roller_mass is None
     assert config.text == TEXT
+
+
+@pytest.mark.parametrize(("name", "text"), [
+    ("sensors", r"sensors: found 3, expected a table \[sensors\]"),
+    ("loggers", r"expected at least one \[\[loggers\]\] table, found 3"),
+    ("channels", r"expected at least one \[\[channels\]\] table, found 3"),
+])  # fmt: skip
+def test_what_is_no_table_is_told_once(tmp_path: Path, name: str, text: str):
+    rest = re.sub(rf"(?ms)^\[\[?{name}\b.*?(?=^\[\[?(?!{name}\b)|\Z)", "", TEXT)
+    with pytest.raises(Refusals, match=text) as refused:
+        load_recording_config(write(tmp_path, f"{name} = 3\n{rest}"))
+    assert len(refused.value.problems) == 1
 
 
 def test_file_and_folder_are_the_same(tmp_path: Path):

@@ -48,8 +48,6 @@ def load_recording_config(path: Path) -> RecordingConfig:
     root = Table(values, file, "")
     check_schema(values, file, RECORDING_SCHEMA)
     problems = Problems()
-    with problems.collecting():
-        _refuse_other_tables(root)
     single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
     loggers, channels, sensors = _loggers(root, problems), _channels(root, problems), _sensors(root, problems)
     problems.raise_any()
@@ -82,12 +80,6 @@ def _near(path: Path) -> str:
         return ""
     names = tuple(sorted(item.parent.name for item in folder.glob(f"*/{RECORDING_FILE}")))
     return did_you_mean(path.name, names) or (f"; in {folder} are {first_of(names, MOST_LISTED)}" if names else "")
-
-
-def _refuse_other_tables(root: Table) -> None:
-    for name, schema in RECORDING_TABLES.items():
-        if root.has(name) and not isinstance(root.values[name], list if schema.many else dict):
-            raise Refusal(f"{root.file} {name}: found {root.values[name]!r:.60}, expected a table {schema.header}")
 
 
 def _one(root: Table, name: str, problems: Problems) -> dict[str, Any]:
