@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from camtorque.commands import arguments
 from camtorque.config.pump import PressureCurve, load_pump_config
+from camtorque.config.tables import Refusals
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.predict import cam_of, mounting_of, predict, prediction_document, pressure_at, sweep_rows
 from camtorque.mechanism.shaft import METHODS
@@ -44,6 +45,17 @@ def with_table(folder):
     path = folder / "pump.toml"
     path.write_text(head + entry + "[mounting]" + tail.split("[mounting]")[1])
     return path
+
+
+def test_a_cam_that_is_no_table_hides_nothing_else(tmp_path):
+    head, tail = PAPER.read_text().split("[cam]")
+    head = re.sub(r"(?m)^plunger_diameter_m.*$", "", head).replace("\n[pump]", "\ncam = 3\n[pump]")
+    path = tmp_path / "pump.toml"
+    path.write_text(head + "[mounting]" + tail.split("[mounting]")[1])
+    with pytest.raises(Refusals, match="plunger_diameter_m: this key is missing") as refused:
+        load_pump_config(path)
+    assert len(refused.value.problems) == 2
+    assert "cam: found 3, expected a table" in refused.value.problems[1]
 
 
 def test_paper_pump_reaches_the_torque_levels_of_the_paper():

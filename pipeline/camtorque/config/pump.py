@@ -113,7 +113,7 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     root.only(("schema", *ONCE))
     problems = Problems()
     tables = {name: _values(root, name, problems) for name in ONCE}
-    sections = _sections(root.table("cam", optional=True), problems)
+    sections = _sections(root, problems)
     problems.raise_any()
     pump = tables["pump"]
     if (pump["cam_table_path"] is None) == (not sections):
@@ -145,14 +145,14 @@ def _values(root: Table, name: str, problems: Problems) -> dict[str, Any]:
     return {}
 
 
-def _sections(cam: Table, problems: Problems) -> tuple[SectionSpec, ...]:
+def _sections(root: Table, problems: Problems) -> tuple[SectionSpec, ...]:
     """Return the sections of [cam] in the direction of running."""
-    if not cam.has("sections"):
-        return ()
     sections = []
-    for table in cam.tables("sections"):
-        with problems.collecting():
-            sections.append(_section(table))
+    with problems.collecting():
+        cam = root.table("cam", optional=True)
+        for table in cam.tables("sections") if cam.has("sections") else ():
+            with problems.collecting():
+                sections.append(_section(table))
     return tuple(sections)
 
 
