@@ -51,12 +51,12 @@ class OwnFit:
     ----------
     problem : of the best structure, started at its minimum
     minimum : (k,) that minimum [SI]
-    lifts : correction of the lift table, integrated out
+    lift : correction of the lift table, integrated out
     """
 
     problem: Problem
     minimum: Array
-    lifts: tuple[LiftModes, ...]
+    lift: LiftModes
 
     def __repr__(self) -> str:
         return f"<OwnFit {self.problem.data[0].name}: {len(self.names)} free parameters>"
@@ -91,26 +91,21 @@ class OwnFit:
 
         Returns
         -------
-        residual : (n_recordings x bins + k,); its sum of squares is the chi-square of the fit
+        residual : (bins + k,); its sum of squares is the chi-square of the fit
         """
         z = self._si(parameters)
         means, stds = self.problem.priors
-        parts = [self._whitened(index, self._data(z, index)[0]) for index in range(len(self.problem.data))]
-        return np.concatenate([*parts, (z - means) / stds])
+        return np.concatenate([self._whitened(self._left(z)[0]), (z - means) / stds])
 
     def jacobian(self, parameters: lmfit.Parameters) -> Array:
         """Return the derivative of `residual` by the varying parameters; exact but for the ties' own formulas."""
-        z = self._si(parameters)
-        rows = []
-        for index, item in enumerate(self.problem.data):
-            _, output = self._data(z, index, tangents=True)
-            own, chain = self.problem.places[index]
-            full = np.zeros((item.torque.size, z.size))
-            both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
-            full[:, own] = -both * item.weight[:, None]
-            rows.append(self._whitened(index, full))
-        rows.append(np.diag(1.0 / self.problem.priors[1]))
-        return np.vstack(rows) * self.units @ self._ties(parameters)
+        z, weight, (own, chain) = self._si(parameters), self.problem.data[0].weight, self.problem.places[0]
+        _, output = self._left(z, tangents=True)
+        both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
+        left = np.zeros((weight.size, z.size))
+        left[:, own] = -both * weight[:, None]
+        rows = np.vstack([self._whitened(left), np.diag(1.0 / self.problem.priors[1])])
+        return rows * self.units @ self._ties(parameters)
 
     def minimizer(self, parameters: lmfit.Parameters) -> lmfit.Minimizer:
         """Return lmfit's minimizer of these parameters; ``minimize()`` fits, `lmfit.conf_interval` takes it.
@@ -129,17 +124,17 @@ class OwnFit:
     def _si(self, parameters: lmfit.Parameters) -> Array:
         return np.array([parameters[name].value for name in self.names]) * self.units
 
-    def _data(self, z: Array, index: int, tangents: bool = False) -> tuple[Array, ChainOutput]:
-        item = self.problem.data[index]
-        values, coefficients = self.problem.values(z, index)
+    def _left(self, z: Array, tangents: bool = False) -> tuple[Array, ChainOutput]:
+        """Return measured - model, weighted, and what the chain gives."""
+        item = self.problem.data[0]
+        values, coefficients = self.problem.values(z, 0)
         output = evaluate(item.chain, values, coefficients, tangents=tangents)
         return item.residual(output, coefficients), output
 
-    def _whitened(self, index: int, values: Array) -> Array:
+    def _whitened(self, values: Array) -> Array:
         """Return (I + B B^T)^(-1/2) times weighted values: what the lift correction explains counts less."""
-        lift = self.lifts[index]
-        lost = 1.0 - 1.0 / np.sqrt(1.0 + lift.strength**2)
-        return values - (lift.vectors * lost) @ (lift.vectors.T @ values)
+        lost = 1.0 - 1.0 / np.sqrt(1.0 + self.lift.strength**2)
+        return values - (self.lift.vectors * lost) @ (self.lift.vectors.T @ values)
 
     def _ties(self, parameters: lmfit.Parameters) -> Array:
         """Return how all parameters follow the varying ones, (k, n_varying)."""
@@ -188,7 +183,7 @@ def own_fit(recording: Recording | Path | str) -> OwnFit:
     item = recording if isinstance(recording, Recording) else read_recording(Path(recording))
     cycles = align(item)
     best = prepare(item, cycles, rigid_torque(item, cycles)).candidates[0]
-    return OwnFit(best.problem, best.solution.z, best.solution.lifts)
+    return OwnFit(best.problem, best.solution.z, best.solution.lifts[0])
 
 
 def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:

@@ -35,11 +35,11 @@ def own() -> OwnFit:
     first = build_problem([data])
     data = refined(data, first.values(first.start, 0)[0])
     problem = build_problem([data])
-    own = OwnFit(problem, problem.start, lifts_at(problem, problem.start))
-    model = -own._data(problem.start, 0)[0] / data.weight + data.torque
+    own = OwnFit(problem, problem.start, lifts_at(problem, problem.start)[0])
+    model = -own._left(problem.start)[0] / data.weight + data.torque
     noise = np.random.default_rng(11).normal(0.0, 1.0, data.torque.size) / data.weight
     problem = build_problem([replace(data, torque=model + noise)])
-    return OwnFit(problem, problem.start, own.lifts)
+    return OwnFit(problem, problem.start, own.lift)
 
 
 def some_free(own: OwnFit) -> lmfit.Parameters:
@@ -50,7 +50,7 @@ def some_free(own: OwnFit) -> lmfit.Parameters:
 
 
 def test_the_residual_is_that_of_the_fit(own: OwnFit) -> None:
-    trial = try_at(own.problem, own.problem.start, own.lifts)
+    trial = try_at(own.problem, own.problem.start, (own.lift,))
     parameters = own.parameters()
     for name, value in zip(own.names, trial.z / own.units, strict=True):
         parameters[name].set(value=value)
