@@ -14,7 +14,7 @@ polarity, flanks       inverted, swapped; does the cam stand where torque and pr
 quality, jitter        which cycles are used, and why not
 budget, summary        angle error budget; plain numbers for a file
 hum, drift             mains frequency on the torque; levels that move during the recording
-revolution             angle inside the revolution from torque and inertia (used by the driveline effect)
+revolution             angle inside the revolution from torque and inertia
 cycles                 `align`: all of it, in order
 """
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,52 +53,57 @@ def positions(channel: Channel, clock: Clock, times: Array) -> Array:
     return sample_positions(channel, clock.from_reference(times + delay))
 
 
-def covered(
-    angle: CamAngle, cycles: NDArray[np.int64], channels: Mapping[str, Channel], clocks: Mapping[str, Clock]
-) -> NDArray[np.bool_]:
-    """Tell which cycles every channel covers from theta = 0 to one revolution later."""
-    begin, end = angle.time_at(cycles * TURN), angle.time_at((cycles + 1) * TURN)
-    complete = np.ones(cycles.size, dtype=bool)
-    for channel in channels.values():
-        clock = clocks[channel.logger]
-        complete &= positions(channel, clock, begin) >= 1.0
-        complete &= positions(channel, clock, end) <= channel.n_samples - 2.0
-    return complete
+@dataclass(frozen=True)
+class Turns:
+    """The turns of the cam that the pulses cover, one clock for all channels, and how these are put on the grid."""
+
+    angle: CamAngle
+    clocks: Mapping[str, Clock]
+    options: AlignOptions
+
+    @cached_property
+    def cycles(self) -> NDArray[np.int64]:
+        """Their numbers, (n,)."""
+        return self.angle.candidate_cycles()
+
+    @cached_property
+    def times(self) -> tuple[Array, Array, Array]:
+        """Begin, middle and end of each, (n,) [s]."""
+        begin, middle, end = (self.angle.time_at((self.cycles + part) * TURN) for part in (0.0, 0.5, 1.0))
+        return begin, middle, end
+
+    def covered(self, channels: Iterable[Channel]) -> NDArray[np.bool_]:
+        """Tell which of them every channel covers from theta = 0 to one revolution later."""
+        begin, _, end = self.times
+        complete = np.ones(self.cycles.size, dtype=bool)
+        for channel in channels:
+            clock = self.clocks[channel.logger]
+            complete &= positions(channel, clock, begin) >= 1.0
+            complete &= positions(channel, clock, end) <= channel.n_samples - 2.0
+        return complete
 
 
 def align_channels(
-    channels: Mapping[str, Channel],
-    angle: CamAngle,
-    cycles: NDArray[np.int64],
-    complete: NDArray[np.bool_],
-    clocks: Mapping[str, Clock],
-    options: AlignOptions,
+    channels: Mapping[str, Channel], turns: Turns, complete: NDArray[np.bool_]
 ) -> dict[str, AlignedChannel]:
-    """Resample the channels side by side; files are read by one thread at a time."""
+    """Resample the complete turns of some channels side by side; files are read by one thread at a time."""
     reading = threading.Lock()
     with ThreadPoolExecutor(max_workers=2) as pool:
         jobs = {
-            quantity: pool.submit(
-                _align_channel, channel, angle, cycles, complete, clocks[channel.logger], options, reading
-            )
+            quantity: pool.submit(_align_channel, channel, turns, complete, reading)
             for quantity, channel in channels.items()
         }
         return {quantity: job.result() for quantity, job in jobs.items()}
 
 
 def _align_channel(
-    channel: Channel,
-    angle: CamAngle,
-    cycles: NDArray[np.int64],
-    complete: NDArray[np.bool_],
-    clock: Clock,
-    options: AlignOptions,
-    reading: threading.Lock,
+    channel: Channel, turns: Turns, complete: NDArray[np.bool_], reading: threading.Lock
 ) -> AlignedChannel:
+    angle, cycles, options, clock = turns.angle, turns.cycles, turns.options, turns.clocks[channel.logger]
     rows = empty_stack(cycles.size, options.n_theta)
     damage, extremes = np.zeros((cycles.size, 5), dtype=np.int64), np.full((cycles.size, 2), np.nan)
     rows[~complete] = np.nan
-    begin, middle, end = (angle.time_at((cycles + part) * TURN) for part in (0.0, 0.5, 1.0))
+    begin, middle, end = turns.times
     samples_per_step = float(np.median(end - begin)) * channel.sample_rate / options.n_theta
     rule, compiled = choose_rule(options.interpolation, samples_per_step), compiled_pays(channel.n_samples)
     resample_block = resampler(compiled)

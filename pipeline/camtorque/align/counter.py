@@ -6,12 +6,10 @@ rises by one count now and then, one that rises by many counts a sample and an a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.align.pulses import PulseTrain
+from camtorque.align.pulses import PulseTrain, TriggerTrain
 from camtorque.records import Array, Channel, Finding, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
@@ -50,17 +48,7 @@ BACKWARDS = Threshold(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Counted:
-    """Pulses of a counter; ``edges`` holds their noise."""
-
-    edges: Edges
-    train: PulseTrain
-    pulses_per_cycle: int
-    findings: tuple[Finding, ...]
-
-
-def counter_train(channel: Channel, revolutions_per_cycle: int) -> Counted:
+def counter_train(channel: Channel, revolutions_per_cycle: int) -> TriggerTrain:
     """Return pulses at whole steps of a recorded angle; step zero is where it is zero.
 
     Parameters
@@ -102,7 +90,7 @@ def counter_train(channel: Channel, revolutions_per_cycle: int) -> Counted:
         text = "the recorded angle decreases: it is read in the direction of running"
         findings = (*findings, Finding("angle_turned", "info", text, channel.where))
     edges = Edges(at, 0.0, float(np.ptp(angle)), noise, "", np.empty(0))
-    return Counted(edges, train, n * revolutions_per_cycle, findings)
+    return TriggerTrain(channel, edges, train, n * revolutions_per_cycle, findings)
 
 
 def _changes(channel: Channel, quantum: float) -> tuple[Array, Array, int, float]:

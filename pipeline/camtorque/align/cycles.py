@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_unseen, wandered
-from camtorque.align.channels import AlignedChannel, align_channels, covered
+from camtorque.align.channels import AlignedChannel, Turns, align_channels
 from camtorque.align.drift import beyond_steps, drift_findings, level_drifts, size_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
@@ -51,13 +51,13 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     channels = measured(recording)
     base = settled_phase(recording, time_base(recording, channels.reference, options), channels, options)
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
-    cycles = angle.candidate_cycles()
-    complete = covered(angle, cycles, channels.deciding, base.clocks)
-    aligned = align_channels(channels.main, angle, cycles, complete, base.clocks, options)
-    table = _table(angle, cycles, complete, aligned, options, base.edge_noise)
+    turns = Turns(angle, base.clocks, options)
+    complete = turns.covered((channels.main or channels.other).values())
+    aligned = align_channels(channels.main, turns, complete)
+    table = _table(turns, complete, aligned, base.edge_noise)
     checked = check_quantities(table.rows, table.undamaged, recording, base.train.time)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
-    begins = angle.time_at(cycles * TURN)
+    begins = turns.times[0]
     lags = settle_lags(table, begins, base.edge_noise)
     table = replace(table, slipped=lags.slipped)
     used, cut_flow = apply_cuts(table)
@@ -65,7 +65,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     refuse_jitter(table, recording.config.id)
     if not used.any():
         raise _none_used(recording, int(complete.sum()), cut_flow)
-    others, untied = align_others(channels.other, angle, cycles, base.clocks, options)
+    others, untied = align_others(channels.other, turns)
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
@@ -136,14 +136,10 @@ def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
 
 
 def _table(
-    angle: CamAngle,
-    cycles: NDArray[np.int64],
-    complete: NDArray[np.bool_],
-    aligned: dict[str, AlignedChannel],
-    options: AlignOptions,
-    edge_noise: float,
+    turns: Turns, complete: NDArray[np.bool_], aligned: dict[str, AlignedChannel], edge_noise: float
 ) -> CycleTable:
-    period = angle.time_at((cycles + 1) * TURN) - angle.time_at(cycles * TURN)
+    angle, cycles, options = turns.angle, turns.cycles, turns.options
+    period = turns.times[2] - turns.times[0]
     jump = angle.touched(cycles, angle.jumped)
     unproven = angle.touched(cycles, angle.broken)
     if angle.repair_error_deg > options.repaired_angle_deg:

@@ -5,13 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from camtorque.align.angle import CamAngle
-from camtorque.align.channels import AlignedChannel, align_channels, covered
-from camtorque.align.clocks import Clock
-from camtorque.align.options import AlignOptions
+from camtorque.align.channels import AlignedChannel, Turns, align_channels
 from camtorque.align.sources import ANGLE_CHANNELS
 from camtorque.records import Channel, Finding, Recording, Refusal
 
@@ -30,11 +24,6 @@ class Measured:
     def reference(self) -> str:
         """Logger whose clock is the time: that of the torque, else of the pressure, else of the first channel."""
         return next(iter((*self.main.values(), *self.other.values()))).logger
-
-    @property
-    def deciding(self) -> Mapping[str, Channel]:
-        """Channels that have to cover a cycle."""
-        return self.main or self.other
 
 
 def measured(recording: Recording) -> Measured:
@@ -65,27 +54,23 @@ def measured(recording: Recording) -> Measured:
 
 
 def align_others(
-    channels: Mapping[str, Channel],
-    angle: CamAngle,
-    cycles: NDArray[np.int64],
-    clocks: Mapping[str, Clock],
-    options: AlignOptions,
+    channels: Mapping[str, Channel], turns: Turns
 ) -> tuple[dict[str, AlignedChannel], tuple[Finding, ...]]:
     """Return the other channels on the grid, nan in cycles that they do not cover, and findings about those."""
     aligned: dict[str, AlignedChannel] = {}
     findings = []
     for quantity, channel in channels.items():
-        if channel.logger not in clocks:
+        if channel.logger not in turns.clocks:
             text = (
                 f"the {quantity} is left out: its logger {channel.logger!r} has its own clock and shares no trigger, "
                 "torque or pressure with the others"
             )
             findings.append(Finding("channel_untied", "warning", text, channel.where))
             continue
-        there = covered(angle, cycles, {quantity: channel}, clocks)
+        there = turns.covered([channel])
         if not there.any():
-            text = f"the {quantity} is left out: it covers none of {cycles.size} cycles"
+            text = f"the {quantity} is left out: it covers none of {there.size} cycles"
             findings.append(Finding("channel_not_covering", "warning", text, channel.where))
             continue
-        aligned |= align_channels({quantity: channel}, angle, cycles, there, clocks, options)
+        aligned |= align_channels({quantity: channel}, turns, there)
     return aligned, tuple(findings)

@@ -11,7 +11,6 @@ from camtorque.align.teeth import (
     ONE_PITCH,
     Counted,
     double_tooth_steps,
-    even_steps,
     forward,
     from_marks,
     missing_tooth_steps,
@@ -63,7 +62,7 @@ def _numbered(time: Array, spec: TriggerSpec, where: str, index: Array | None) -
         return numbered_by_index(train, index, spec, where)
     if index is None:
         raise _without_mark(spec, where)
-    return numbered_by_index(train_of(even_steps(time)), index, spec, where)
+    return numbered_by_index(train_of(missing_tooth_steps(time, 0)), index, spec, where)
 
 
 def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
@@ -108,11 +107,10 @@ def numbered_by_index(train: PulseTrain, index: Array, spec: TriggerSpec, where:
             f"{where}: the index pulse wanders by {spread:.2g} of a pulse interval among the pulses, expected a place "
             "that repeats; check that both channels belong to one encoder and pulses_per_rev"
         )
-    counted = Counted(train.time, train.step, train.broken, np.empty(0, dtype=np.int64))
     zeros = np.rint(place - fraction).astype(np.int64)
     marks = np.searchsorted(train.step, zeros)
     there = train.step[np.minimum(marks, train.step.size - 1)] == zeros
-    found = resynced(replace(counted, marks=np.unique(marks[there])), n, n)
+    found = resynced(Counted(train.time, train.step, train.broken, np.unique(marks[there])), n, n)
     kept = np.isin(train.time, found.time)
     counts = {**train.counts, "slips": train.counts.get("slips", 0) + found.n_slips}
     return PulseTrain(

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.angle import cam_angle
-from camtorque.align.channels import align_channels, covered
+from camtorque.align.channels import Turns, align_channels
 from camtorque.align.measured import Measured
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
@@ -48,13 +48,12 @@ def settled_phase(recording: Recording, base: TimeBase, channels: Measured, opti
 
 def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:
     """Return the median cycle of torque and pressure on a coarse grid."""
-    coarse = replace(options, n_theta=COARSE)
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
-    cycles = angle.candidate_cycles()
-    complete = covered(angle, cycles, channels.main, base.clocks)
+    turns = Turns(angle, base.clocks, replace(options, n_theta=COARSE))
+    complete = turns.covered(channels.main.values())
     if not complete.any():
         return {}
-    aligned = align_channels(channels.main, angle, cycles, complete, base.clocks, coarse)
+    aligned = align_channels(channels.main, turns, complete)
     whole = np.all([np.isfinite(item.rows).all(axis=1) for item in aligned.values()], axis=0)
     if not whole.any():
         return {}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.align.angle import CamAngle
-from camtorque.align.channels import align_channels, covered
+from camtorque.align.channels import Turns, align_channels
 from camtorque.align.clocks import CLEAR_EVIDENCE, Clock, robust_line
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import lift_velocity
@@ -132,11 +132,11 @@ def _velocity_at(pair: Pair, time: Array) -> Array:
 def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
     """Return both channels on a coarse angle grid with a trial clock, the middles and periods of the cycles."""
     clocks = {pair.known: Clock(ClockFit(pair.known, 0.0, 0.0, 0.0)), pair.logger: clock}
-    cycles = pair.angle.candidate_cycles()
-    complete = covered(pair.angle, cycles, pair.channels, clocks)
+    turns = Turns(pair.angle, clocks, AlignOptions(n_theta=N_THETA))
+    complete = turns.covered(pair.channels.values())
     _refuse_few(pair, int(complete.sum()))
-    aligned = align_channels(pair.channels, pair.angle, cycles, complete, clocks, AlignOptions(n_theta=N_THETA))
-    begin, end = (pair.angle.time_at((cycles[complete] + k) * TURN) for k in (0, 1))
+    aligned = align_channels(pair.channels, turns, complete)
+    begin, end = turns.times[0][complete], turns.times[2][complete]
     return {quantity: item.rows[complete] for quantity, item in aligned.items()}, 0.5 * (begin + end), end - begin
 
 

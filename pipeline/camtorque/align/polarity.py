@@ -18,7 +18,7 @@ from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refu
 from camtorque.signal.marks import uneven_marks
 from camtorque.signal.repeats import repeats_every
 from camtorque.signal.threshold import Count, Threshold
-from camtorque.units import BAR
+from camtorque.units import BAR, TURN
 
 INVERTED_CORRELATION = Threshold(
     -0.3, "1", "simulated rigs",
@@ -180,13 +180,10 @@ def at_rest(torque: Array, velocity: Array) -> float:
 
 def lift_velocity(table: CamTable, n_theta: int) -> Array:
     """Return dy/dtheta of the lift table on the angle grid by central differences [m/rad]."""
-    grid = np.arange(n_theta) * (2.0 * np.pi / n_theta)
-    slope = np.gradient(np.r_[table.lift[-1], table.lift, table.lift[0]], _wrapped(table.theta))[1:-1]
-    return np.interp(grid, table.theta, slope, period=2.0 * np.pi)
-
-
-def _wrapped(theta: Array) -> Array:
-    return np.r_[theta[-1] - 2.0 * np.pi, theta, theta[0] + 2.0 * np.pi]
+    grid = np.arange(n_theta) * (TURN / n_theta)
+    theta, lift = table.theta, table.lift
+    slope = np.gradient(np.r_[lift[-1], lift, lift[0]], np.r_[theta[-1] - TURN, theta, theta[0] + TURN])[1:-1]
+    return np.interp(grid, theta, slope, period=TURN)
 
 
 def _typical(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records import Array, Finding
+from camtorque.records import Array, Channel, Finding
 from camtorque.signal.bounces import without_bounces
+from camtorque.signal.edges import Edges
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import counted
@@ -56,6 +57,20 @@ class PulseTrain:
     offset_std: float = 0.0
     by_index: bool = False
     phase_open: bool = False
+
+
+@dataclass(frozen=True)
+class TriggerTrain:
+    """Pulses of one channel on its own logger's clock; ``edges`` holds their noise.
+
+    ``pulses_per_cycle`` counts the steps of a turn of the cam in ``train``.
+    """
+
+    channel: Channel
+    edges: Edges
+    train: PulseTrain
+    pulses_per_cycle: int
+    findings: tuple[Finding, ...] = ()
 
 
 def clean_pulses(time: Array) -> PulseTrain:
@@ -124,11 +139,6 @@ def _periods_in_gap(gaps: Array, i: int) -> tuple[int, bool]:
     ]
     proven = n <= MAX_MISSED + 1 and all(abs(side * n / gaps[i] - 1.0) < PROVEN_PERIOD for side in sides)
     return n, not proven
-
-
-def shifted(train: PulseTrain, delay: float) -> PulseTrain:
-    """Return the train with a delay taken off its times."""
-    return replace(train, time=train.time - delay)
 
 
 def train_findings(train: PulseTrain, where: str) -> tuple[Finding, ...]:

@@ -139,11 +139,7 @@ def _misfire(table: CycleTable) -> Mask:
 
 def ordinary(table: CycleTable) -> Mask:
     """Return the complete cycles that nothing is wrong with but, maybe, their shape or place."""
-    found = table.undamaged & ~_misfire(table) & ~_start_stop(table) & ~_speed_outlier(table)
-    found &= ~table.unproven & ~table.clock_jump & ~_drop_out(table)
-    for quantity in table.damage:
-        found &= ~_clipped(quantity)(table)
-    return found
+    return ~np.any([test(table) for reason, (test, _) in CUTS.items() if reason not in ("samples_lost", "outlier")], 0)
 
 
 def _outlier(table: CycleTable) -> Mask:
@@ -152,31 +148,20 @@ def _outlier(table: CycleTable) -> Mask:
     if normal.sum() < 4:
         return outlier
     for rows in table.rows.values():
-        distance = _distance(rows, normal)
+        stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
+        distance = distance_of(rows, np.median(rows[spread_choice(normal), ::stride], axis=0), stride)
         usual = np.median(distance[normal])
         spread = 1.4826 * np.median(np.abs(distance[normal] - usual))
-        limit = max(
-            usual + table.options.outlier_z * spread, OUTLIER_FACTOR * usual, OUTLIER_SWING * _swing(rows, normal)
-        )
+        swing = float(np.ptp(rows[np.flatnonzero(normal)[int(normal.sum()) // 2]]))
+        limit = max(usual + table.options.outlier_z * spread, OUTLIER_FACTOR * usual, OUTLIER_SWING * swing)
         outlier |= np.nan_to_num(distance) > limit
     return outlier
-
-
-def _swing(rows: Array, normal: Mask) -> float:
-    middle = rows[np.flatnonzero(normal)[int(normal.sum()) // 2]]
-    return float(np.ptp(middle))
 
 
 def spread_choice(flags: Mask) -> NDArray[np.int64]:
     """Return at most `SAMPLED_CYCLES` of the flagged places, spread evenly."""
     chosen = np.flatnonzero(flags)
     return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]
-
-
-def _distance(rows: Array, normal: Mask) -> Array:
-    """Return the RMS distance of each cycle from the median cycle, at points that lie `POINT_DEG` apart."""
-    stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
-    return distance_of(rows, np.median(rows[spread_choice(normal), ::stride], axis=0), stride)
 
 
 CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {

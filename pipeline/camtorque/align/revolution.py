@@ -1,12 +1,11 @@
 """Cam angle inside a revolution, rebuilt from the measured torque: what one pulse per revolution cannot see.
 
-For those who know the drive's inertia; the nominal alignment does not use it.
+For the angle error budget, and for those who know the drive's inertia; the nominal alignment does not use it.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.records import Array
 
@@ -36,14 +35,5 @@ def angle_correction(torque: Array, speed: float, trigger_angle: float, inertia:
     inverse_square = np.zeros(harmonics.size)
     inverse_square[1:] = 1.0 / (order[1:] * speed) ** 2
     correction = harmonics * inverse_square / inertia
-    at_trigger = _value_at(correction, trigger_angle, torque.size)
+    at_trigger = np.fft.irfft(correction * np.exp(1j * order * trigger_angle), torque.size)[0]
     return np.fft.irfft(correction, torque.size) - at_trigger
-
-
-def _value_at(harmonics: NDArray[np.complex128], angle: float, n: int) -> float:
-    """Value of a real Fourier series (as of rfft) at an angle."""
-    weight = np.full(harmonics.size, 2.0)
-    weight[0] = 1.0
-    if n % 2 == 0:
-        weight[-1] = 1.0
-    return float(np.sum(weight * (harmonics * np.exp(1j * np.arange(harmonics.size) * angle)).real) / n)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from camtorque.align.counter import counter_train
 from camtorque.align.numbering import number_counts, number_teeth
 from camtorque.align.options import AlignOptions
-from camtorque.align.pulses import PulseTrain, shifted
-from camtorque.align.teeth import mark_misfit
+from camtorque.align.pulses import PulseTrain, TriggerTrain
+from camtorque.align.teeth import broken_before, mark_misfit
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges
@@ -37,22 +37,8 @@ MOST_PULSES = 120
 """Pulses per turn of the cam that are kept of a fine encoder: one in three degrees sees every speed of a shaft."""
 
 
-@dataclass(frozen=True)
-class TriggerTrain:
-    """Pulses of one channel on its own logger's clock, the switching delay taken off.
-
-    ``pulses_per_cycle`` counts the steps of a turn of the cam in ``train``.
-    """
-
-    channel: Channel
-    edges: Edges
-    train: PulseTrain
-    pulses_per_cycle: int
-    findings: tuple[Finding, ...] = ()
-
-
 def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
-    """Return the pulses of each logger that recorded the angle.
+    """Return the pulses of each logger that recorded the angle, the switching delay taken off.
 
     Raises
     ------
@@ -62,7 +48,9 @@ def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, Tri
     for quantity, source in SOURCES.items():
         for channel in recording.of(quantity):
             if channel.logger not in trains:
-                trains[channel.logger] = source(recording, channel, options)
+                found = source(recording, channel, options)
+                time = found.train.time - recording.config.trigger.switching_delay
+                trains[channel.logger] = replace(found, train=replace(found.train, time=time))
     if not trains:
         raise Refusal(
             f"{recording.config.id}: no channel tells the angle, expected one of {', '.join(SOURCES)}; add a "
@@ -81,16 +69,11 @@ def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> Tri
         edges = find_pulses(channel, spec.sensor, spec.edge, options.block_samples)
         _refuse_single_pulse(edges.time, recording, channel.where)
         train = number_teeth(edges.time, spec, channel.where, index)
-    return TriggerTrain(channel, edges, shifted(train, spec.switching_delay), spec.pulses_per_cycle)
+    return TriggerTrain(channel, edges, train, spec.pulses_per_cycle)
 
 
 def _refuse_single_pulse(time: Array, recording: Recording, where: str) -> None:
-    """Refuse a wheel of several teeth without a mark where one pulse comes in a turn of the nominal speed.
-
-    Raises
-    ------
-    Refusal : see above
-    """
+    """Refuse a wheel of several teeth without a mark where one pulse comes in a turn of the nominal speed."""
     spec = recording.config.trigger
     nominal = recording.config.nominal_speed * spec.revolutions_per_cycle
     if spec.pulses_per_rev == 1 or spec.missing_teeth or spec.double_tooth or time.size < 3:
@@ -145,8 +128,7 @@ def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> T
     every = max(1, -(-spec.pulses_per_cycle // MOST_PULSES))
     while spec.pulses_per_cycle % every:
         every += 1
-    train = shifted(_thinned(train, every), spec.switching_delay)
-    return TriggerTrain(channel, edges, train, spec.pulses_per_cycle // every, findings)
+    return TriggerTrain(channel, edges, _thinned(train, every), spec.pulses_per_cycle // every, findings)
 
 
 def _forward_only(a: Edges, b: Edges, where: str) -> tuple[Array, tuple[Finding, ...]]:
@@ -178,13 +160,10 @@ def _thinned(train: PulseTrain, every: int) -> PulseTrain:
     """Return every n-th pulse, the one of step zero among them."""
     if every == 1:
         return train
-    kept = np.flatnonzero(train.step % every == 0)
-    total = np.r_[0, np.cumsum(train.broken)]
-    before = np.r_[kept[:1], kept[:-1] + 1]
-    broken = (total[kept + 1] - total[before]) > 0
+    kept = train.step % every == 0
     return replace(
-        train, time=train.time[kept], step=train.step[kept] // every, repaired=train.repaired[kept], broken=broken,
-        offset=train.offset / every, offset_std=train.offset_std / every,
+        train, time=train.time[kept], step=train.step[kept] // every, repaired=train.repaired[kept],
+        broken=broken_before(train.broken, kept), offset=train.offset / every, offset_std=train.offset_std / every,
     )  # fmt: skip
 
 
@@ -201,17 +180,10 @@ def _index(recording: Recording, channel: Channel, options: AlignOptions) -> Arr
     return None
 
 
-def _counter(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
-    """Return the pulses of a recorded angle."""
-    counted = counter_train(channel, recording.config.trigger.revolutions_per_cycle)
-    train = shifted(counted.train, recording.config.trigger.switching_delay)
-    return TriggerTrain(channel, counted.edges, train, counted.pulses_per_cycle, counted.findings)
-
-
 SOURCES: dict[str, Callable[[Recording, Channel, AlignOptions], TriggerTrain]] = {
     "trigger": _wheel,
     "encoder_a": _encoder,
-    "angle": _counter,
+    "angle": lambda recording, channel, _: counter_train(channel, recording.config.trigger.revolutions_per_cycle),
 }
 """Quantity of a channel that tells the angle -> its pulses; the first that a logger has is used."""
 ANGLE_CHANNELS = (*SOURCES, "encoder_b", "index")

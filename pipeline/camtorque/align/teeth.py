@@ -82,10 +82,10 @@ def _steps(time: Array, most: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]
 
 
 def missing_tooth_steps(time: Array, missing: int) -> Counted:
-    """Return the steps of a wheel whose mark is a gap."""
+    """Return the steps of a wheel whose mark is a gap, or of one without a mark (``missing`` 0)."""
     kept, n_extra = _without_close_teeth(time)
     steps, still = _steps(kept, missing + 1)
-    is_mark = (steps == missing + 1) & ~still
+    is_mark = (steps == missing + 1) & ~still & (missing > 0)
     n_missed = int(np.sum(steps[~is_mark] - 1))
     return Counted(
         kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], 1 + np.flatnonzero(is_mark), n_extra, n_missed
@@ -102,14 +102,6 @@ def double_tooth_steps(time: Array) -> Counted:
     steps, still = _steps(kept, 1)
     marks = doubled - np.arange(doubled.size)
     return Counted(kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], marks, 0, int(np.sum(steps - 1)))
-
-
-def even_steps(time: Array) -> Counted:
-    """Return the steps of a wheel without a mark."""
-    kept, n_extra = _without_close_teeth(time)
-    steps, still = _steps(kept, 1)
-    none = np.empty(0, dtype=np.int64)
-    return Counted(kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], none, n_extra, int(np.sum(steps - 1)))
 
 
 def _without_close_teeth(time: Array) -> tuple[Array, int]:
@@ -204,15 +196,16 @@ def resynced(counted: Counted, n: int, present: int) -> Counted:
     for k in np.flatnonzero(slipped):
         kept[marks[k] + 1 : marks[k + 1]] = False
         broken[marks[k + 1]] = True
-    passed_on = _broken_before(broken, kept)
-    return replace(counted, time=counted.time[kept], step=new[kept], broken=passed_on, n_slips=int(slipped.sum()))
+    return replace(
+        counted, time=counted.time[kept], step=new[kept], broken=broken_before(broken, kept), n_slips=int(slipped.sum())
+    )
 
 
-def _broken_before(broken: NDArray[np.bool_], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def broken_before(broken: NDArray[np.bool_], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Tell for each kept pulse whether any way since the kept one before is not proven."""
     total = np.r_[0, np.cumsum(broken)]
     places = np.flatnonzero(kept)
-    before = np.r_[places[0], places[:-1] + 1]
+    before = np.r_[places[:1], places[:-1] + 1]
     return (total[places + 1] - total[before]) > 0
 
 

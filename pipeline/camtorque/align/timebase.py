@@ -13,8 +13,8 @@ from camtorque.align.jumps import mark_jumps
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
 from camtorque.align.places import Places, tooth_places
-from camtorque.align.pulses import PulseTrain, train_findings
-from camtorque.align.sources import TriggerTrain, trigger_trains
+from camtorque.align.pulses import PulseTrain, TriggerTrain, train_findings
+from camtorque.align.sources import trigger_trains
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.units import TURN
 
