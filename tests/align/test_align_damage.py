@@ -230,6 +230,15 @@ def test_a_trigger_that_pulses_as_long_as_all_logs_run_did_not_fall_silent(name:
     assert "trigger_silent" not in {finding.code for finding in align(recording).findings}
 
 
+@pytest.mark.parametrize("pause", [0.0, 20.0, -20.0])
+def test_a_trigger_that_fell_silent_behind_a_jump_of_the_time_is_told(pause: float) -> None:
+    recording = edited("trigger", part(0.5, 1.0, 0.0))
+    channels = tuple(replace(c, breaks=(c.n_samples // 4,), break_steps=(pause,)) for c in recording.channels)
+    cycles = align(replace(recording, channels=channels))
+    silent = [finding.text for finding in cycles.findings if finding.code == "trigger_silent"]
+    assert [f"of {4.0 + max(pause, 0.0):.2f} s" in text for text in silent] == [True]
+
+
 def test_end_of_the_output_range_is_clipping() -> None:
     recording = make(RIG)
     pressure = next(c for c in recording.channels if c.quantity == "pressure")

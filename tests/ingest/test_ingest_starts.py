@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from camtorque.ingest import read_recording
+from camtorque.ingest.starts import time_findings
 from camtorque.records import Recording
 from damaged import logs
 from damaged.build import PLANS
@@ -90,3 +91,12 @@ def test_logs_of_one_clock_or_of_clocks_of_their_own_begin_where_they_say(tmp_pa
         for name in ("TORQUE", "PRESSURE", "TRIGGER"):
             take_date_away(folder / f"{name}.tdms")
         assert told(read_recording(folder)) == []
+
+
+@pytest.mark.parametrize(("step", "early"), [(2.0, 2), (-2.0, 0)])
+def test_a_clock_that_was_set_back_ends_no_log_early(tmp_path: Path, step: float, early: int):
+    recording = read_recording(three_files(tmp_path / "r", "single"))
+    torque, *others = (replace(channel, start_time=0.0) for channel in recording.channels)
+    set_once = replace(torque, breaks=(torque.n_samples // 2,), break_steps=(step,))
+    codes = [item.code for item in time_findings(recording.config, {}, [set_once, *others])]
+    assert codes.count("log_ends_early") == early

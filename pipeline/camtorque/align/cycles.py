@@ -30,7 +30,8 @@ from camtorque.align.quality import CycleTable, apply_cuts, changed_running
 from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
-from camtorque.records import Array, CamCycles, Channel, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Threshold
 from camtorque.stacks import mean_of
 from camtorque.units import TURN, zone_hint
@@ -89,19 +90,15 @@ def _share_no_time(recording: Recording) -> str:
     if not channels:
         return ""
     late = max(channels, key=lambda channel: channel.start_time)
-    early = min(channels, key=_end)
-    if _end(early) > late.start_time:
+    early = min(channels, key=end_time)
+    if end_time(early) > late.start_time:
         return ""
-    covered_by = ", ".join(f"{c.path.name} from {c.start_time:.9g} to {_end(c):.9g} s" for c in (early, late))
+    covered_by = ", ".join(f"{c.path.name} from {c.start_time:.9g} to {end_time(c):.9g} s" for c in (early, late))
     return (
         f"found logs that share no time ({covered_by}), expected those of one run on one clock; let their times count "
         'from one moment (start_time_s where a file has none), or write clock = "independent" under [[loggers]]'
         f"{zone_hint(late.start_time - early.start_time)}"
     )
-
-
-def _end(channel: Channel) -> float:
-    return channel.start_time + channel.duration
 
 
 def _rare(found: CamCycles) -> tuple[Finding, ...]:

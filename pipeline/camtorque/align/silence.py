@@ -10,6 +10,7 @@ from camtorque.align.channels import positions
 from camtorque.align.clocks import Clock
 from camtorque.align.timebase import TimeBase
 from camtorque.records import Channel, Finding
+from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Count, Threshold
 
 STILL_TURNING = Threshold(
@@ -57,7 +58,7 @@ def silence_findings(base: TimeBase, channels: Mapping[str, Channel]) -> tuple[F
 
 def _span(channel: Channel, clock: Clock) -> tuple[float, float]:
     """Return begin and end of a channel on the clock of the reference [s]."""
-    begin, end = clock.to_reference(np.array([channel.start_time, channel.start_time + channel.duration]))
+    begin, end = clock.to_reference(np.array([channel.start_time, end_time(channel)]))
     return float(begin), float(end)
 
 

@@ -9,6 +9,7 @@ from camtorque.config import ChannelSpec, RecordingConfig
 from camtorque.ingest.raw import RawChannel
 from camtorque.ingest.sensors import FIRST_STAMP
 from camtorque.records import Channel, Finding
+from camtorque.signal.logger_time import end_time
 from camtorque.units import HOUR, first_of, zone_hint
 
 T = TypeVar("T", ChannelSpec, Channel)
@@ -96,7 +97,7 @@ def _ends(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]
     """Find logs that end apart although their loggers share a clock: one of them was cut."""
     findings = []
     for group in _by_clock(config, channels):
-        ends = [channel.start_time + channel.duration + sum(channel.break_steps) for channel in group]
+        ends = [end_time(channel) for channel in group]
         longest_step = max(1.0 / channel.sample_rate for channel in group)
         for channel, end in zip(group, ends, strict=True):
             early = max(ends) - end

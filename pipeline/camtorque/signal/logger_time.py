@@ -26,6 +26,11 @@ def sample_times(channel: Channel, position: Array) -> Array:
     return time + np.r_[0.0, pauses][np.searchsorted(breaks, position, side="right")]
 
 
+def end_time(channel: Channel) -> float:
+    """Return when a channel ends on the logger's clock, one step after its last sample [s]."""
+    return float(sample_times(channel, np.array(float(channel.n_samples))))
+
+
 def sample_positions(channel: Channel, time: Array) -> Array:
     """Return the sample positions of times on the logger's clock; within a pause the position stands still."""
     position = (time - channel.start_time) * channel.sample_rate
