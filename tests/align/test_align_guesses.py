@@ -18,8 +18,7 @@ from camtorque.ingest.proposal import look_into
 from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
 from camtorque.records import Channel, Refusal
-from camtorque.signal.marks import uneven_marks
-from camtorque.signal.repeats import repeats_every
+from camtorque.signal.marks import repeats_every, uneven_marks
 from camtorque.units import unit_factor
 from wheel_truth import Wheel as TrueWheel
 from wheel_truth import index_volts, wheel_recording, wheel_volts

@@ -11,7 +11,7 @@ timebase, phase        all of the above for a recording; which turn of a crank w
 angle, resample        pulses -> cam angle -> uniform grid; resample_compiled: the same over long channels
 measured, channels     which channels are aligned; one pass over each
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
-quality, jitter        which cycles are used, and why not
+quality                which cycles are used, and why not; edges that jitter
 budget, summary        angle error budget; plain numbers for a file
 hum, drift             mains frequency on the torque; levels that move during the recording
 revolution             angle inside the revolution from torque and inertia

@@ -19,14 +19,13 @@ from camtorque.align.channels import AlignedChannel, Turns, align_channels
 from camtorque.align.drift import beyond_steps, drift_findings, level_drifts, size_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
-from camtorque.align.jitter import refuse_jitter
 from camtorque.align.jumps import EDGE_NOISES
 from camtorque.align.lags import settle_lags
 from camtorque.align.measured import CUT_BY, align_others, measured
 from camtorque.align.options import AlignOptions
 from camtorque.align.phase import settled_phase
 from camtorque.align.polarity import check_quantities
-from camtorque.align.quality import CycleTable, apply_cuts, changed_running
+from camtorque.align.quality import CycleTable, apply_cuts, changed_running, refuse_jitter
 from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base

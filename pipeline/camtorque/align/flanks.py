@@ -140,7 +140,8 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
     lift = table.at(np.arange(n) * (2.0 * np.pi / n))
     base = at_rest(torque, slope)
     drive, line = torque - base, np.maximum(pressure, 0.0)
-    scores = [_correlations(drive, line, values) for values in (slope, _mirror(-slope))]
+    # as declared, and read against the direction of running
+    scores = [_correlations(drive, line, values) for values in (slope, np.roll(-slope[::-1], 1))]
     near = np.r_[0 : _steps(n, ALIKE_DEG) + 1, n - _steps(n, ALIKE_DEG) : n]
     places = {
         name: shift for name, shift in _spring_places(drive, pressure, (lift, slope), pump, speed) if shift is not None
@@ -161,11 +162,6 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
 
 def _steps(n: int, degrees: float) -> int:
     return round(degrees * n / 360.0)
-
-
-def _mirror(values: Array) -> Array:
-    """Return a periodic signal of the angle turned the other way."""
-    return np.roll(values[::-1], 1)
 
 
 def _correlations(drive: Array, line: Array, slope: Array) -> Array:

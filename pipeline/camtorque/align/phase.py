@@ -27,7 +27,7 @@ def settled_phase(recording: Recording, base: TimeBase, channels: Measured, opti
     """Return the time base with the pulses numbered from the right turn of the wheel, and a finding."""
     spec = recording.config.trigger
     turns = spec.revolutions_per_cycle
-    if not base.train.phase_open or turns < 2:
+    if not base.train.phase_open:
         return base
     scores = np.zeros(turns)
     if recording.lift_table is not None and "pressure" in channels.main:

@@ -70,7 +70,7 @@ def physics_clock(pair: Pair) -> Clock:
             turns, evidence = _whole_turns(rows, pair.own)
             offset += turns * float(np.median(period))
             continue
-        shift = np.array([_best_shift(*row) for row in _matched(rows, pair, sign)]) * period / N_THETA
+        shift = _best_shifts(rows, pair, sign) * period / N_THETA
         good = np.isfinite(shift)
         _refuse_few(pair, int(good.sum()))
         line = robust_line(middle[good], shift[good])
@@ -148,17 +148,15 @@ def _refuse_few(pair: Pair, count: int) -> None:
         )
 
 
-def _matched(rows: Mapping[str, Array], pair: Pair, sign: float) -> list[tuple[Array, Array, Array, bool]]:
-    velocity = lift_velocity(pair.table, N_THETA)
-    pressure = np.maximum(rows["pressure"], 0.0)
-    return [
-        (torque, line, velocity, pair.own == "pressure")
-        for torque, line in zip(sign * rows["torque"], pressure, strict=True)
-    ]
+def _best_shifts(rows: Mapping[str, Array], pair: Pair, sign: float) -> Array:
+    """Return the grid steps by which the own channel lies late in each cycle, nan where they are not found."""
+    velocity, pressure = lift_velocity(pair.table, N_THETA), np.maximum(rows["pressure"], 0.0)
+    cycles = zip(sign * rows["torque"], pressure, strict=True)
+    return np.array([_best_shift(torque, line, velocity, pair.own == "pressure") for torque, line in cycles])
 
 
 def _best_shift(torque: Array, pressure: Array, velocity: Array, shift_pressure: bool) -> float:
-    """Return the grid steps by which the own channel lies late, from the best correlation over the rising lift."""
+    """Return the same for one cycle, from the best correlation over the rising lift."""
     rise = velocity > RISING * velocity.max()
     shifts = np.arange(-WIDEST_SHIFT, WIDEST_SHIFT + 1)
     score = np.empty(shifts.size)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from camtorque.align.quality import spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
-from camtorque.signal.marks import uneven_marks
-from camtorque.signal.repeats import repeats_every
+from camtorque.signal.marks import repeats_every, uneven_marks
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import BAR, TURN
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.records import Array, Channel, Finding
-from camtorque.signal.bounces import without_bounces
-from camtorque.signal.edges import Edges
+from camtorque.signal.edges import Edges, without_bounces
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import counted

@@ -11,7 +11,7 @@ import numpy as np
 
 from camtorque.config import RecordingConfig
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
-from camtorque.signal.bounces import without_bounces
+from camtorque.signal.edges import without_bounces
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.marks import uneven_marks
 from camtorque.signal.pickup import find_pulses

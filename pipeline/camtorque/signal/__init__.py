@@ -5,5 +5,6 @@ edges, levels, edge_time      digital and Hall sensors: half height, sub-sample
 inductive                     coils: zero crossings
 scan, damage                  samples that are missing, clipped, isolated or stand still: one rule each
 logger_time                   sample number -> time on the logger's clock, where the file's time jumps
+marks                         triggers that do not give one pulse per turn of the cam
 running                       running median and maximum
 """

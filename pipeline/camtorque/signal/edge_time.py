@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,14 +70,16 @@ def edge_samples(windows: Array, before: NDArray[np.int64]) -> EdgeSamples:
     low, high = running_median(low, POOLED_EDGES), running_median(high, POOLED_EDGES)
     height = high - low
     part = (windows - low[:, None]) / np.where(height > 0.0, height, 1.0)[:, None]
-    column = _crossing_column(part, half)
-    return EdgeSamples(before - (half - 1) + column, _near_columns(part, column), height, noise, own)
+    # the crossing of half height that is nearest to the middle, and two samples on either side of it
+    crosses = (part[:, :-1] < 0.5) & (part[:, 1:] >= 0.5)
+    column = np.argmin(np.where(crosses, np.abs(np.arange(width - 1) - (half - 1)), width), axis=1)
+    near = part[np.arange(n)[:, None], np.clip(column[:, None] + np.arange(-1, 3), 0, width - 1)]
+    return EdgeSamples(before - (half - 1) + column, near, height, noise, own)
 
 
 def joined(parts: list[EdgeSamples]) -> EdgeSamples:
     """Return the edges of all blocks."""
-    names = ("before", "near", "height", "noise", "own_height")
-    return EdgeSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return EdgeSamples(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(EdgeSamples)))
 
 
 @dataclass(frozen=True)
@@ -113,26 +115,9 @@ def crossings(edges: EdgeSamples) -> Crossings:
         blur = RECTANGULAR * np.hypot(np.sqrt(unseen) * max(0.0, 1.0 - duration), duration_std)
         return Crossings(edges.before + _ramp_crossing(edges.near, linear, duration), 1.0 / duration, float(blur))
     usual = float(np.median(slope))
+    line_error = usual / 8.0 if usual > 1.0 / SHORT_FLANK else 0.0
     # too few edges to tell the duration: those that show no sample on their flank lie anywhere between two
-    return Crossings(edges.before + linear, usual, max(_linear_blur(usual), RECTANGULAR * np.sqrt(unseen)))
-
-
-def _linear_blur(slope: float) -> float:
-    """Return the error of a straight line over a flank of unknown duration [samples]."""
-    return slope / 8.0 if slope > 1.0 / SHORT_FLANK else 0.0
-
-
-def _crossing_column(part: Array, half: int) -> NDArray[np.int64]:
-    """Column before the crossing of half height that is nearest to the middle."""
-    crosses = (part[:, :-1] < 0.5) & (part[:, 1:] >= 0.5)
-    distance = np.abs(np.arange(part.shape[1] - 1) - (half - 1))
-    return np.argmin(np.where(crosses, distance, part.shape[1]), axis=1)
-
-
-def _near_columns(part: Array, column: NDArray[np.int64]) -> Array:
-    """Return (n, 4) the two samples on either side of the crossing, as parts of the height."""
-    columns = np.clip(column[:, None] + np.arange(-1, 3), 0, part.shape[1] - 1)
-    return part[np.arange(column.size)[:, None], columns]
+    return Crossings(edges.before + linear, usual, max(line_error, RECTANGULAR * np.sqrt(unseen)))
 
 
 def _on_flank(near: Array) -> NDArray[np.bool_]:

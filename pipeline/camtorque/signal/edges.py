@@ -47,6 +47,10 @@ LEAST_HEIGHT = Threshold(
     0.3, "1", "simulated rigs",
     "Pulses lower than this part of the highest are hum of a stretch without pulses: the log is then read again."
 )  # fmt: skip
+BOUNCE_PERIODS = Threshold(
+    0.1, "periods", "physics",
+    "An edge that follows the one before within this part of a period is a bounce: no shaft speeds up tenfold."
+)  # fmt: skip
 HIGHEST = 3
 """The third highest pulse counts as the highest: two may be disturbances."""
 
@@ -74,14 +78,6 @@ class Edges:
     findings: tuple[Finding, ...] = ()
 
 
-@dataclass
-class _Scan:
-    """Whether it runs compiled, and the state that it carries from block to block."""
-
-    compiled: bool
-    state: int = -1
-
-
 def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) -> Edges:
     """Return the declared edge of every pulse of a channel; the leading one where a ``rising`` one rests high.
 
@@ -100,35 +96,26 @@ def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) ->
 
 def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, EdgeSamples, int]:
     """Return rising and falling edges of pulses higher than ``least``, and the samples that are missing."""
-    scan = _Scan(compiled_pays(channel.n_samples))
-    rising, falling, n_missing = _Collector(1.0), _Collector(-1.0), 0
+    compiled = compiled_pays(channel.n_samples)
+    transitions = passes_compiled.transitions if compiled else _transitions
+    up, down, n_missing, was_high = _Collector(1.0), _Collector(-1.0), 0, -1
     for start in range(0, channel.n_samples, block):
         first = max(0, start - LONGEST_HALF_WINDOW)
         last = min(channel.n_samples, start + block + LONGEST_HALF_WINDOW)
-        volts, missing, extremes = looked_at(channel.read_volts(first, last), scan.compiled)
+        volts, missing, extremes = looked_at(channel.read_volts(first, last), compiled)
         n_missing += missing
-        stop = min(start + block, channel.n_samples) - first
-        windows = level_windows(volts, extremes, least)
-        places = _scan_block(volts, (start - first, stop), scan, first, windows)
-        up, down = places[places > 0] - 1, -places[places < 0] - 1
-        half = _half_window(np.abs(places))
-        rising.add(volts, first, up, half)
-        falling.add(volts, first, down, half)
-    return rising.edges(), falling.edges(), n_missing
-
-
-def _scan_block(
-    volts: Array, inside: tuple[int, int], scan: _Scan, first: int, windows: tuple[int, Array, Array]
-) -> NDArray[np.int64]:
-    window, level, margin = windows
-    transitions = passes_compiled.transitions if scan.compiled else _transitions
-    events, rising = transitions(volts, inside, (window, level - margin, level + margin))
-    rising, before = rising.astype(np.int64), np.r_[scan.state, rising[:-1]]
-    changed = rising != before
-    scan.state = int(rising[-1]) if rising.size else scan.state
-    events, rising = events[changed & (before >= 0)], rising[changed & (before >= 0)]
-    at_level = level[np.minimum(events // window, level.size - 1)]
-    return np.where(rising, 1, -1) * (first + _crossings_before(volts, events, at_level, rising > 0))
+        inside = start - first, min(start + block, channel.n_samples) - first
+        window, level, margin = level_windows(volts, extremes, least)
+        events, high = transitions(volts, inside, (window, level - margin, level + margin))
+        before = np.r_[was_high, high[:-1]]
+        was_high = int(high[-1]) if high.size else was_high
+        changed = (high != before) & (before >= 0)
+        events, rising = events[changed], high[changed]
+        at = _crossings_before(volts, events, level[np.minimum(events // window, level.size - 1)], rising)
+        half = _half_window(at)
+        up.add(volts, first, first + at[rising] - 1, half)
+        down.add(volts, first, first + at[~rising] - 1, half)
+    return up.edges(), down.edges(), n_missing
 
 
 def _transitions(
@@ -271,6 +258,33 @@ def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
         f"pulses that stand {NOISE_HEIGHTS:.0f} times above the noise; check that the channel is the trigger, that "
         f"the sensor saw the tooth and that the recording is longer than two revolutions{coil}"
     )
+
+
+def without_bounces(time: Array) -> tuple[Array, int]:
+    """Keep the first edge of a burst: the contact closes first and bounces afterwards.
+
+    Parameters
+    ----------
+    time : (n,) of the edges [s]
+
+    Returns
+    -------
+    kept, n_bounced : times without bounces, and how many were left out
+    """
+    if time.size < 3:
+        return time, 0
+    gaps = np.diff(time)
+    shortest = BOUNCE_PERIODS * np.median(gaps[gaps >= 0.5 * np.percentile(gaps, 75)])
+    if gaps.min() >= shortest:
+        return time, 0
+    keep = np.ones(time.size, dtype=bool)
+    last = time[0]
+    for i in range(1, time.size):
+        if time[i] - last < shortest:
+            keep[i] = False
+        else:
+            last = time[i]
+    return time[keep], int(np.sum(~keep))
 
 
 def _high_fraction(rising: NDArray[np.int64], falling: NDArray[np.int64]) -> float:
