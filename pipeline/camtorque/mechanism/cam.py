@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.compiled import njit
 from camtorque.records import Array, ReadOnly
 from camtorque.units import TURN
+
+Real = TypeVar("Real", bound=np.floating)
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})
@@ -92,13 +96,7 @@ class CamLaw(ReadOnly):
         angle = np.asarray(theta, dtype=np.float64)
         angle = angle - np.floor((angle - self.knots[0]) / TURN) * TURN
         piece = np.clip(np.searchsorted(self.knots, angle, "right") - 1, 0, self.knots.size - 2)
-        x, rows = angle - self.knots[piece], self.coefficients[:, piece]
-        out = np.zeros((highest + 1, *angle.shape))
-        for row in rows:
-            for k in range(highest, 0, -1):
-                out[k] = out[k] * x + k * out[k - 1]
-            out[0] = out[0] * x + row
-        return out
+        return by_pieces(self.coefficients[:, piece], angle - self.knots[piece], highest)
 
     def compiled_derivatives(self, theta: Array, highest: int = 3) -> Array:
         """Return the same by compiled code, for callers that ask thousands of times."""
@@ -126,11 +124,15 @@ class CamLaw(ReadOnly):
     def continuity_at_knots(self) -> Array:
         """Return the jump of derivatives 0 to 3 at the right end of every piece, (4, m)."""
         width = np.diff(self.knots)
-        ends = np.stack([_piece_value(self.coefficients, width, k) for k in range(4)])
-        starts = np.stack([_piece_value(self.coefficients, np.zeros_like(width), k) for k in range(4)])
+        ends, starts = (by_pieces(self.coefficients, at, 3) for at in (width, 0.0 * width))
         return np.abs(ends - np.roll(starts, -1, axis=1))
 
 
-def _piece_value(coefficients: Array, x: Array, derivative: int) -> Array:
-    """Return a derivative of every piece at its own local x."""
-    return np.stack([np.polyval(np.polyder(c, derivative), at) for c, at in zip(coefficients.T, x, strict=True)])
+def by_pieces(coefficients: NDArray[Real], x: NDArray[Real], highest: int) -> NDArray[Real]:
+    """Return derivatives 0 to ``highest`` (k, *x.shape) of polynomials (order, *x.shape) at x, by Horner's rule."""
+    out = np.zeros((highest + 1, *x.shape), x.dtype)
+    for row in coefficients:
+        for k in range(highest, 0, -1):
+            out[k] = out[k] * x + k * out[k - 1]
+        out[0] = out[0] * x + row
+    return out

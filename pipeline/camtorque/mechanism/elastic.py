@@ -17,7 +17,7 @@ harmonics follow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -26,8 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
-from camtorque.mechanism.periodic import Shaft, lobe_rows, solve_periodic
-from camtorque.mechanism.torque import closed_form_tables
+from camtorque.mechanism.periodic import Shaft, even_angles, lobe_rows, lobe_tables, periodic_curve, solve_periodic
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import TURN
 
@@ -86,19 +85,22 @@ def solve_by_harmonics(
     units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array
 ) -> ElasticShaft:
     """Return the same by harmonics, for any number of lobes; ``load`` (n_pumps, n_theta), see `solve_elastic`."""
-    shaft = _Shaft(units, load, speed, np.asarray(stiffness, dtype=np.float64), np.asarray(damping, dtype=np.float64))
-    twist = _fixed_point(shaft)
+    values = (np.asarray(each, dtype=np.float64) for each in (stiffness, damping))
+    shaft = Shaft(units, load, speed, *values)
+    theta, even = even_angles(load.shape[1]), [replace(unit, phase=0.0) for unit in units]
+    inertia = np.array([np.mean(lobe_tables(unit, theta).outputs["torque"][3]) for unit in even])
+    twist = _fixed_point(shaft, inertia)
     if twist is None:
-        twist = _newton(shaft)
-    if np.min(_derivative(twist, shaft.frequency, 1)) <= -speed:
-        raise _unsettled(shaft)
-    return _result(twist, shaft.frequency, speed, shaft.stiffness, shaft.damping)
+        with np.errstate(all="ignore"):
+            twist = solve_periodic(shaft)
+    if twist is None or np.min(_derivative(twist, speed, 1)) <= -speed:
+        raise _unsettled(shaft, inertia)
+    return _result(twist, shaft)
 
 
 def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft | None:
     """Return the motion of a single lobe by collocation in its cam angle, None where the cam does not turn forward."""
-    theta = np.asarray(np.arange(load.size) * (TURN / load.size), dtype=np.float64)
-    rows = partial(lobe_rows, unit, _periodic(theta, load))
+    rows = partial(lobe_rows, unit, periodic_curve(load))
     orbit = solve_orbit(rows, _elements(unit), STAGES, (float(stiffness[0]), float(damping[0]), speed))
     if not orbit.closed:
         return None
@@ -106,7 +108,7 @@ def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping:
     drive = orbit.theta - orbit.lead
     values = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
     curves = CubicSpline(np.append(drive, drive[0] + TURN), np.vstack([values, values[:1]]), bc_type="periodic")
-    torque, lead, rate, acceleration = curves(theta).T
+    torque, lead, rate, acceleration = curves(even_angles(load.size)).T
     return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None])
 
 
@@ -118,40 +120,15 @@ def _elements(unit: PumpUnit) -> Array:
     return np.linspace(0.0, TURN, ELEMENTS + 1)
 
 
-class _Shaft:
-    """The fixed-point map of the twist: loads at the present twist, then the linear shaft's answer to them."""
-
-    def __init__(self, units: Sequence[PumpUnit], load: Array, speed: float, stiffness: Array, damping: Array) -> None:
-        self.units, self.speed, self.stiffness, self.damping = units, speed, stiffness, damping
-        self.shape = load.shape
-        self.theta = np.asarray(np.arange(load.shape[1]) * (TURN / load.shape[1]), dtype=np.float64)
-        self.frequency = speed * np.fft.rfftfreq(load.shape[1], 1.0 / load.shape[1])
-        self.curves = [_periodic(self.theta, row) for row in load]
-        self.inertia = np.array(
-            [
-                np.mean(closed_form_tables(u.pump, u.law, self.theta, u.mounting, u.friction).outputs["torque"][3])
-                for u in units
-            ]
-        )
-
-    def answer(self, twist: Array) -> Array:
-        """Return the twist that the loads at a twist cause, (n_pumps, n_theta)."""
-        rate, change = (_derivative(twist, self.frequency, order) for order in (1, 2))
-        torque = _lobe_output("torque", self.units, self.curves, self.theta, twist, self.speed + rate, change)
-        rest = np.fft.rfft(torque - self.inertia[:, None] * change)
-        solved = _solve_harmonics(rest, self.frequency, self.inertia, self.stiffness, self.damping)
-        return np.fft.irfft(solved, self.shape[1])
-
-
-def _fixed_point(shaft: _Shaft) -> Array | None:
+def _fixed_point(shaft: Shaft, inertia: Array) -> Array | None:
     """Return the twist; None where the steps stop shrinking.
 
     They do where the shaft is soft, and where it resonates: there the varying part of the inertia, times the
     amplification, is more than the mean part that the linear answer knows.
     """
-    twist, least = np.zeros(shaft.shape), np.inf
+    twist, least = np.zeros(shaft.load.shape), np.inf
     for _ in range(ITERATIONS):
-        change = shaft.answer(twist) - twist
+        change = _answer(shaft, inertia, twist) - twist
         twist, size = twist + change, float(np.max(np.abs(change)))
         if size <= TOLERANCE * np.max(np.abs(twist)):
             return twist
@@ -161,21 +138,18 @@ def _fixed_point(shaft: _Shaft) -> Array | None:
     return None
 
 
-def _newton(shaft: _Shaft) -> Array:
-    """Return the twist by collocation and Newton's method."""
-    with np.errstate(all="ignore"):
-        found = solve_periodic(
-            Shaft(shaft.units, shaft.curves, shaft.speed, shaft.stiffness, shaft.damping), shaft.shape[1]
-        )
-    if found is None:
-        raise _unsettled(shaft)
-    return found
+def _answer(shaft: Shaft, inertia: Array, twist: Array) -> Array:
+    """Return the twist that the loads at a twist cause in the linear shaft, (n_pumps, n_theta)."""
+    rate, change = (_derivative(twist, shaft.speed, order) for order in (1, 2))
+    torque = _lobe_output("torque", shaft.units, shaft.curves, twist, shaft.speed + rate, change)
+    rest = np.fft.rfft(torque - inertia[:, None] * change)
+    frequency = _frequency(twist, shaft.speed)
+    return np.fft.irfft(_solve_harmonics(rest, frequency, inertia, shaft.stiffness, shaft.damping), twist.shape[1])
 
 
-def _unsettled(shaft: _Shaft) -> Refusal:
-    inertia = float(np.sum(shaft.inertia))
+def _unsettled(shaft: Shaft, inertia: Array) -> Refusal:
     stiffness = float(np.min(shaft.stiffness))
-    order = np.sqrt(stiffness / inertia) / shaft.speed
+    order = np.sqrt(stiffness / float(np.sum(inertia))) / shaft.speed
     return Refusal(
         f"elastic shaft: no periodic motion was found at {shaft.speed:.6g} rad/s with {stiffness:.4g} N m/rad and "
         f"{float(np.min(shaft.damping)):.3g} N m s/rad (natural frequency at order {order:.3g} of the cam), expected a "
@@ -184,38 +158,30 @@ def _unsettled(shaft: _Shaft) -> Refusal:
     )
 
 
-def _periodic(theta: Array, values: Array) -> CubicSpline:
-    """Return a periodic interpolant of one revolution."""
-    return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
+def _frequency(values: Array, speed: float) -> Array:
+    """Return the frequencies of the harmonics of periodic rows over one revolution [rad/s]."""
+    return speed * np.fft.rfftfreq(values.shape[1], 1.0 / values.shape[1])
 
 
-def _derivative(values: Array, frequency: Array, order: int) -> Array:
+def _derivative(values: Array, speed: float, order: int) -> Array:
     """Return a time derivative of periodic rows."""
-    return np.fft.irfft(np.fft.rfft(values) * (1j * frequency) ** order, values.shape[1])
+    return np.fft.irfft(np.fft.rfft(values) * (1j * _frequency(values, speed)) ** order, values.shape[1])
 
 
 def contact_forces(units: Sequence[PumpUnit], pressure: Array, found: ElasticShaft) -> Array:
     """Return the contact normal force of each swinging lobe (n_pumps, n_theta), below 0 where it leaves its cam [N]."""
-    theta = np.asarray(np.arange(pressure.shape[1]) * (TURN / pressure.shape[1]), dtype=np.float64)
-    curves = [_periodic(theta, row) for row in pressure]
-    return _lobe_output("contact_normal", units, curves, theta, found.twist, found.speed, found.acceleration)
+    curves = [periodic_curve(row) for row in pressure]
+    return _lobe_output("contact_normal", units, curves, found.twist, found.speed, found.acceleration)
 
 
 def _lobe_output(
-    name: str,
-    units: Sequence[PumpUnit],
-    curves: list[CubicSpline],
-    theta: Array,
-    twist: Array,
-    speed: Array,
-    acceleration: Array,
+    name: str, units: Sequence[PumpUnit], curves: list[CubicSpline], twist: Array, speed: Array, acceleration: Array
 ) -> Array:
     """Return an output of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
     rows = []
     for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
-        angle = theta + ahead
-        tables = closed_form_tables(unit.pump, unit.law, angle - unit.phase, unit.mounting, unit.friction)
-        rows.append(tables.evaluate(name, curve(angle), rate, change))
+        angle = even_angles(ahead.size) + ahead
+        rows.append(lobe_tables(unit, angle).evaluate(name, curve(angle), rate, change))
     return np.array(rows)
 
 
@@ -241,9 +207,9 @@ def _solve_harmonics(rest: Complex, frequency: Array, inertia: Array, stiffness:
     return twist
 
 
-def _result(twist: Array, frequency: Array, speed: float, stiffness: Array, damping: Array) -> ElasticShaft:
+def _result(twist: Array, shaft: Shaft) -> ElasticShaft:
     """Return the record; the shaft torque follows from the twist of each piece."""
-    rate = _derivative(twist, frequency, 1)
+    rate, change = (_derivative(twist, shaft.speed, order) for order in (1, 2))
     across, across_rate = (np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1]))) for x in (twist, rate))
-    section = -(stiffness[:, None] * across + damping[:, None] * across_rate)
-    return ElasticShaft(section[0], section, twist, speed + rate, _derivative(twist, frequency, 2))
+    section = -(shaft.stiffness[:, None] * across + shaft.damping[:, None] * across_rate)
+    return ElasticShaft(section[0], section, twist, shaft.speed + rate, change)

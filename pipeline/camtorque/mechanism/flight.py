@@ -19,7 +19,7 @@ from camtorque.mechanism.contact import pulls
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
-from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.records import Array, Flight, ReadOnly, Refusal
 from camtorque.units import RPM, TURN
 
 SUBSTEPS = 8
@@ -32,16 +32,6 @@ TURNS = 5
 
 class Aloft(Refusal):
     """A speed at which the follower leaves the cam for longer, or on another shaft, than is modelled."""
-
-
-@dataclass(frozen=True)
-class Flight:
-    """One flight: angles of take-off and landing [rad], speed against the cam [m/s] and impulse of landing [N s]."""
-
-    start: float
-    landing: float
-    speed: float
-    impulse: float
 
 
 @dataclass(frozen=True)
@@ -94,13 +84,6 @@ def fly(
     rows = events[:count]
     flights = tuple(Flight(float(fine[int(a)]), float(fine[int(b)]), float(v), float(c.mass * v)) for a, b, v in rows)
     return Airborne(flights, gap[::SUBSTEPS] > 0.0)
-
-
-def flights_at(
-    pump: PumpData, law: CamLaw, theta: Array, pressure: Array, speed: float, mounting: Mounting
-) -> tuple[Flight, ...]:
-    """Return the flights at a constant speed [rad/s]; see `fly`."""
-    return fly(pump, law, theta, pressure, (np.full(theta.size, speed), np.zeros(theta.size)), mounting).flights
 
 
 def _surest(force: Array) -> int:

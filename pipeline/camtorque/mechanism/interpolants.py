@@ -16,18 +16,13 @@ def _closed(table: CamTable) -> tuple[Array, Array]:
     return np.append(table.theta, table.theta[0] + TURN), np.append(table.lift, table.lift[0])
 
 
-def _table_std(table: CamTable) -> float:
-    """Return the standard deviation of rounding to the stated step, resolution / sqrt(12) [m]."""
-    return float(table.resolution / np.sqrt(12.0))
-
-
 def _interpolant(table: CamTable, degree: int) -> CamLaw:
-    """Return the periodic spline through every point."""
+    """Return the periodic spline through every point; its error is that of rounding to the stated step."""
     theta, lift = _closed(table)
     splines = PeriodicSplines(theta, degree)
     normal = splines.normal(theta[:-1], np.ones(theta.size - 1))
     coefficients = solve_cyclic(normal, splines.right_side(theta[:-1], lift[:-1]))
-    return CamLaw(theta, splines.pieces(coefficients), _table_std(table))
+    return CamLaw(theta, splines.pieces(coefficients), float(table.resolution / np.sqrt(12.0)))
 
 
 def cubic_law(table: CamTable) -> CamLaw:

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from camtorque.mechanism.collocation import gauss
 from camtorque.mechanism.mounting import PumpUnit
-from camtorque.mechanism.torque import closed_form_tables
+from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array
 from camtorque.units import TURN
 
@@ -34,19 +35,43 @@ LONGEST = 0.2
 """Longest step of a twist [rad]: beyond it the tables of a cam are another cam's."""
 
 
+def even_angles(count: int) -> Array:
+    """Return uniform angles of one revolution from 0 (count,) [rad]."""
+    return np.asarray(np.arange(count) * (TURN / count), dtype=np.float64)
+
+
+def periodic_curve(values: Array) -> CubicSpline:
+    """Return a periodic interpolant of values at `even_angles`."""
+    theta = even_angles(values.size)
+    return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
+
+
 @dataclass(frozen=True)
 class Shaft:
-    """Several lobes: pumps, pressure of each over the angle of its shaft piece, drive speed, stiffness and damping."""
+    """Lobes on one shaft, drive end first.
+
+    Attributes
+    ----------
+    units : pump of each
+    load : (n_pumps, n) pressure on each plunger over the angle of its own shaft piece, at `even_angles` [Pa]
+    speed : of the drive [rad/s]
+    stiffness, damping : (n_pumps,) of the shaft piece before each lobe [N m/rad, N m s/rad]
+    """
 
     units: Sequence[PumpUnit]
-    curves: Sequence[CubicSpline]
+    load: Array
     speed: float
     stiffness: Array
     damping: Array
 
+    @cached_property
+    def curves(self) -> list[CubicSpline]:
+        """The pressures between the points of the grid."""
+        return [periodic_curve(row) for row in self.load]
 
-def solve_periodic(shaft: Shaft, size: int) -> Array | None:
-    """Return the twist of every lobe on a uniform grid of the drive angle (n_pumps, size).
+
+def solve_periodic(shaft: Shaft) -> Array | None:
+    """Return the twist of every lobe at uniform drive angles, (n_pumps, n).
 
     None where Newton's method does not settle, or a cam would turn back.
     """
@@ -65,7 +90,7 @@ def solve_periodic(shaft: Shaft, size: int) -> Array | None:
             return None
         if longest <= CLOSED * np.max(np.abs(state[..., :count])):
             rate, _ = (part.reshape(ELEMENTS, STAGES, *part.shape[1:]) for part in _motion(shaft, angle, state))
-            return _on_grid(start, rate, nodes, width, size)[:, :count].T
+            return _on_grid(start, rate, nodes, width, shaft.load.shape[1])[:, :count].T
     return None
 
 
@@ -102,9 +127,14 @@ def _chain(values: Array) -> Array:
     return matrix
 
 
+def lobe_tables(unit: PumpUnit, theta: Array) -> ClosedForm:
+    """Return the closed form of a lobe at angles of its shaft piece."""
+    return closed_form_tables(unit.pump, unit.law, theta - unit.phase, unit.mounting, unit.friction)
+
+
 def lobe_rows(unit: PumpUnit, curve: CubicSpline, theta: Array) -> Array:
     """Return torque at rest, factor of the square of the speed and inertia of a lobe, (3, m)."""
-    table = closed_form_tables(unit.pump, unit.law, theta - unit.phase, unit.mounting, unit.friction).outputs["torque"]
+    table = lobe_tables(unit, theta).outputs["torque"]
     return np.stack([table[0] + table[1] * curve(np.mod(theta, TURN)), table[2], table[3]])
 
 

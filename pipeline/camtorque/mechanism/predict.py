@@ -13,7 +13,7 @@ from camtorque.config.pump import PressureCurve, PumpConfig, weak_pressure
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.contact import ContactLoss, pulls
 from camtorque.mechanism.elastic import contact_forces, solve_elastic
-from camtorque.mechanism.flight import Aloft, Flight, flights_at
+from camtorque.mechanism.flight import Aloft
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import Kinematics, flat_pressure_angle
 from camtorque.mechanism.lift_laws import lift_law
@@ -150,20 +150,18 @@ def predict(
     own = pressure_at(curve, theta)
     tables = closed_form_tables(config.pump, law, theta, mounting, friction)
 
-    def at(value: float) -> tuple[RigidTorque, Array, tuple[Flight, ...]]:
+    def at(value: float) -> tuple[RigidTorque, Array]:
         pump = solve_rigid(config.pump, law, theta, own, value, mounting=mounting, friction=friction, method=method)
-        if not pump.contact_lost:
-            return pump, _shaft_torque(config, units, load, value, method), ()
-        return pump, _flown_torque(config, pump, value), flights_at(config.pump, law, theta, own, value, mounting)
+        return pump, _shaft_torque(config, units, load, pump, value, method)
 
-    pumps, torque, flights = zip(*(at(value) for value in speed), strict=True)
+    pumps, torque = zip(*(at(value) for value in speed), strict=True)
     roller = assumed_roller(config.pump)
     findings = (
         *curve_findings(pressure), *weak_pressure(config.pump, float(np.max(curve.pressure))),
         *load_findings(theta, own, tables.kinematics.lift),
         *stress_findings(theta, np.stack([pump.forces.hertz for pump in pumps]), speed),
         *cam_findings(tables.kinematics, law, roller, pressure is None), *shaft_findings(config.shaft_stiffness),
-        *flight_findings(flights, speed),
+        *flight_findings(pumps, speed),
     )  # fmt: skip
     return Prediction(
         theta=theta, pressure=own, speeds=speed, pumps=pumps, shaft_torque=np.stack(torque),
@@ -182,11 +180,18 @@ def _positive(speeds: Sequence[float] | Array) -> Array:
     return speed
 
 
-def _shaft_torque(config: PumpConfig, units: list[PumpUnit], load: Array, speed: float, method: str) -> Array:
-    """Return the torque at the drive end of a rigid or an elastic shaft [N m]."""
-    if np.isinf(config.shaft_stiffness):
-        theta = np.linspace(0.0, TURN, load.shape[1], endpoint=False)
-        return solve_shaft(units, theta, load, speed, method=method).torque
+def _shaft_torque(
+    config: PumpConfig, units: list[PumpUnit], load: Array, first: RigidTorque, speed: float, method: str
+) -> Array:
+    """Return the torque at the drive end [N m]; where the first pump flies, every one does as it does."""
+    rigid = np.isinf(config.shaft_stiffness)
+    if rigid and not first.contact_lost:
+        return solve_shaft(units, first.theta, load, speed, method=method).torque
+    if rigid:
+        local = first.theta[None, :] - np.array(config.phases)[:, None]
+        return np.asarray(np.interp(local, first.theta, first.torque, period=TURN).sum(axis=0), dtype=np.float64)
+    if first.contact_lost:
+        raise _aloft(config, speed)
     if method != "closed":
         raise Refusal(f"{config.path}: method {method!r} knows rigid shafts only, found a stiffness; use 'closed'")
     stiffness = np.full(len(units), config.shaft_stiffness)
@@ -201,14 +206,6 @@ def _aloft(config: PumpConfig, speed: float) -> Aloft:
         f"{config.path} [shaft]: at {speed / RPM:.0f} rpm the follower leaves the cam, and flight on an elastic "
         "shaft is not modelled; predict lower speeds, or leave the stiffness out"
     )
-
-
-def _flown_torque(config: PumpConfig, pump: RigidTorque, speed: float) -> Array:
-    """Return the torque of all pumps on a rigid shaft where followers fly; every pump flies as the first one does."""
-    if np.isfinite(config.shaft_stiffness):
-        raise _aloft(config, speed)
-    local = pump.theta[None, :] - np.array(config.phases)[:, None]
-    return np.asarray(np.interp(local, pump.theta, pump.torque, period=TURN).sum(axis=0), dtype=np.float64)
 
 
 def sweep_rows(prediction: Prediction) -> list[dict[str, Any]]:

@@ -6,12 +6,11 @@ import numpy as np
 
 from camtorque.config.pump import HERTZ_SEEN, HERTZ_USUAL, PressureCurve
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.flight import Flight
 from camtorque.mechanism.friction import jamming_friction
 from camtorque.mechanism.kinematics import Kinematics
 from camtorque.mechanism.load_check import misplaced_text
 from camtorque.mechanism.mounting import Roller
-from camtorque.records import Array, Finding
+from camtorque.records import Array, Finding, RigidTorque
 from camtorque.units import DEGREE, RPM, TURN
 
 WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
@@ -62,11 +61,11 @@ def stress_findings(theta: Array, stress: Array, speeds: Array) -> tuple[Finding
     return (Finding("contact_stress_unusual", "warning", text, f"{theta[column] / DEGREE:.1f} deg"),)
 
 
-def flight_findings(flights: tuple[tuple[Flight, ...], ...], speeds: Array) -> tuple[Finding, ...]:
+def flight_findings(pumps: tuple[RigidTorque, ...], speeds: Array) -> tuple[Finding, ...]:
     """Return a warning for each speed at which the follower flies, with its landing."""
     found = []
-    for rows, speed in zip(flights, speeds, strict=True):
-        for row in rows:
+    for pump, speed in zip(pumps, speeds, strict=True):
+        for row in pump.flights:
             text = (
                 f"the follower leaves the cam at {np.mod(row.start, TURN) / DEGREE:.1f} deg and lands at "
                 f"{np.mod(row.landing, TURN) / DEGREE:.1f} deg with {row.speed:.2g} m/s, an impulse of "

@@ -15,7 +15,7 @@ from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.mounting import NO_GRAVITY, Mounting, PumpUnit
 from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
-from camtorque.records import Array, Forces, RigidTorque
+from camtorque.records import Array, Flight, Forces, RigidTorque
 
 
 def solve_rigid(
@@ -62,11 +62,13 @@ def solve_rigid(
         outputs = dict(solve_shaft([unit], theta, pressure, run.speed, run.acceleration, method=method).outputs[0])
     causes = tables.torque_by_cause(run.pressure[0], run.speed, run.acceleration)
     lost = pulls(outputs["contact_normal"])
+    flights: tuple[Flight, ...] = ()
     if np.any(lost):
         flown = is_revolution(tables.theta)
         if flown:
             motion = (run.speed, run.acceleration)
-            lost = lost | fly(pump, law, tables.theta, run.pressure[0], motion, mounting).mask
+            airborne = fly(pump, law, tables.theta, run.pressure[0], motion, mounting)
+            lost, flights = lost | airborne.mask, airborne.flights
         causes = _without_contact(causes, outputs, lost, flown)
     return RigidTorque(
         theta=tables.theta,
@@ -77,6 +79,7 @@ def solve_rigid(
         lift_velocity=tables.kinematics.velocity,
         lift_acceleration=tables.kinematics.acceleration,
         contact_lost=bool(np.any(lost)),
+        flights=flights,
     )
 
 

@@ -21,4 +21,4 @@ from camtorque.records.fitted import (
     ResidualBump,
 )
 from camtorque.records.recording import CamTable, Channel, InputFile, Recording, SampleSource, SensorCalibration
-from camtorque.records.rigid import Forces, RigidTorque
+from camtorque.records.rigid import Flight, Forces, RigidTorque

@@ -29,6 +29,16 @@ class Forces(ReadOnly):
 
 
 @dataclass(frozen=True)
+class Flight:
+    """One flight: angles of take-off and landing [rad], speed against the cam [m/s] and impulse of landing [N s]."""
+
+    start: float
+    landing: float
+    speed: float
+    impulse: float
+
+
+@dataclass(frozen=True)
 class RigidTorque(ReadOnly):
     """The rigid DeNOC solution on the angle grid.
 
@@ -39,6 +49,7 @@ class RigidTorque(ReadOnly):
     forces : contact, joint forces and Hertz stress
     lift, lift_velocity, lift_acceleration : (n_theta,) y [m], y' [m/rad], y'' [m/rad^2]
     contact_lost : True where the follower leaves the cam anywhere
+    flights : of the follower over a whole revolution
     """
 
     theta: Array
@@ -49,3 +60,4 @@ class RigidTorque(ReadOnly):
     lift_velocity: Array
     lift_acceleration: Array
     contact_lost: bool
+    flights: tuple[Flight, ...] = ()

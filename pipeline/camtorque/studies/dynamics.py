@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.laws.chain import angle_grid
+from camtorque.mechanism.cam import by_pieces
 from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
@@ -37,18 +38,9 @@ def extended_torque(theta: Array) -> Array:
     """Return the torque in extended precision, from the polynomials of the law and the equations of the closed form."""
     law, pump = study_law(), study_pump()
     wide = np.longdouble
-    angle = theta.astype(wide)
     piece = np.clip(np.searchsorted(law.knots, theta, side="right") - 1, 0, law.knots.size - 2)
-    local = angle - law.knots.astype(wide)[piece]
-    rows = law.coefficients.astype(wide)[:, piece]
-    order = rows.shape[0] - 1
-    y, y1, y2 = (
-        sum(
-            rows[k] * wide(np.prod(np.arange(order - k, order - k - d, -1))) * local ** (order - k - d)
-            for k in range(order + 1 - d)
-        )
-        for d in range(3)
-    )
+    local = theta.astype(wide) - law.knots.astype(wide)[piece]
+    y, y1, y2 = by_pieces(law.coefficients.astype(wide)[:, piece], local, 2)
     offset, radius = wide(pump.follower_offset), wide(pump.roller_radius)
     s = np.sqrt(wide(pump.base_circle_radius + pump.roller_radius) ** 2 - offset**2) + y
     arc = np.sqrt(s * s + (y1 - offset) ** 2)
