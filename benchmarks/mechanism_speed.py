@@ -26,10 +26,10 @@ from numba import njit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "mechanism"))
 from camtorque.mechanism.elastic import solve_elastic
-from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
 from camtorque.mechanism.torque import closed_form_tables
+from camtorque.studies.kernel import cycle_tables, evaluate_cycles
 from engine_cases import ENGINES, Sample
 from mechanism_cases import analytic_law, paper_pump
 

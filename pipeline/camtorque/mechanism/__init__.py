@@ -5,6 +5,5 @@
     CamTable, sections -> CamLaw -> kinematics, friction -> torque -> solve_rigid -> RigidTorque
                                     denoc, recursion   the same numbers, link by link, without friction
                                     shaft, elastic     several pumps on one shaft, rigid or with springs
-                                    kernel             many cycles in one compiled pass
                                     predict            a pump without a recording
 """

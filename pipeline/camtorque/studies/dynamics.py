@@ -11,12 +11,12 @@ import numpy as np
 
 from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import by_pieces
-from camtorque.mechanism.kernel import cycle_tables, evaluate_cycles
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, peak_error, study_law, study_pressure, study_pump
+from camtorque.studies.kernel import cycle_tables, evaluate_cycles
 from camtorque.studies.table import Chart, Choice, measured
 
 ANGLES = 3600

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from camtorque.mechanism.friction import Friction
-from camtorque.mechanism.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles
 from camtorque.mechanism.torque import closed_form_tables
+from camtorque.studies.kernel import CYCLE_OUTPUTS, cycle_tables, evaluate_cycles
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "mechanism"))
 from mechanism_cases import CASES, analytic_law, case
 
 LAW = analytic_law()
