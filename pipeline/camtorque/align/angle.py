@@ -11,7 +11,7 @@ from camtorque.align.places import Places
 from camtorque.align.pulses import PulseTrain
 from camtorque.align.resample import hermite_slopes, interval_polynomials, times_at
 from camtorque.config import TriggerSpec
-from camtorque.records import Array
+from camtorque.records import Array, Integers, Mask
 from camtorque.units import TURN
 
 BEYOND = np.pi / 4.0
@@ -35,9 +35,9 @@ class CamAngle:
     angle: Array
     time: Array
     polynomials: Array
-    repaired: NDArray[np.bool_]
-    broken: NDArray[np.bool_]
-    jumped: NDArray[np.bool_]
+    repaired: Mask
+    broken: Mask
+    jumped: Mask
     repair_error_deg: float = 0.0
     zero_step_angle: float = 0.0
     places: Places | None = None
@@ -46,7 +46,7 @@ class CamAngle:
         """Return the times of unwrapped cam angles [s]."""
         return times_at(self.angle, self.polynomials, angle)
 
-    def candidate_cycles(self) -> NDArray[np.int64]:
+    def candidate_cycles(self) -> Integers:
         """Return the numbers of the cycles whose angle range is covered by pulses.
 
         Those within a jump of a clock are left out: a log that pauses for an hour recorded none of its thousands.
@@ -61,7 +61,7 @@ class CamAngle:
         starts, stops = np.r_[first, ends[long]], np.r_[begins[long], last]
         return np.concatenate([np.arange(a, b, dtype=np.int64) for a, b in zip(starts, stops, strict=True)])
 
-    def touched(self, cycles: NDArray[np.int64], flags: NDArray[np.bool_], pulses_before: int = 0) -> NDArray[np.bool_]:
+    def touched(self, cycles: Integers, flags: Mask, pulses_before: int = 0) -> Mask:
         """Tell which cycles overlap an interval that ends at a flagged pulse.
 
         With ``pulses_before=1`` the pulse at which a cycle's first interval begins counts too.

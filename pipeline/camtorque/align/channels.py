@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.angle import CamAngle
 from camtorque.align.clocks import Clock
@@ -17,7 +16,7 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.quality import ChannelDamage
 from camtorque.align.resample import choose_rule, resampler
 from camtorque.compiled import compiled_pays
-from camtorque.records import Array, Channel
+from camtorque.records import Array, Channel, Integers, Mask
 from camtorque.signal.damage import clips_below, damage_of_each
 from camtorque.signal.logger_time import sample_positions
 from camtorque.stacks import empty_stack, give_back
@@ -62,7 +61,7 @@ class Turns:
     options: AlignOptions
 
     @cached_property
-    def cycles(self) -> NDArray[np.int64]:
+    def cycles(self) -> Integers:
         """Their numbers, (n,)."""
         return self.angle.candidate_cycles()
 
@@ -72,7 +71,7 @@ class Turns:
         begin, middle, end = (self.angle.time_at((self.cycles + part) * TURN) for part in (0.0, 0.5, 1.0))
         return begin, middle, end
 
-    def covered(self, channels: Iterable[Channel]) -> NDArray[np.bool_]:
+    def covered(self, channels: Iterable[Channel]) -> Mask:
         """Tell which of them every channel covers from theta = 0 to one revolution later."""
         begin, _, end = self.times
         complete = np.ones(self.cycles.size, dtype=bool)
@@ -83,9 +82,7 @@ class Turns:
         return complete
 
 
-def align_channels(
-    channels: Mapping[str, Channel], turns: Turns, complete: NDArray[np.bool_]
-) -> dict[str, AlignedChannel]:
+def align_channels(channels: Mapping[str, Channel], turns: Turns, complete: Mask) -> dict[str, AlignedChannel]:
     """Resample the complete turns of some channels side by side; files are read by one thread at a time."""
     reading = threading.Lock()
     with ThreadPoolExecutor(max_workers=2) as pool:
@@ -96,9 +93,7 @@ def align_channels(
         return {quantity: job.result() for quantity, job in jobs.items()}
 
 
-def _align_channel(
-    channel: Channel, turns: Turns, complete: NDArray[np.bool_], reading: threading.Lock
-) -> AlignedChannel:
+def _align_channel(channel: Channel, turns: Turns, complete: Mask, reading: threading.Lock) -> AlignedChannel:
     angle, cycles, options, clock = turns.angle, turns.cycles, turns.options, turns.clocks[channel.logger]
     rows = empty_stack(cycles.size, options.n_theta)
     damage, extremes = np.zeros((cycles.size, 5), dtype=np.int64), np.full((cycles.size, 2), np.nan)
@@ -137,10 +132,10 @@ def _law(channel: Channel) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def _groups(
-    first: NDArray[np.int64],
-    stop: NDArray[np.int64],
-    complete: NDArray[np.bool_],
-    cycles: NDArray[np.int64],
+    first: Integers,
+    stop: Integers,
+    complete: Mask,
+    cycles: Integers,
     block_samples: int,
 ) -> Iterator[slice]:
     """Yield runs of complete consecutive cycles that fit into a block; one that is longer is a run by itself."""

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array, ClockFit, Finding, Refusal
+from camtorque.records import Array, ClockFit, Finding, Mask, Refusal
 from camtorque.signal.threshold import Count, Threshold
 
 LEAST_OVERLAP = Threshold(
@@ -265,7 +264,7 @@ def robust_line(x: Array, y: Array) -> Line:
         residual = y - mean_y - slope * (u - mean_u)
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-12)
         weights = np.clip(1.0 - (residual / (4.685 * scale)) ** 2, 0.0, None) ** 2
-    kept: NDArray[np.bool_] = weights > 0.0
+    kept: Mask = weights > 0.0
     n = max(3, int(kept.sum()))
     std = float(np.sqrt(np.sum(residual[kept] ** 2) / (n - 2)))
     spread = float(np.sum((u - np.mean(u))[kept] ** 2))

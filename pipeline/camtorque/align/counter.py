@@ -7,10 +7,9 @@ rises by one count now and then, one that rises by many counts a sample and an a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.pulses import PulseTrain, TriggerTrain
-from camtorque.records import Array, Channel, Finding, Refusal
+from camtorque.records import Array, Channel, Finding, Integers, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.logger_time import sample_times
@@ -152,7 +151,7 @@ def _line_times(time: Array, angle: Array, wanted: Array, coarse: Array, pitch: 
 
 
 def _fit_lines(
-    time: Array, angle: Array, about: tuple[Array, Array], ends: tuple[NDArray[np.int64], NDArray[np.int64]]
+    time: Array, angle: Array, about: tuple[Array, Array], ends: tuple[Integers, Integers]
 ) -> tuple[Array, Array]:
     """Fit time over angle between the ends of each line; too few points leave the coarse time.
 

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_unseen, wandered
@@ -29,7 +28,7 @@ from camtorque.align.quality import CycleTable, apply_cuts, changed_running, ref
 from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, time_base
-from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Recording, Refusal
+from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Integers, Mask, Recording, Refusal
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Threshold
 from camtorque.stacks import mean_of
@@ -131,9 +130,7 @@ def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
     return replace(found, findings=(*found.findings, *told), level_drifts=drifts)
 
 
-def _table(
-    turns: Turns, complete: NDArray[np.bool_], aligned: dict[str, AlignedChannel], edge_noise: float
-) -> CycleTable:
+def _table(turns: Turns, complete: Mask, aligned: dict[str, AlignedChannel], edge_noise: float) -> CycleTable:
     angle, cycles, options = turns.angle, turns.cycles, turns.options
     period = turns.times[2] - turns.times[0]
     jump = angle.touched(cycles, angle.jumped)
@@ -156,7 +153,7 @@ def _table(
     )
 
 
-def _speed_change(period: Array, unknown: NDArray[np.bool_]) -> Array:
+def _speed_change(period: Array, unknown: Mask) -> Array:
     """Return the largest relative change of the period from a cycle to its neighbours, where both are known."""
     relative = np.abs(np.diff(period)) / np.minimum(period[1:], period[:-1])
     relative[unknown[1:] | unknown[:-1]] = 0.0
@@ -166,7 +163,7 @@ def _speed_change(period: Array, unknown: NDArray[np.bool_]) -> Array:
 def _cam_cycles(
     recording: Recording,
     table: CycleTable,
-    used: NDArray[np.bool_],
+    used: Mask,
     cut_flow: tuple[CutFlowRow, ...],
     aligned: Mapping[str, AlignedChannel],
     base: TimeBase,
@@ -207,7 +204,7 @@ def _deviation(angle: CamAngle, theta: Array) -> dict[str, Array]:
     return {"angle_deviation": deviation, "angle_deviation_std": std}
 
 
-def _compacted(rows: Array, chosen: NDArray[np.int64]) -> Array:
+def _compacted(rows: Array, chosen: Integers) -> Array:
     """Return the used rows without a second copy of a long recording: a stretch of it, or moved to the front."""
     if chosen[-1] - chosen[0] + 1 == chosen.size:
         return rows[chosen[0] : chosen[-1] + 1]

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from camtorque.align.polarity import at_rest, lift_velocity
-from camtorque.align.quality import Mask
 from camtorque.config import PumpData
-from camtorque.records import Array, CamTable, Finding, Recording, Refusal
+from camtorque.records import Array, CamTable, Finding, Mask, Recording, Refusal
 from camtorque.signal.threshold import Threshold
 
 APART_DEG = {

@@ -11,11 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.clocks import LARGEST_SKEW, robust_line
 from camtorque.align.quality import POINT_DEG, SAMPLED_CYCLES, CycleTable, ordinary, spread_choice
-from camtorque.records import Array, Finding
+from camtorque.records import Array, Finding, Integers, Mask
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import pieces
 from camtorque.units import DEGREE, TURN, short
@@ -56,7 +55,7 @@ class Lags:
         [rad]
     """
 
-    slipped: NDArray[np.bool_]
+    slipped: Mask
     wander: Mapping[str, float]
     findings: tuple[Finding, ...]
 
@@ -96,7 +95,7 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
     return Lags(slipped, wander, tuple(findings))
 
 
-def cycle_lags(rows: Array, sound: NDArray[np.bool_]) -> Array:
+def cycle_lags(rows: Array, sound: Mask) -> Array:
     """Return the cam angle by which each cycle comes later than the typical one, (n_cycles,) [rad]; nan: not sound.
 
     It is the shift at which a cycle and the median of the sound ones are most alike, from their circular correlation.
@@ -123,7 +122,7 @@ def _peak(alike: Array) -> Array:
     return np.asarray((top + 0.5 * (before - after) / bend + n / 2) % n - n / 2)
 
 
-def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array, least: float) -> tuple[int, float] | None:
+def _first_step(rows: Array, sound: Integers, lag: Array, least: float) -> tuple[int, float] | None:
     """Return the place among the sound cycles of the one in which the lag steps, and by how much, ``least`` [rad].
 
     Several steps look like a drift, so that the first parts of the recording are looked at by themselves too.
@@ -132,7 +131,7 @@ def _first_step(rows: Array, sound: NDArray[np.int64], lag: Array, least: float)
     return next((step for part in parts if (step := _clearest_step(rows, part, lag, least)) is not None), None)
 
 
-def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array, least: float) -> tuple[int, float] | None:
+def _clearest_step(rows: Array, sound: Integers, lag: Array, least: float) -> tuple[int, float] | None:
     found = lag[sound]
     n, own = found.size, int(BESIDE_STEP)
     if n < max(FEWEST, 2 * own + 1):
@@ -151,14 +150,14 @@ def _clearest_step(rows: Array, sound: NDArray[np.int64], lag: Array, least: flo
     return lost, moved
 
 
-def _squares(values: Array, begin: NDArray[np.int64] | int, end: NDArray[np.int64] | int) -> Array:
+def _squares(values: Array, begin: Integers | int, end: Integers | int) -> Array:
     """Return the sums of squares about the mean of stretches of values."""
     sums, squares = (np.r_[0.0, np.cumsum(item)] for item in (values, values**2))
     total = sums[end] - sums[begin]
     return np.asarray(squares[end] - squares[begin] - total**2 / (np.asarray(end) - begin))
 
 
-def _drift(rows: Array, sound: NDArray[np.int64], lag: Array, time: Array, least: float) -> float:
+def _drift(rows: Array, sound: Integers, lag: Array, time: Array, least: float) -> float:
     """Return by how much a channel wanders as one clock against another [rad/s], 0 where it does not."""
     if sound.size < FEWEST:
         return 0.0
@@ -171,7 +170,7 @@ def _drift(rows: Array, sound: NDArray[np.int64], lag: Array, time: Array, least
     return line.slope if _shift_alone(rows, *ends, moved) else 0.0
 
 
-def _shift_alone(rows: Array, before: NDArray[np.int64], after: NDArray[np.int64], moved: float) -> bool:
+def _shift_alone(rows: Array, before: Integers, after: Integers, moved: float) -> bool:
     """Return whether the mean cycles of two groups differ by a shift alone."""
     one, other = (np.mean(rows[group[:: -(-group.size // SAMPLED_CYCLES)]], axis=0) for group in (before, after))
     one, other = one - np.mean(one), other - np.mean(other)

@@ -12,11 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.pulses import PulseTrain
 from camtorque.config import TriggerSpec
-from camtorque.records import Array
+from camtorque.records import Array, Integers, Mask
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import TURN
 
@@ -79,7 +78,7 @@ class Places:
 
     place: Array
     place_std: Array
-    orders: NDArray[np.int64]
+    orders: Integers
     coefficient: Array
     covariance: Array
     tooth_std: float
@@ -160,8 +159,8 @@ class _Pattern:
     mean: Array
     variance: Array
     which: Array
-    free: NDArray[np.bool_]
-    orders: NDArray[np.int64]
+    free: Mask
+    orders: Integers
     waves: Array
     teeth_covariance: Array
 
@@ -174,7 +173,7 @@ class _Sizes:
     ripple: float
     own: tuple[tuple[int, float], ...] = ()
 
-    def waves(self, orders: NDArray[np.int64]) -> Array:
+    def waves(self, orders: Integers) -> Array:
         """Return the prior variance of each coefficient."""
         variance = self.ripple**2 / np.maximum(orders / LOBES, 1.0) ** (2.0 * SMOOTHNESS)
         for order, size in self.own:
@@ -182,7 +181,7 @@ class _Sizes:
         return np.tile(variance, 2)
 
 
-def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: TriggerSpec, n: int) -> _Pattern:
+def _design(tooth: Integers, mean: Array, variance: Array, spec: TriggerSpec, n: int) -> _Pattern:
     per_wheel = max(1, n // spec.revolutions_per_cycle)
     which = np.zeros((tooth.size, per_wheel))
     which[np.arange(tooth.size), tooth % per_wheel] = 1.0
@@ -194,12 +193,12 @@ def _design(tooth: NDArray[np.int64], mean: Array, variance: Array, spec: Trigge
     return _Pattern(mean, variance, which, free, orders, waves, which @ which.T)
 
 
-def _waves(angle: Array, orders: NDArray[np.int64]) -> Array:
+def _waves(angle: Array, orders: Integers) -> Array:
     phase = np.asarray(angle)[:, None] * orders[None, :]
     return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
 
 
-def _beside_gap(spec: TriggerSpec, per_wheel: int) -> NDArray[np.bool_]:
+def _beside_gap(spec: TriggerSpec, per_wheel: int) -> Mask:
     """Tell which teeth have a place of their own: a coil sees the two beside a gap elsewhere."""
     free = np.zeros(per_wheel, dtype=bool)
     if spec.sensor == "inductive" and spec.missing_teeth and per_wheel - spec.missing_teeth > 2 * LEAST_PULSES:
@@ -207,12 +206,12 @@ def _beside_gap(spec: TriggerSpec, per_wheel: int) -> NDArray[np.bool_]:
     return free
 
 
-def _pattern(train: PulseTrain, n: int) -> tuple[NDArray[np.int64], Array, float, int] | None:
+def _pattern(train: PulseTrain, n: int) -> tuple[Integers, Array, float, int] | None:
     """Return tooth numbers, mean deviation of each from even running, scatter of single ones [rad], turns used."""
     times, tooth = _turns(train, n)
     if tooth.size < LEAST_PULSES:
         return None
-    whole: NDArray[np.bool_] = np.asarray(np.isfinite(times).all(axis=1))
+    whole: Mask = np.asarray(np.isfinite(times).all(axis=1))
     inner = np.flatnonzero(whole[1:-1] & whole[:-2] & whole[2:]) + 1
     if inner.size < LEAST_TURNS:
         return None
@@ -233,7 +232,7 @@ def _pattern(train: PulseTrain, n: int) -> tuple[NDArray[np.int64], Array, float
     return tooth, mean, float(np.sqrt(np.mean(variance))), int(inner.size)
 
 
-def _turns(train: PulseTrain, n: int) -> tuple[Array, NDArray[np.int64]]:
+def _turns(train: PulseTrain, n: int) -> tuple[Array, Integers]:
     """Return (turns, teeth) times, nan where a turn is not whole, and the teeth that most turns show."""
     jumped = np.zeros(train.time.size, dtype=bool) if train.jumped is None else train.jumped
     turn, tooth = train.step // n, train.step % n

@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.quality import spread_choice
-from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.records import Array, CamTable, Channel, Finding, Mask, Recording, Refusal
 from camtorque.signal.marks import repeats_every, uneven_marks
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import BAR, TURN
@@ -74,9 +73,7 @@ class Checked:
     findings: tuple[Finding, ...] = ()
 
 
-def check_quantities(
-    rows: Mapping[str, Array], sound: NDArray[np.bool_], recording: Recording, pulses: Array
-) -> Checked:
+def check_quantities(rows: Mapping[str, Array], sound: Mask, recording: Recording, pulses: Array) -> Checked:
     """Turn an inverted torque in place and return the typical cycles and the findings.
 
     Parameters
@@ -111,9 +108,7 @@ def check_quantities(
     return Checked({**typical, "torque": -torque}, (*repeating, _turned(recording, float(np.mean(torque)), straight)))
 
 
-def _repeating(
-    rows: Array, sound: NDArray[np.bool_], stride: int, recording: Recording, pulses: Array
-) -> tuple[Finding, ...]:
+def _repeating(rows: Array, sound: Mask, stride: int, recording: Recording, pulses: Array) -> tuple[Finding, ...]:
     """Tell revolutions that are alike only some turns apart: the pulses come from a faster shaft than the cam."""
     some = np.where(sound[:COMPARED, None], rows[:COMPARED, ::stride], np.nan)
     every = repeats_every(some)
@@ -185,9 +180,7 @@ def lift_velocity(table: CamTable, n_theta: int) -> Array:
     return np.interp(grid, theta, slope, period=TURN)
 
 
-def _typical(
-    rows: Array, sound: NDArray[np.bool_], stride: int, channel: Channel, repeating: tuple[Finding, ...]
-) -> Array:
+def _typical(rows: Array, sound: Mask, stride: int, channel: Channel, repeating: tuple[Finding, ...]) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound), ::stride]
     middle = np.median(some, axis=0)

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array, Channel, Finding
+from camtorque.records import Array, Channel, Finding, Integers, Mask
 from camtorque.signal.edges import Edges, without_bounces
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
@@ -46,12 +45,12 @@ class PulseTrain:
     """
 
     time: Array
-    step: NDArray[np.int64]
-    repaired: NDArray[np.bool_]
-    broken: NDArray[np.bool_]
+    step: Integers
+    repaired: Mask
+    broken: Mask
     repair_error: float
     counts: Mapping[str, int]
-    jumped: NDArray[np.bool_] | None = None
+    jumped: Mask | None = None
     offset: float = 0.0
     offset_std: float = 0.0
     by_index: bool = False

@@ -9,15 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.options import AlignOptions
-from camtorque.records import Array, CutFlowRow, Finding, Refusal
+from camtorque.records import Array, CutFlowRow, Finding, Integers, Mask, Refusal
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import distance_of
 from camtorque.units import short
-
-Mask = NDArray[np.bool_]
 
 SAMPLED_CYCLES = 41
 """The robust mean cycle is taken over at most this many cycles, spread evenly."""
@@ -63,11 +60,11 @@ class ChannelDamage:
     ``flat_run`` is the length of the longest clipped top (or bottom of a torque), 0 where there is none.
     """
 
-    clipped: NDArray[np.int64]
-    missing: NDArray[np.int64]
-    longest_run: NDArray[np.int64]
-    flat_run: NDArray[np.int64]
-    n_samples: NDArray[np.int64]
+    clipped: Integers
+    missing: Integers
+    longest_run: Integers
+    flat_run: Integers
+    n_samples: Integers
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,7 @@ class CycleTable:
     ``edge_change`` is the relative change of the period that the errors of the edges alone can make.
     """
 
-    index: NDArray[np.int64]
+    index: Integers
     speed: Array
     speed_change: Array
     complete: Mask
@@ -167,7 +164,7 @@ def _outlier(table: CycleTable) -> Mask:
     return outlier
 
 
-def spread_choice(flags: Mask) -> NDArray[np.int64]:
+def spread_choice(flags: Mask) -> Integers:
     """Return at most `SAMPLED_CYCLES` of the flagged places, spread evenly."""
     chosen = np.flatnonzero(flags)
     return chosen[np.unique(np.linspace(0, chosen.size - 1, min(chosen.size, SAMPLED_CYCLES)).astype(int))]

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from camtorque.align import resample_compiled
 from camtorque.align.options import AVERAGE, CUBIC, RULES
-from camtorque.records import Array
+from camtorque.records import Array, Mask
 
 
-def hermite_slopes(angle: Array, time: Array, bad: NDArray[np.bool_]) -> tuple[Array, Array]:
+def hermite_slopes(angle: Array, time: Array, bad: Mask) -> tuple[Array, Array]:
     """Slopes dt/dtheta at the left and right end of each interval between pulses.
 
     The slope at a pulse is the harmonic mean of the neighbouring ones, which keeps time monotone (Fritsch and Butland,

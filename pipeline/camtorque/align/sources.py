@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.counter import counter_train
 from camtorque.align.numbering import number_counts, number_teeth
@@ -17,7 +16,7 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.pulses import PulseTrain, TriggerTrain
 from camtorque.align.teeth import broken_before, mark_misfit
 from camtorque.config import TriggerSpec
-from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.records import Array, Channel, Finding, Integers, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges
 from camtorque.signal.inductive import find_crossings
 from camtorque.signal.pickup import find_pulses
@@ -149,7 +148,7 @@ def _forward_only(a: Edges, b: Edges, where: str) -> tuple[Array, tuple[Finding,
     return times[order][ahead], (Finding("encoder_reversed", "info", text, where),)
 
 
-def _level_of(b: Edges, time: Array) -> NDArray[np.int64]:
+def _level_of(b: Edges, time: Array) -> Integers:
     """Return 1 where track B is high at the given times, else -1."""
     rise = np.r_[-np.inf, b.time][np.searchsorted(b.time, time)]
     fall = np.r_[-np.inf, b.opposite][np.searchsorted(b.opposite, time)]

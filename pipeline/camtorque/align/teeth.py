@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.align.pulses import PulseTrain
 from camtorque.config import TriggerSpec
-from camtorque.records import Array, Refusal
+from camtorque.records import Array, Integers, Mask, Refusal
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import counted
@@ -49,9 +48,9 @@ class Counted:
     """Pulses with their counted steps; ``marks`` are places in ``time``; ``broken`` as in `PulseTrain`."""
 
     time: Array
-    step: NDArray[np.int64]
-    broken: NDArray[np.bool_]
-    marks: NDArray[np.int64]
+    step: Integers
+    broken: Mask
+    marks: Integers
     n_extra: int = 0
     n_missed: int = 0
     n_slips: int = 0
@@ -74,7 +73,7 @@ def pitch_of(time: Array) -> Array:
     return running_median(np.diff(time), PITCH_TEETH)
 
 
-def _steps(time: Array, most: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _steps(time: Array, most: int) -> tuple[Integers, Mask]:
     """Return the steps of each gap, and which gaps are a standstill (counted as one step)."""
     steps = np.maximum(1, np.rint(np.diff(time) / pitch_of(time))).astype(np.int64)
     still = steps > max(STANDSTILL_STEPS, 2 * most)
@@ -151,7 +150,7 @@ def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
     return float(np.median(np.sum(beside, axis=0)))
 
 
-def confirmed(step: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def confirmed(step: Integers, n: int) -> Integers:
     """Return which marks are confirmed by others whole revolutions away; of rivals the better confirmed one.
 
     A tooth that is lost once looks like the mark of a wheel with one tooth missing; it has no others like it.
@@ -201,7 +200,7 @@ def resynced(counted: Counted, n: int, present: int) -> Counted:
     )
 
 
-def broken_before(broken: NDArray[np.bool_], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def broken_before(broken: Mask, kept: Mask) -> Mask:
     """Tell for each kept pulse whether any way since the kept one before is not proven."""
     total = np.r_[0, np.cumsum(broken)]
     places = np.flatnonzero(kept)

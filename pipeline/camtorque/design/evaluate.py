@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.config.pump import PumpConfig
@@ -21,7 +20,7 @@ from camtorque.mechanism.kinematics import path_rows
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.predict import mounting_of
 from camtorque.mechanism.torque import OUTPUTS, Constants, constants_of, solve_lift
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, Integers, ReadOnly
 from camtorque.units import DEGREE, TURN
 
 PER_FLANK = SAMPLES + 1
@@ -149,7 +148,7 @@ class Evaluated:
         return np.array([self.design.values[phase_name(k + 1)] * DEGREE for k in range(len(self.config.phases))])
 
     @cached_property
-    def order(self) -> NDArray[np.int64]:
+    def order(self) -> Integers:
         """Indices that sort the nodes by angle."""
         return np.argsort(self.theta, kind="stable")
 

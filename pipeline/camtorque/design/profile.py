@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 
 from camtorque.compiled import njit
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.sections import FLANKS, unit_flank
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, Integers, ReadOnly
 from camtorque.units import TURN
 
 SAMPLES = 240
@@ -71,7 +70,7 @@ class Family:
         return np.stack([basis(NODES, k) if k <= self.degree else 0.0 * basis(NODES) for k in range(ORDERS)])
 
     @cached_property
-    def windows(self) -> NDArray[np.int64]:
+    def windows(self) -> Integers:
         """First nodes of the parts of a flank of which the greatest value counts each.
 
         As a peak wanders from one part to the next, both are seen; no part reaches across a knot, where the highest

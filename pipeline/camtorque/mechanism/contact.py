@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.records import Array
+from camtorque.records import Array, Mask
 
 ROUNDING = 1.0e-12
 """Share of the largest force below which one is none."""
@@ -40,7 +39,7 @@ def half_width(pump: PumpData, hertz: Array, relative_radius: Array) -> Array:
     return 2.0 * hertz * relative_radius / contact_modulus(pump)
 
 
-def pulls(force: Array) -> NDArray[np.bool_]:
+def pulls(force: Array) -> Mask:
     """Return where a force on the follower would have to pull it; one that only rests on its cam has none."""
     return np.asarray(force < -ROUNDING * np.max(np.abs(force), initial=0.0))
 

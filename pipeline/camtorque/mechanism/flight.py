@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.compiled import njit
 from camtorque.config import PumpData
@@ -19,7 +18,7 @@ from camtorque.mechanism.contact import pulls
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
-from camtorque.records import Array, Flight, ReadOnly, Refusal
+from camtorque.records import Array, Flight, Mask, ReadOnly, Refusal
 from camtorque.units import RPM, TURN
 
 SUBSTEPS = 8
@@ -39,7 +38,7 @@ class Airborne(ReadOnly):
     """All flights of a revolution, and where over the grid the follower is in the air."""
 
     flights: tuple[Flight, ...]
-    mask: NDArray[np.bool_]
+    mask: Mask
 
 
 def is_revolution(theta: Array) -> bool:

@@ -17,12 +17,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.compiled import elementwise
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
-from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.records import Array, Mask, ReadOnly, Refusal
 
 
 @dataclass(frozen=True)
@@ -67,12 +66,12 @@ class Kinematics(ReadOnly):
         return self.pitch_curvature / (1.0 - self.roller_radius * self.pitch_curvature)
 
     @property
-    def concave(self) -> NDArray[np.bool_]:
+    def concave(self) -> Mask:
         """Where the cam surface is hollow: the roller has to be smaller than its radius."""
         return self.pitch_curvature < 0.0
 
     @property
-    def undercut(self) -> NDArray[np.bool_]:
+    def undercut(self) -> Mask:
         """Where the pitch curve bends tighter than the roller, so that no cam can drive this lift."""
         return self.relative_radius <= 0.0
 

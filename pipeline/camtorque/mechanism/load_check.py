@@ -14,10 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.records import Array, CamCycles, Finding, Recording, Refusal, RigidTorque
+from camtorque.records import Array, CamCycles, Finding, Mask, Recording, Refusal, RigidTorque
 from camtorque.units import BAR, short
 
 LOADED_SHARE = 0.7
@@ -49,7 +48,7 @@ DRAGGED = 0.3
 largest 0.19."""
 
 
-def on_base(lift: Array) -> NDArray[np.bool_]:
+def on_base(lift: Array) -> Mask:
     """Return where a follower stands on the base circle, (n,); a lift table (n,) [m] may stay above zero there."""
     return np.asarray(lift - np.min(lift) < BASE_LIFT * np.ptp(lift))
 

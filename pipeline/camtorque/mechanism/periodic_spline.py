@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array
+from camtorque.records import Array, Integers
 
 DENSE = 80
 """Unknowns up to which a cyclic band matrix is solved as a whole."""
@@ -30,7 +29,7 @@ class PeriodicSplines:
         """Number of coefficients."""
         return self.breaks.size - 1
 
-    def rows(self, theta: Array, derivative: int = 0) -> tuple[Array, NDArray[np.int64]]:
+    def rows(self, theta: Array, derivative: int = 0) -> tuple[Array, Integers]:
         """Return the basis functions that do not vanish at angles (n,), and whose they are, (n, degree + 1) each."""
         piece = np.clip(np.searchsorted(self.breaks, theta, "right") - 1, 0, self.count - 1)
         values = np.ones((1, theta.size))
@@ -79,7 +78,7 @@ class PeriodicSplines:
         return np.array(powers)
 
 
-def _sums(places: NDArray[np.int64], values: Array, size: int) -> Array:
+def _sums(places: Integers, values: Array, size: int) -> Array:
     """Return the sum of the values that belong to each place, (size,)."""
     return np.asarray(np.bincount(places.ravel(), values.ravel(), size), dtype=np.float64)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
@@ -15,7 +14,7 @@ from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.mounting import NO_GRAVITY, Mounting, PumpUnit
 from camtorque.mechanism.shaft import prescribed_motion, solve_shaft
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
-from camtorque.records import Array, Flight, Forces, RigidTorque
+from camtorque.records import Array, Flight, Forces, Mask, RigidTorque
 
 
 def solve_rigid(
@@ -84,7 +83,7 @@ def solve_rigid(
 
 
 def _without_contact(
-    causes: Mapping[str, Array], outputs: dict[str, Array], lost: NDArray[np.bool_], flown: bool
+    causes: Mapping[str, Array], outputs: dict[str, Array], lost: Mask, flown: bool
 ) -> dict[str, Array]:
     """Return the causes, nothing but the cam's own inertia where contact is lost; writes torque and contact force."""
     kept = {name: np.where(lost, 0.0, values) for name, values in causes.items()}

@@ -4,7 +4,19 @@
 Everything is SI and radians; a unit suffix marks a border value. Arrays are made read-only at birth.
 """
 
-from camtorque.records.base import CONTROL, SEVERITIES, Array, Estimate, Finding, ReadOnly, Refusal, printable, require
+from camtorque.records.base import (
+    CONTROL,
+    SEVERITIES,
+    Array,
+    Estimate,
+    Finding,
+    Integers,
+    Mask,
+    ReadOnly,
+    Refusal,
+    printable,
+    require,
+)
 from camtorque.records.cycles import AngleError, CamCycles, ClockFit, CutFlowRow
 from camtorque.records.fitted import (
     APART,

@@ -6,9 +6,8 @@ A clipped top is a run of equal samples at the end of the range from which the s
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array, SensorCalibration
+from camtorque.records import Array, Integers, Mask, SensorCalibration
 from camtorque.signal import passes_compiled
 from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Count, Threshold
@@ -54,7 +53,7 @@ def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, in
     return clipped, missing, *_runs(volts, bool(np.isfinite(lowest)))
 
 
-def damage_of_each(volts: Array, ends: Array, limits: tuple[float, float], compiled: bool) -> NDArray[np.int64]:
+def damage_of_each(volts: Array, ends: Array, limits: tuple[float, float], compiled: bool) -> Integers:
     """Return (m, 5) `damage_of` of each stretch and its samples in all; ``ends`` (2, m) are sample positions."""
     ends = np.clip(ends, 0.0, volts.size - 1.0).astype(np.int64)
     if not compiled:
@@ -90,7 +89,7 @@ def _runs(volts: Array, two_sided: bool) -> tuple[int, int]:
     return int(lengths.max()), flat
 
 
-def _are_clipped(volts: Array, runs: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _are_clipped(volts: Array, runs: Integers, ends: Integers) -> Mask:
     """Tell which runs of equal samples, by length and last sample, are clipped tops or bottoms."""
     long = (runs >= FLAT_RUN) & (ends - 2 * runs + 1 >= 0) & (ends + runs < volts.size)
     if not long.any():
@@ -142,7 +141,7 @@ def missing_samples(volts: Array, carried: int) -> tuple[int, int, int]:
     return count, max(carried, int(runs.max())), int(runs[-1]) if ends[-1] == volts.size else 0
 
 
-def _stretches(flags: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _stretches(flags: Mask) -> tuple[Integers, Integers]:
     """Return where runs of flagged samples begin, and one past where they end."""
     change = np.diff(np.r_[False, flags, False].view(np.int8))
     return np.flatnonzero(change == 1), np.flatnonzero(change == -1)

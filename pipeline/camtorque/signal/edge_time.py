@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array
+from camtorque.records import Array, Integers, Mask
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Threshold
 
@@ -44,14 +43,14 @@ class EdgeSamples:
     own_height : (n,) the same height from this edge alone [V]
     """
 
-    before: NDArray[np.int64]
+    before: Integers
     near: Array
     height: Array
     noise: Array
     own_height: Array
 
 
-def edge_samples(windows: Array, before: NDArray[np.int64]) -> EdgeSamples:
+def edge_samples(windows: Array, before: Integers) -> EdgeSamples:
     """Normalise rising edges by the plateaus on their two sides.
 
     Parameters
@@ -120,7 +119,7 @@ def crossings(edges: EdgeSamples) -> Crossings:
     return Crossings(edges.before + linear, usual, max(line_error, RECTANGULAR * np.sqrt(unseen)))
 
 
-def _on_flank(near: Array) -> NDArray[np.bool_]:
+def _on_flank(near: Array) -> Mask:
     return (near > FLANK[0]) & (near < FLANK[1])
 
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.compiled import compiled_pays
-from camtorque.records import Array, Channel, Finding, Refusal
+from camtorque.records import Array, Channel, Finding, Integers, Mask, Refusal
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edge_time import EdgeSamples, crossings, edge_samples, joined
@@ -118,9 +117,7 @@ def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, E
     return up.edges(), down.edges(), n_missing
 
 
-def _transitions(
-    volts: Array, inside: tuple[int, int], bands: tuple[int, Array, Array]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _transitions(volts: Array, inside: tuple[int, int], bands: tuple[int, Array, Array]) -> tuple[Integers, Mask]:
     """Return the samples at which the signal comes to lie beyond a band, in order, and whether above it.
 
     ``bands`` are samples per window, lower and upper border of each window. Samples that are no numbers and windows
@@ -135,7 +132,7 @@ def _transitions(
     return places[order], order < entered[0].size
 
 
-def _beyond(compare: np.ufunc, volts: Array, window: int, border: Array) -> NDArray[np.bool_]:
+def _beyond(compare: np.ufunc, volts: Array, window: int, border: Array) -> Mask:
     """Compare each sample with the border of its window; the last window holds all that remain."""
     last = (border.size - 1) * window
     out = np.empty(volts.size, dtype=bool)
@@ -144,15 +141,13 @@ def _beyond(compare: np.ufunc, volts: Array, window: int, border: Array) -> NDAr
     return out
 
 
-def _entries(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _entries(flags: Mask) -> Integers:
     """Return the flagged places that follow an unflagged one, or none."""
     entries = np.flatnonzero(flags[1:] > flags[:-1]) + 1
     return np.r_[0, entries] if flags[:1].any() else entries
 
 
-def _crossings_before(
-    volts: Array, at: NDArray[np.int64], level: Array, rising: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _crossings_before(volts: Array, at: Integers, level: Array, rising: Mask) -> Integers:
     """Return the first samples at or beyond the levels, going back from ones that are."""
     at, moving = at.copy(), np.arange(at.size)
     while moving.size:
@@ -163,7 +158,7 @@ def _crossings_before(
     return at
 
 
-def _half_window(crossings: NDArray[np.int64]) -> int:
+def _half_window(crossings: Integers) -> int:
     """Return the samples on either side of an edge that belong to no other edge."""
     if crossings.size < 2:
         return 8
@@ -176,10 +171,10 @@ class _Collector:
 
     def __init__(self, sign: float) -> None:
         self.sign = sign
-        self.waiting: list[tuple[Array, NDArray[np.int64]]] = []
+        self.waiting: list[tuple[Array, Integers]] = []
         self.done: list[EdgeSamples] = []
 
-    def add(self, volts: Array, first: int, before: NDArray[np.int64], half: int) -> None:
+    def add(self, volts: Array, first: int, before: Integers, half: int) -> None:
         columns = before[:, None] - first + np.arange(-half + 1, half + 1)[None, :]
         self.waiting.append((self.sign * volts[np.clip(columns, 0, volts.size - 1)], before))
         if sum(windows.shape[0] for windows, _ in self.waiting) > BUNDLE:
@@ -287,7 +282,7 @@ def without_bounces(time: Array) -> tuple[Array, int]:
     return time[keep], int(np.sum(~keep))
 
 
-def _high_fraction(rising: NDArray[np.int64], falling: NDArray[np.int64]) -> float:
+def _high_fraction(rising: Integers, falling: Integers) -> float:
     """Return the part of the usual periods that the signal is high: a shaft that stands still does not count."""
     periods = np.diff(rising)
     after = np.searchsorted(falling, rising[:-1])
@@ -301,7 +296,7 @@ def _median(values: Array) -> float:
     return float(np.median(values)) if values.size else 0.0
 
 
-def _pulse_width(taken: Array, other: NDArray[np.int64]) -> float:
+def _pulse_width(taken: Array, other: Integers) -> float:
     """Median samples from a taken edge to the opposite one that follows."""
     following = np.searchsorted(other, taken)
     inside = following < other.size

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-from camtorque.records import Array, Channel, Refusal
+from camtorque.records import Array, Channel, Integers, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.levels import without_missing
@@ -49,7 +48,7 @@ LEAST_FOR_NOISE = 5
 class Waves:
     """Half waves between crossings of zero: ``begin`` is the sample at which one starts, ``height`` is signed [V]."""
 
-    begin: NDArray[np.int64]
+    begin: Integers
     height: Array
 
 
@@ -108,7 +107,7 @@ def _all_waves(channel: Channel, sign: float, level: float, block: int) -> tuple
     return Waves(np.concatenate([*begins, last[0].astype(np.int64)]), np.concatenate([*heights, last[1]])), n_missing
 
 
-def _half_waves(values: Array, first: int, state: Array) -> tuple[NDArray[np.int64], Array]:
+def _half_waves(values: Array, first: int, state: Array) -> tuple[Integers, Array]:
     """Split a block at its zero crossings; ``state`` carries begin and height of the half wave that goes on."""
     known = np.flatnonzero(np.abs(values) > 0.0)
     signed = np.r_[state[1], values[known]]
@@ -158,7 +157,7 @@ def _merged(waves: Waves, least: Array) -> Waves:
 
 
 def _positions(
-    channel: Channel, after: NDArray[np.int64], low: Array, sign: float, level: float, noise: float
+    channel: Channel, after: Integers, low: Array, sign: float, level: float, noise: float
 ) -> tuple[Array, Array]:
     """Return the crossings [samples] and the variance of each."""
     position, variance = np.empty(after.size), np.empty(after.size)
@@ -172,7 +171,7 @@ def _positions(
     return position, variance
 
 
-def _crossings(values: Array, after: NDArray[np.int64], limit: Array, noise: float) -> tuple[Array, Array]:
+def _crossings(values: Array, after: Integers, limit: Array, noise: float) -> tuple[Array, Array]:
     """Return where a line through the middle of each flank passes zero, and its variance [samples^2]."""
     at = np.clip(after, 1, values.size - 1)
     # as many samples on either side: a flank that bends turns the line about its middle
@@ -190,7 +189,7 @@ def _crossings(values: Array, after: NDArray[np.int64], limit: Array, noise: flo
     return position, scatter / np.maximum(slope, 1e-30) ** 2 * (1.0 / n + shift**2 / spread)
 
 
-def _reach(values: Array, start: NDArray[np.int64], limit: Array, way: int) -> NDArray[np.int64]:
+def _reach(values: Array, start: Integers, limit: Array, way: int) -> Integers:
     """Return how many samples of a flank lie from ``start`` on one way, ``start`` included."""
     reach, moving = np.ones(start.size, dtype=np.int64), np.arange(start.size)
     while moving.size:

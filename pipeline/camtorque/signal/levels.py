@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array
+from camtorque.records import Array, Integers
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE, count_missing
 from camtorque.signal.running import median, percentile, running_maximum, running_median
@@ -91,7 +90,7 @@ def _pooled_windows(low: Array, high: Array, least_height: float) -> int:
     return int(np.clip(np.ceil(WINDOW_PERIODS * distance), LEAST_POOLED, low.size))
 
 
-def _rises(low: Array, high: Array, lower: float, upper: float) -> NDArray[np.int64]:
+def _rises(low: Array, high: Array, lower: float, upper: float) -> Integers:
     """Return the fine windows in which the signal rises over the hysteresis; one that holds both levels does."""
     up, down = high > upper, (low < lower) & (high < upper)
     last = np.maximum.accumulate(np.where(up | down, np.arange(low.size), -1))

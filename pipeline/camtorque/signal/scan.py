@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.compiled import compiled_pays
-from camtorque.records import Array, Channel
+from camtorque.records import Array, Channel, Integers
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE, clipped_samples, clips_below, converter_step, missing_samples
 from camtorque.signal.running import median
@@ -93,7 +92,7 @@ def _ends(volts: Array) -> tuple[float, float, bool]:
     return float(np.min(known, initial=np.inf)), float(np.max(known, initial=-np.inf)), False
 
 
-def isolated_samples(volts: Array, compiled: bool) -> NDArray[np.int64]:
+def isolated_samples(volts: Array, compiled: bool) -> Integers:
     """Return indices of samples that stand out from both neighbours while these agree with each other.
 
     With the bend d_i = x_i - (x_(i-1) + x_(i+1))/2, one wrong sample gives d_i = s and d_(i+-1) = -s/2; an edge gives
