@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from camtorque.records import Refusal
+from camtorque.records import Array, Refusal
 
 DECIMAL = r"(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})"
 """A number without sign and exponent in a text that a user types."""
@@ -91,6 +91,11 @@ LOGARITHM = re.compile(r"ln\((.*)\)")
 """Unit of a parameter that acts by its logarithm; one of 1 is no unit."""
 COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
 """rev/1024: a counter with that many counts a revolution."""
+
+
+def angle_grid(n: int) -> Array:
+    """Return n angles of a revolution from 0, (n,) [rad]."""
+    return np.asarray(np.arange(n) * (TURN / n), dtype=np.float64)
 
 
 def tidy_unit(unit: str) -> str:

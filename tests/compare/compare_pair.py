@@ -11,10 +11,10 @@ from camtorque.fit.pair import Pair, root_of
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, angle_grid, evaluate
+from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, evaluate
 from camtorque.laws.lift import lift_correction
 from camtorque.records import Array, CamCycles, ClockFit, Estimate
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, angle_grid
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "laws"))
 

@@ -29,9 +29,9 @@ from camtorque.fit.difference import along, evaluated, minimised, objective, tur
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
 from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.verdicts import parameter_differences
-from camtorque.laws.chain import BINS, ChainInput, ChainOutput, angle_grid, evaluate
+from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, angle_grid
 from compare_pair import made_pair
 
 BEGIN = Second.begin

@@ -19,9 +19,9 @@ from camtorque.fit.solver import (
     try_at,
 )
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, angle_grid, binned, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, COLUMN_NAMES, NONLINEAR_NAMES, binned, evaluate, filtered, transfer
 from camtorque.laws.lift import lift_correction
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, angle_grid
 from fit_chain import chain_input
 from scipy.optimize import least_squares, lsq_linear
 

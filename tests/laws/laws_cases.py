@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from camtorque.laws import ROWS
-from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, angle_grid, evaluate, with_substeps
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, evaluate, with_substeps
 from camtorque.laws.chamber import NEVER
 from camtorque.studies.case import study_pump
-from camtorque.units import BAR, DEGREE
+from camtorque.units import BAR, DEGREE, angle_grid
 
 N = 1800
 THETA = angle_grid(N)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.laws import ROWS
-from camtorque.laws.chain import angle_grid, cam_motion, drive_response, filtered
+from camtorque.laws.chain import cam_motion, drive_response, filtered
 from camtorque.laws.driveline import COMPLIANCE_NAMES, angle_shifts, compliance, shaft_transfer, twist_basis
 from camtorque.laws.sensor import (
     BESSEL,
@@ -20,6 +20,7 @@ from camtorque.laws.sensor import (
     poles_of,
     sensor_transfer,
 )
+from camtorque.units import angle_grid
 from laws_cases import chain_input, start_values
 from rigs.cycles import as_cycles, nominal_times
 from rigs.families import bare

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 from camtorque.laws import LINEAR_NAMES
-from camtorque.laws.chain import angle_grid
 from camtorque.laws.chamber import FLOW, KERNEL_UNITS, NAMES, NEVER, integrate
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.torque import cam_torque
@@ -17,6 +16,7 @@ from camtorque.mechanism.interpolants import quintic_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
 from camtorque.records import CamTable
+from camtorque.units import angle_grid
 from rig_bridge import pump_data
 from rigs.families import bare
 from rigs.rig import lift_of, simulate

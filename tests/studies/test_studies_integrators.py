@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.collocation import gauss
 from camtorque.studies.driveline import at_angles, balanced, elastic
 from camtorque.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
+from camtorque.units import angle_grid
 
 CHECK = angle_grid(1009)
 

@@ -32,7 +32,7 @@ from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, I
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Threshold
 from camtorque.stacks import mean_of
-from camtorque.units import TURN, zone_hint
+from camtorque.units import TURN, angle_grid, zone_hint
 
 LEAST_USED = Threshold(
     0.5, "1", "convention", "Share of the complete cycles below which the use of so few is reported."
@@ -175,7 +175,7 @@ def _cam_cycles(
     torque, speed = rows.get("torque"), table.speed[chosen]
     mean_torque, mean_speed = None if torque is None else mean_of(torque), float(np.mean(speed))
     delay = aligned["torque"].channel.calibration if torque is not None else None
-    theta: Array = np.linspace(0.0, TURN, n_theta, endpoint=False)
+    theta = angle_grid(n_theta)
     unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
     speed_change = float(np.sqrt(np.mean(table.speed_change[chosen] ** 2)))
     channels = {quantity: item.channel for quantity, item in aligned.items()}

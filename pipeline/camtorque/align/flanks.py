@@ -18,6 +18,7 @@ from camtorque.align.polarity import at_rest, lift_velocity
 from camtorque.config import PumpData
 from camtorque.records import Array, CamTable, Finding, Mask, Recording, Refusal
 from camtorque.signal.threshold import Threshold
+from camtorque.units import angle_grid
 
 APART_DEG = {
     "spring": Threshold(
@@ -136,7 +137,7 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
     """Return where the typical cycle places the lift table; ``speed`` is that of the cam [rad/s]."""
     n = torque.size
     slope = lift_velocity(table, n)
-    lift = table.at(np.arange(n) * (2.0 * np.pi / n))
+    lift = table.at(angle_grid(n))
     base = at_rest(torque, slope)
     drive, line = torque - base, np.maximum(pressure, 0.0)
     # as declared, and read against the direction of running
@@ -226,7 +227,7 @@ def _spring_shift(drive: Array, spring: Array, places: Mask) -> float | None:
     if np.count_nonzero(places) < 4:
         return None
     n = drive.size
-    theta = np.arange(n) * (2.0 * np.pi / n)
+    theta = angle_grid(n)
     shifts = np.deg2rad(np.arange(-LOCAL_DEG, LOCAL_DEG + 0.5 * STEP_DEG, STEP_DEG))
     at = theta[places][None, :] + shifts[:, None]
     misfit = np.sqrt(np.mean((drive[places] - np.interp(at, theta, spring, period=2.0 * np.pi)) ** 2, axis=1))

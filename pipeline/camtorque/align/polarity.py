@@ -16,7 +16,7 @@ from camtorque.align.quality import spread_choice
 from camtorque.records import Array, CamTable, Channel, Finding, Mask, Recording, Refusal
 from camtorque.signal.marks import repeats_every, uneven_marks
 from camtorque.signal.threshold import Count, Threshold
-from camtorque.units import BAR, TURN
+from camtorque.units import BAR, TURN, angle_grid
 
 INVERTED_CORRELATION = Threshold(
     -0.3, "1", "simulated rigs",
@@ -174,10 +174,9 @@ def at_rest(torque: Array, velocity: Array) -> float:
 
 def lift_velocity(table: CamTable, n_theta: int) -> Array:
     """Return dy/dtheta of the lift table on the angle grid by central differences [m/rad]."""
-    grid = np.arange(n_theta) * (TURN / n_theta)
     theta, lift = table.theta, table.lift
     slope = np.gradient(np.r_[lift[-1], lift, lift[0]], np.r_[theta[-1] - TURN, theta, theta[0] + TURN])[1:-1]
-    return np.interp(grid, theta, slope, period=TURN)
+    return np.interp(angle_grid(n_theta), theta, slope, period=TURN)
 
 
 def _typical(rows: Array, sound: Mask, stride: int, channel: Channel, repeating: tuple[Finding, ...]) -> Array:

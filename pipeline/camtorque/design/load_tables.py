@@ -17,7 +17,7 @@ from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, Refusal
-from camtorque.units import RPM, did_you_mean
+from camtorque.units import RPM, angle_grid, did_you_mean
 
 WAYS = (("pressure_bar", "closes_mm", "spills_mm", "ramp_mm"), ("pressure_file",), ("recording",))
 """Keys of the ways to a pressure, of which a load takes one."""
@@ -97,7 +97,7 @@ def _carried(curve: PressureCurve, law: CamLaw, table: Table) -> Corners:
 
 def _from_rest(law: CamLaw) -> tuple[Array, Array]:
     """Return a revolution that begins where the return ends, (3600,): angles [rad] and lift [m]."""
-    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    theta = angle_grid(3600)
     lift = law.evaluate(theta)
     top = int(np.argmax(lift))
     shift = -int(np.argmin(np.where(lift < 1e-3 * lift[top], (theta - theta[top]) % (2.0 * np.pi), np.inf)))

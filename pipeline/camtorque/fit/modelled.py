@@ -10,8 +10,9 @@ from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import Problem
 from camtorque.fit.single import Fit
 from camtorque.laws.causes import cam_torques, measured_torques
-from camtorque.laws.chain import ChainInput, ChainOutput, Motion, angle_grid, evaluate
+from camtorque.laws.chain import ChainInput, ChainOutput, Motion, evaluate
 from camtorque.records import Array
+from camtorque.units import angle_grid
 
 
 @dataclass(frozen=True)

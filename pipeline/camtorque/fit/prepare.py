@@ -10,12 +10,12 @@ from camtorque.config import RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.fit.rig_rows import loaded_rows, rig_rows
 from camtorque.fit.ripple_order import repeated_order
-from camtorque.laws.chain import BINS, ChainInput, angle_grid, binned
+from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
 from camtorque.stacks import mean_of
-from camtorque.units import counted
+from camtorque.units import angle_grid, counted
 
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""

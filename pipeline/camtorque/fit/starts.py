@@ -18,11 +18,11 @@ import numpy as np
 from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
-from camtorque.laws.chain import angle_grid, evaluate, with_substeps
+from camtorque.laws.chain import evaluate, with_substeps
 from camtorque.laws.chamber import integrate
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
-from camtorque.units import DEGREE
+from camtorque.units import DEGREE, angle_grid
 
 SEARCH_GRID = 600
 CORE = (

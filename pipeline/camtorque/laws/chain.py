@@ -197,11 +197,6 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
     return Motion(theta, rate, second, lift, moved)
 
 
-def angle_grid(n: int) -> Array:
-    """Return n angles of a revolution from 0, (n,) [rad]."""
-    return np.asarray(np.arange(n) * (2.0 * np.pi / n), dtype=np.float64)
-
-
 def binned(values: Array) -> Array:
     """Return means over bins along the first axis, (BINS, ...)."""
     return values.reshape(BINS, -1, *values.shape[1:]).mean(axis=1)

@@ -26,9 +26,9 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
-from camtorque.mechanism.periodic import Shaft, even_angles, lobe_rows, lobe_tables, periodic_curve, solve_periodic
+from camtorque.mechanism.periodic import Shaft, lobe_rows, lobe_tables, periodic_curve, solve_periodic
 from camtorque.records import Array, ReadOnly, Refusal
-from camtorque.units import TURN
+from camtorque.units import TURN, angle_grid
 
 Complex = NDArray[np.complex128]
 ITERATIONS = 300
@@ -87,7 +87,7 @@ def solve_by_harmonics(
     """Return the same by harmonics, for any number of lobes; ``load`` (n_pumps, n_theta), see `solve_elastic`."""
     values = (np.asarray(each, dtype=np.float64) for each in (stiffness, damping))
     shaft = Shaft(units, load, speed, *values)
-    theta, even = even_angles(load.shape[1]), [replace(unit, phase=0.0) for unit in units]
+    theta, even = angle_grid(load.shape[1]), [replace(unit, phase=0.0) for unit in units]
     inertia = np.array([np.mean(lobe_tables(unit, theta).outputs["torque"][3]) for unit in even])
     twist = _fixed_point(shaft, inertia)
     if twist is None:
@@ -108,7 +108,7 @@ def _alone(unit: PumpUnit, load: Array, speed: float, stiffness: Array, damping:
     drive = orbit.theta - orbit.lead
     values = np.column_stack([orbit.torque, orbit.lead, orbit.rate, orbit.acceleration])
     curves = CubicSpline(np.append(drive, drive[0] + TURN), np.vstack([values, values[:1]]), bc_type="periodic")
-    torque, lead, rate, acceleration = curves(even_angles(load.size)).T
+    torque, lead, rate, acceleration = curves(angle_grid(load.size)).T
     return ElasticShaft(torque, torque[None], lead[None], speed + rate[None], acceleration[None])
 
 
@@ -180,7 +180,7 @@ def _lobe_output(
     """Return an output of each lobe at its own angle, speed and acceleration, (n_pumps, n_theta)."""
     rows = []
     for unit, curve, ahead, rate, change in zip(units, curves, twist, speed, acceleration, strict=True):
-        angle = even_angles(ahead.size) + ahead
+        angle = angle_grid(ahead.size) + ahead
         rows.append(lobe_tables(unit, angle).evaluate(name, curve(angle), rate, change))
     return np.array(rows)
 

@@ -22,6 +22,7 @@ from camtorque.compiled import elementwise
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
 from camtorque.records import Array, Mask, ReadOnly, Refusal
+from camtorque.units import angle_grid
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,7 @@ def flat_pressure_angle(pump: PumpData, law: CamLaw, rotation: int) -> tuple[flo
     The flat check of a drawing: tan(phi) = (y'_max - e) / s_0 with the rise as if it lay on the base circle. It can
     only overstate the angle, since s >= s_0; beside an offset beyond the velocity the full lift bounds it instead.
     """
-    velocity = law.evaluate(np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False), 1)
+    velocity = law.evaluate(angle_grid(3600), 1)
     steep, back = np.array([velocity.max(), velocity.min()]) - rotation * pump.follower_offset
     low = base_height(pump)
     high = low + law.lift

@@ -23,7 +23,7 @@ from camtorque.mechanism.collocation import gauss
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array
-from camtorque.units import TURN
+from camtorque.units import TURN, angle_grid
 
 ELEMENTS, STAGES = 720, 4
 ROUNDS = 25
@@ -35,14 +35,9 @@ LONGEST = 0.2
 """Longest step of a twist [rad]: beyond it the tables of a cam are another cam's."""
 
 
-def even_angles(count: int) -> Array:
-    """Return uniform angles of one revolution from 0 (count,) [rad]."""
-    return np.asarray(np.arange(count) * (TURN / count), dtype=np.float64)
-
-
 def periodic_curve(values: Array) -> CubicSpline:
-    """Return a periodic interpolant of values at `even_angles`."""
-    theta = even_angles(values.size)
+    """Return a periodic interpolant of values at `angle_grid`."""
+    theta = angle_grid(values.size)
     return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
 
 
@@ -53,7 +48,7 @@ class Shaft:
     Attributes
     ----------
     units : pump of each
-    load : (n_pumps, n) pressure on each plunger over the angle of its own shaft piece, at `even_angles` [Pa]
+    load : (n_pumps, n) pressure on each plunger over the angle of its own shaft piece, at `angle_grid` [Pa]
     speed : of the drive [rad/s]
     stiffness, damping : (n_pumps,) of the shaft piece before each lobe [N m/rad, N m s/rad]
     """

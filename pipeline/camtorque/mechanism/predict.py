@@ -31,7 +31,7 @@ from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, Finding, ReadOnly, Refusal, RigidTorque
-from camtorque.units import BAR, DEGREE, RPM, TURN
+from camtorque.units import BAR, DEGREE, RPM, TURN, angle_grid
 
 SAMPLES, FEWEST_ANGLES = 3600, 36
 KEPT = 720
@@ -244,7 +244,7 @@ def _row(pump: RigidTorque, path: Kinematics, shaft_torque: Array, speed: float)
 def _grid(n_theta: int) -> Array:
     if not (isinstance(n_theta, int) and n_theta >= FEWEST_ANGLES):
         raise Refusal(f"predict: n_theta is {n_theta!r}, expected a whole number of {FEWEST_ANGLES} points or more")
-    return np.linspace(0.0, TURN, n_theta, endpoint=False, dtype=np.float64)
+    return angle_grid(n_theta)
 
 
 def prediction_document(prediction: Prediction) -> dict[str, Any]:

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config import PumpData
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.interpolants import cubic_law
 from camtorque.mechanism.sections import dwell, flank, section_law
 from camtorque.records import Array, CamTable
-from camtorque.units import BAR, DEGREE
+from camtorque.units import BAR, DEGREE, angle_grid
 
 SPEED = 500.0 * 2.0 * np.pi / 60.0
 PEAK_PRESSURE = 600.0 * BAR

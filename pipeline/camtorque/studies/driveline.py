@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from camtorque.laws.chain import angle_grid, filtered
+from camtorque.laws.chain import filtered
 from camtorque.laws.driveline import compliance, shaft_transfer
 from camtorque.mechanism.elastic import ElasticShaft, solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
@@ -18,7 +18,7 @@ from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pressure, study_pump
 from camtorque.studies.integrators import TABLE, Shaft, collocation, load_rows, march_periodic, rhs
 from camtorque.studies.table import Chart, Choice, measured
-from camtorque.units import TURN
+from camtorque.units import TURN, angle_grid
 
 REFERENCE_ELEMENTS, REFERENCE_STAGES = 3600, 6
 CYCLES = 4

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import by_pieces
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
@@ -18,6 +17,7 @@ from camtorque.records import Array
 from camtorque.studies.case import SPEED, peak_error, study_law, study_pressure, study_pump
 from camtorque.studies.kernel import cycle_tables, evaluate_cycles
 from camtorque.studies.table import Chart, Choice, measured
+from camtorque.units import angle_grid
 
 ANGLES = 3600
 CYCLES = 50

@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.lift_laws import LIFT_METHODS
@@ -16,6 +15,7 @@ from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.table import Chart, Choice, Point, measured
+from camtorque.units import angle_grid
 
 DEFAULT = ("cubic periodic", 3600)
 GRIDS = (180, 360, 720, 1800, 3600, 7200, 18000)

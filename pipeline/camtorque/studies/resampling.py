@@ -11,12 +11,12 @@ from scipy.interpolate import CubicSpline
 
 from camtorque.align.resample import choose_rule, hermite_slopes, interval_polynomials
 from camtorque.align.resample_compiled import resample_block
-from camtorque.laws.chain import angle_grid
+from camtorque.mechanism.periodic import periodic_curve
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, rms_error, study_law
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import Chart, Choice, measured
-from camtorque.units import TURN
+from camtorque.units import TURN, angle_grid
 
 N_THETA = 3600
 DRIFT = 0.02
@@ -45,8 +45,7 @@ def make_signal(cycles: int, rate: float, noise: float, ripple: float) -> Signal
     time = np.arange(int(duration * rate)) / rate
     phase = SPEED * (time + 0.5 * DRIFT * time**2 / duration)
     theta = phase + 0.5 * ripple * np.sin(2.0 * phase)
-    torque = torque_on(angle_grid(7200), study_law())
-    curve = CubicSpline(np.append(angle_grid(7200), TURN), np.append(torque, torque[0]), bc_type="periodic")
+    curve = periodic_curve(torque_on(angle_grid(7200), study_law()))
     values = curve(np.mod(theta, TURN)) + noise * np.random.default_rng(4).standard_normal(time.size)
     turns = np.arange(1, int(phase[-1] / TURN))
     # phase at the pulse is 2 pi k, since the ripple vanishes there

@@ -13,14 +13,13 @@ from scipy.interpolate import CubicSpline
 from camtorque.align import align
 from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.ingest.raw import ArraySource
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.interpolants import cubic_law
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, CamTable, Channel, Recording, SensorCalibration
 from camtorque.studies.case import SPEED, rms_error, study_law, study_pressure, study_pump
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import Outcome, StabilityMap, cell
-from camtorque.units import TURN
+from camtorque.units import TURN, angle_grid
 
 LIMITS = (1.0e-2, 5.0e-2)
 RATE = 2.0e4

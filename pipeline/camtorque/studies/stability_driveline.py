@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
@@ -22,7 +21,7 @@ from camtorque.studies.integrators import (
     march_periodic,
 )
 from camtorque.studies.table import Outcome, StabilityMap, cell
-from camtorque.units import TURN
+from camtorque.units import TURN, angle_grid
 
 CHECK = angle_grid(2003)
 GAPS = (1.0e-5, 1.0e-2)

@@ -13,7 +13,6 @@ import numpy as np
 from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.ingest.outliers import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve
-from camtorque.laws.chain import angle_grid
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.kinematics import kinematics
@@ -24,6 +23,7 @@ from camtorque.records import CamTable, Refusal
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
 from camtorque.studies.table import Outcome, StabilityMap, cell
+from camtorque.units import angle_grid
 
 LIMITS = (5.0e-3, 5.0e-2)
 THETA = angle_grid(3600)
