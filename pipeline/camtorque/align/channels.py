@@ -13,7 +13,6 @@ import numpy as np
 from camtorque.align.angle import CamAngle
 from camtorque.align.clocks import Clock
 from camtorque.align.options import AlignOptions
-from camtorque.align.quality import ChannelDamage
 from camtorque.align.resample import choose_rule, resampler
 from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel, Integers, Mask
@@ -24,6 +23,20 @@ from camtorque.units import TURN
 
 MARGIN = 3
 """Samples beyond the ends of a cycle that interpolation and bin borders may touch."""
+
+
+@dataclass(frozen=True)
+class ChannelDamage:
+    """Per cycle, on the raw samples (see `signal.damage.damage_of`), and the samples in all.
+
+    ``flat_run`` is the length of the longest clipped top (or bottom of a torque), 0 where there is none.
+    """
+
+    clipped: Integers
+    missing: Integers
+    longest_run: Integers
+    flat_run: Integers
+    n_samples: Integers
 
 
 @dataclass(frozen=True)

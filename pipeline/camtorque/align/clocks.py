@@ -220,25 +220,21 @@ def clock_steps(time: Array, difference: Array) -> tuple[tuple[float, ...], tupl
 
 
 def _jumped(logger: str, moment: float, step: float, where: str) -> Finding:
-    return Finding(
-        "clock_jump",
-        "warning",
+    text = (
         f"the clock of logger {logger} jumps by {1e3 * step:+.4g} ms against the reference; the cycle there is cut out "
-        "and the stretches before and after have their own offset",
-        f"{where}, near {moment:.4g} s",
+        "and the stretches before and after have their own offset"
     )
+    return Finding("clock_jump", "warning", text, f"{where}, near {moment:.4g} s")
 
 
 def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int, where: str) -> Finding:
-    return Finding(
-        "clock_lag_ambiguous",
-        "warning",
+    text = (
         f"logger {logger}: the pattern of {n_pulses} pulse periods does not say which pulse belongs to which: a lag of "
         f"{lag} pulses is used, {rival} fits nearly as well or better (logarithm of the odds {evidence:.1f}, "
         f"{CLEAR_EVIDENCE:.0f} wanted); the cam angle is right either way, but torque and pressure of a cycle may "
-        "belong to neighbouring revolutions",
-        where,
+        "belong to neighbouring revolutions"
     )
+    return Finding("clock_lag_ambiguous", "warning", text, where)
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     complete = turns.covered((channels.main or channels.other).values())
     aligned = align_channels(channels.main, turns, complete)
     table = _table(turns, complete, aligned, base.edge_noise)
-    checked = check_quantities(table.rows, table.undamaged, recording, base.train.time)
+    rows = {quantity: item.rows for quantity, item in aligned.items()}
+    checked = check_quantities(rows, table.undamaged, recording, base.train.time)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
     begins = turns.times[0]
     lags = settle_lags(table, begins, base.edge_noise)
@@ -145,9 +146,7 @@ def _table(turns: Turns, complete: Mask, aligned: dict[str, AlignedChannel], edg
         unproven=unproven,
         clock_jump=jump,
         slipped=np.zeros(cycles.size, dtype=bool),
-        extremes={quantity: item.extremes for quantity, item in aligned.items()},
-        rows={quantity: item.rows for quantity, item in aligned.items()},
-        damage={quantity: item.damage for quantity, item in aligned.items()},
+        aligned=aligned,
         options=options,
         edge_change=EDGE_NOISES * edge_noise / float(np.median(period)) if period.size else 0.0,
     )

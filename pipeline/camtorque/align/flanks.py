@@ -305,12 +305,8 @@ def _untold(found: Flanks, where: str) -> tuple[Finding, ...]:
     """Return a note where a table read against the direction of running would not show."""
     if found.mirrored_near < found.forward.correlation - TELLS:
         return ()
-    return (
-        Finding(
-            "direction_unchecked",
-            "info",
-            "the direction in which the lift table is read cannot be checked: read the other way it follows torque and "
-            f"pressure as well (correlation {found.mirrored_near:.2f} against {found.forward.correlation:.2f})",
-            where,
-        ),
+    text = (
+        "the direction in which the lift table is read cannot be checked: read the other way it follows torque and "
+        f"pressure as well (correlation {found.mirrored_near:.2f} against {found.forward.correlation:.2f})"
     )
+    return (Finding("direction_unchecked", "info", text, where),)

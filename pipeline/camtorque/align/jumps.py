@@ -52,16 +52,11 @@ def mark_jumps(
     findings = []
     if odd:
         places = ", ".join(f"{t:.4g} s" for t in train.time[jump][:5])
-        findings.append(
-            Finding(
-                "clock_jump",
-                "warning",
-                f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
-                "samples or pulses were lost or the clock set, "
-                "the cycles there are cut out",
-                f"near {places}",
-            )
+        text = (
+            f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
+            "samples or pulses were lost or the clock set, the cycles there are cut out"
         )
+        findings.append(Finding("clock_jump", "warning", text, f"near {places}"))
     for clock in clocks.values():
         for moment in clock.breaks:
             jump[np.clip(np.searchsorted(train.time, moment), 1, jump.size - 1)] = True

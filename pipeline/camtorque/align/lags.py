@@ -73,8 +73,8 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
     least = max(LEAST_MOVE * DEGREE, edge)
     slipped, wander = np.zeros(table.index.size, dtype=bool), dict[str, float]()
     findings: list[Finding] = []
-    for quantity, rows in table.rows.items():
-        sound = np.flatnonzero(ordinary(table) & ~slipped)
+    for quantity, item in table.aligned.items():
+        rows, sound = item.rows, np.flatnonzero(ordinary(table) & ~slipped)
         lag = cycle_lags(rows, ordinary(table))
         while (step := _first_step(rows, sound, lag, least)) is not None:
             lost, moved = step

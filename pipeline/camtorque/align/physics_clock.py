@@ -44,14 +44,14 @@ class Pair:
     angle: CamAngle
 
     @property
-    def logger(self) -> str:
-        """Logger without a trigger."""
-        return self.channels[self.own].logger
+    def tied(self) -> Channel:
+        """Channel of the logger without a trigger."""
+        return self.channels[self.own]
 
     @property
-    def known(self) -> str:
-        """Logger with the trigger."""
-        return next(channel.logger for quantity, channel in self.channels.items() if quantity != self.own)
+    def known(self) -> Channel:
+        """Channel of the logger with the trigger."""
+        return next(channel for quantity, channel in self.channels.items() if quantity != self.own)
 
 
 def physics_clock(pair: Pair) -> Clock:
@@ -64,7 +64,7 @@ def physics_clock(pair: Pair) -> Clock:
     offset, sign = _coarse_offset(pair)
     skew, evidence, stderr_skew, stderr = 0.0, 0.0, 0.0, np.inf
     for round_ in range(3):
-        clock = Clock(ClockFit(pair.logger, offset, 1e6 * skew, 0.0))
+        clock = Clock(ClockFit(pair.tied.logger, offset, 1e6 * skew, 0.0))
         rows, middle, period = _rows(pair, clock)
         if round_ == 1:
             turns, evidence = _whole_turns(rows, pair.own)
@@ -83,7 +83,7 @@ def physics_clock(pair: Pair) -> Clock:
     findings = [_by_physics(pair, stderr, period)]
     if evidence < CLEAR_EVIDENCE:
         findings.append(_ambiguous(pair, evidence))
-    fit = ClockFit(pair.logger, offset, 1e6 * skew, stderr, "torque and pressure")
+    fit = ClockFit(pair.tied.logger, offset, 1e6 * skew, stderr, "torque and pressure")
     return Clock(fit, stderr_skew, evidence=evidence, findings=tuple(findings))
 
 
@@ -92,28 +92,29 @@ def _coarse_offset(pair: Pair) -> tuple[float, float]:
 
     Second comes the sign of the torque: -1 where it is inverted, so that it follows the pressure best against it.
     """
-    signals = {}
-    for quantity, channel in pair.channels.items():
-        step = max(1, round(channel.sample_rate / COARSE_RATE))
-        n = channel.n_samples // step
-        values = np.nan_to_num(channel.read(0, n * step)).reshape(n, step).mean(axis=1)
-        delay = channel.calibration.delay if channel.calibration else 0.0
-        signals[quantity] = (values, channel.start_time + 0.5 * (step - 1) / channel.sample_rate - delay, step)
-    other = next(quantity for quantity in signals if quantity != pair.own)
-    (own, own_start, own_step), (known, known_start, known_step) = signals[pair.own], signals[other]
-    known_time = known_start + np.arange(known.size) * known_step / pair.channels[other].sample_rate
-    weight = np.maximum(_velocity_at(pair, known_time), 0.0)
-    grid = np.arange(round(own.size * own_step / pair.channels[pair.own].sample_rate * COARSE_RATE)) / COARSE_RATE
-    own = np.interp(
-        own_start + grid, own_start + np.arange(own.size) * own_step / pair.channels[pair.own].sample_rate, own
-    )
-    even = np.arange(round((known_time[-1] - known_time[0]) * COARSE_RATE)) / COARSE_RATE
-    known = np.interp(known_start + even, known_time, known * weight)
+    (own_time, own), (known_time, known) = _decimated(pair.tied), _decimated(pair.known)
+    known = known * np.maximum(_velocity_at(pair, known_time), 0.0)
+    own, known = _even(own_time, own), _even(known_time, known)
     raw = _correlation(own - own.mean(), known - known.mean())
     # Not divided by the overlap: of equal peaks, one per revolution, the longest overlap is taken first.
     sign = 1.0 if np.max(raw) >= -np.min(raw) else -1.0
     lag = int(np.argmax(sign * raw)) - (known.size - 1)
-    return own_start + lag / COARSE_RATE - known_start, sign
+    return float(own_time[0] + lag / COARSE_RATE - known_time[0]), sign
+
+
+def _decimated(channel: Channel) -> tuple[Array, Array]:
+    """Return times, the delay taken off, and means of samples at about `COARSE_RATE`."""
+    step = max(1, round(channel.sample_rate / COARSE_RATE))
+    n = channel.n_samples // step
+    values = np.nan_to_num(channel.read(0, n * step)).reshape(n, step).mean(axis=1)
+    delay = channel.calibration.delay if channel.calibration else 0.0
+    start = channel.start_time + 0.5 * (step - 1) / channel.sample_rate - delay
+    return start + np.arange(n) * step / channel.sample_rate, values
+
+
+def _even(time: Array, values: Array) -> Array:
+    """Return values at `COARSE_RATE` from the first time on."""
+    return np.interp(time[0] + np.arange(round((time[-1] - time[0]) * COARSE_RATE)) / COARSE_RATE, time, values)
 
 
 def _correlation(own: Array, known: Array) -> Array:
@@ -131,7 +132,7 @@ def _velocity_at(pair: Pair, time: Array) -> Array:
 
 def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
     """Return both channels on a coarse angle grid with a trial clock, the middles and periods of the cycles."""
-    clocks = {pair.known: Clock(ClockFit(pair.known, 0.0, 0.0, 0.0)), pair.logger: clock}
+    clocks = {pair.known.logger: Clock(ClockFit(pair.known.logger, 0.0, 0.0, 0.0)), pair.tied.logger: clock}
     turns = Turns(pair.angle, clocks, AlignOptions(n_theta=N_THETA))
     complete = turns.covered(pair.channels.values())
     _refuse_few(pair, int(complete.sum()))
@@ -143,8 +144,8 @@ def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
 def _refuse_few(pair: Pair, count: int) -> None:
     if count < LEAST_CYCLES:
         raise Refusal(
-            f"logger {pair.logger!r}: found {count} whole revolutions in common with logger {pair.known!r}, "
-            f"expected at least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
+            f"logger {pair.tied.logger!r}: found {count} whole revolutions in common with logger {pair.known.logger!r},"
+            f" expected at least {LEAST_CYCLES} to tie their clocks by torque and pressure; record the trigger on both"
         )
 
 
@@ -194,21 +195,17 @@ def _whole_turns(rows: Mapping[str, Array], own: str) -> tuple[int, float]:
 
 def _by_physics(pair: Pair, stderr: float, period: Array) -> Finding:
     degrees = 360.0 * stderr / float(np.median(period))
-    return Finding(
-        "clock_from_physics",
-        "warning",
-        f"logger {pair.logger} recorded no trigger: its clock is tied to that of {pair.known} by torque and pressure "
-        f"during the rising lift, with a standard error of {1e3 * stderr:.3g} ms ({degrees:.2g} degrees)",
-        pair.channels[pair.own].path.name,
+    text = (
+        f"logger {pair.tied.logger} recorded no trigger: its clock is tied to that of {pair.known.logger} by torque "
+        f"and pressure during the rising lift, with a standard error of {1e3 * stderr:.3g} ms ({degrees:.2g} degrees)"
     )
+    return Finding("clock_from_physics", "warning", text, pair.tied.path.name)
 
 
 def _ambiguous(pair: Pair, evidence: float) -> Finding:
-    return Finding(
-        "clock_lag_ambiguous",
-        "warning",
-        f"logger {pair.logger}: the scatter of the revolutions does not say which of its revolutions belongs to which "
-        f"(log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the cam angle is right either way, but "
-        "torque and pressure of a cycle may belong to neighbouring revolutions",
-        pair.channels[pair.own].path.name,
+    text = (
+        f"logger {pair.tied.logger}: the scatter of the revolutions does not say which of its revolutions belongs to "
+        f"which (log-likelihood ratio {evidence:.1f}, {CLEAR_EVIDENCE:.0f} wanted); the cam angle is right either way, "
+        "but torque and pressure of a cycle may belong to neighbouring revolutions"
     )
+    return Finding("clock_lag_ambiguous", "warning", text, pair.tied.path.name)

@@ -155,15 +155,13 @@ def _unsigned(torque: Array, velocity: Array) -> tuple[Finding, ...]:
 
 def _turned(recording: Recording, mean: float, straight: float) -> Finding:
     declared = "positive" if recording.config.rotation > 0 else "negative"
-    return Finding(
-        "torque_inverted",
-        "warning",
+    text = (
         f"the torque reads {mean:+.2f} N m on average and falls while the pressure resists the rising lift "
         f"(correlation {straight:+.2f}): its sign was turned, positive is driving the pump; either the transducer is "
         f'wired the other way, or rotation = "{declared}" is wrong, which also turns the side forces of a follower '
-        "with an offset",
-        recording.of("torque")[0].name,
+        "with an offset"
     )
+    return Finding("torque_inverted", "warning", text, recording.of("torque")[0].name)
 
 
 def at_rest(torque: Array, velocity: Array) -> float:

@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from camtorque.align.channels import AlignedChannel
 from camtorque.align.options import AlignOptions
 from camtorque.records import Array, CutFlowRow, Finding, Integers, Mask, Refusal
 from camtorque.signal.threshold import Count, Threshold
@@ -54,20 +55,6 @@ ALTERNATES = Threshold(
 
 
 @dataclass(frozen=True)
-class ChannelDamage:
-    """Per cycle, on the raw samples (see `signal.damage.damage_of`), and the samples in all.
-
-    ``flat_run`` is the length of the longest clipped top (or bottom of a torque), 0 where there is none.
-    """
-
-    clipped: Integers
-    missing: Integers
-    longest_run: Integers
-    flat_run: Integers
-    n_samples: Integers
-
-
-@dataclass(frozen=True)
 class CycleTable:
     """What the cuts look at; one row per cycle that the pulses cover.
 
@@ -80,9 +67,7 @@ class CycleTable:
     complete: Mask
     unproven: Mask
     clock_jump: Mask
-    rows: dict[str, Array]
-    extremes: dict[str, Array]
-    damage: dict[str, ChannelDamage]
+    aligned: Mapping[str, AlignedChannel]
     options: AlignOptions
     slipped: Mask
     edge_change: float = 0.0
@@ -96,14 +81,15 @@ class CycleTable:
     def undamaged(self) -> Mask:
         """Complete cycles without missing samples: those that statistics may be taken over."""
         fine = self.complete.copy()
-        for damage in self.damage.values():
-            fine &= damage.missing == 0
+        for item in self.aligned.values():
+            fine &= item.damage.missing == 0
         return fine
 
 
 def _drop_out(table: CycleTable) -> Mask:
     lost = np.zeros(table.index.size, dtype=bool)
-    for damage in table.damage.values():
+    for item in table.aligned.values():
+        damage = item.damage
         degrees = 360.0 * damage.longest_run / np.maximum(damage.n_samples, 1)
         usual = np.median(damage.longest_run[table.complete]) if table.complete.any() else 0.0
         frozen = (degrees > FROZEN_DEGREES) & (damage.longest_run > 4.0 * usual)
@@ -113,9 +99,9 @@ def _drop_out(table: CycleTable) -> Mask:
 
 def _clipped(quantity: str) -> Callable[[CycleTable], Mask]:
     def test(table: CycleTable) -> Mask:
-        if quantity not in table.damage:
+        if quantity not in table.aligned:
             return np.zeros(table.index.size, dtype=bool)
-        damage = table.damage[quantity]
+        damage = table.aligned[quantity].damage
         return (damage.clipped >= CLIPPED_SAMPLES) | (damage.flat_run > 0)
 
     return test
@@ -133,9 +119,9 @@ def _speed_outlier(table: CycleTable) -> Mask:
 
 def _misfire(table: CycleTable) -> Mask:
     weak = np.zeros(table.index.size, dtype=bool)
-    if "pressure" not in table.extremes:
+    if "pressure" not in table.aligned:
         return weak
-    low, high = table.extremes["pressure"].T
+    low, high = table.aligned["pressure"].extremes.T
     sound = table.undamaged
     if sound.any():
         swing = high[sound] - low[sound]
@@ -153,7 +139,7 @@ def _outlier(table: CycleTable) -> Mask:
     outlier = np.zeros(table.index.size, dtype=bool)
     if normal.sum() < 4:
         return outlier
-    for rows in table.rows.values():
+    for rows in (item.rows for item in table.aligned.values()):
         stride = max(1, int(POINT_DEG * rows.shape[1] / 360.0))
         distance = distance_of(rows, np.median(rows[spread_choice(normal), ::stride], axis=0), stride)
         usual = np.median(distance[normal])
@@ -230,10 +216,6 @@ def refuse_jitter(table: CycleTable, name: str) -> None:
 
     An edge that comes late by e makes its period longer by e and the next shorter: periods of variance 2 e^2 whose
     neighbours correlate by -1/2.
-
-    Raises
-    ------
-    Refusal : naming the jitter
     """
     known = table.complete & ~table.unproven & ~table.clock_jump
     lost = int(np.sum(_start_stop(table) & known))

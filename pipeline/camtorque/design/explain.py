@@ -109,12 +109,7 @@ def _limited(problem: Problem, label: Label) -> tuple[str, str, float] | None:
 
 
 def refuse_idle(problem: Problem) -> None:
-    """Refuse limits that are so far from the first guess that they do nothing.
-
-    Raises
-    ------
-    Refusal : a ``most`` far above it, or a ``least`` far below it: another unit's number
-    """
+    """Refuse a ``most`` far above the first guess, or a ``least`` far below it: another unit's number does nothing."""
     for limit in problem.task.limits:
         first = RESPONSES[limit.response].value(problem.first_guess)
         idle = limit.value > SLIP * first if limit.kind == MOST else 0.0 < limit.value < first / SLIP
@@ -127,12 +122,7 @@ def refuse_idle(problem: Problem) -> None:
 
 
 def refuse_collision(problem: Problem, nearest: Solution) -> NoReturn:
-    """Refuse a task whose limits cannot be kept together.
-
-    Raises
-    ------
-    Refusal : names the limits and bounds that collide at the least violation, and by how much
-    """
+    """Refuse a task whose limits cannot be kept together: which collide at the least violation, and by how much."""
     scale = Scale(np.zeros(len(problem.task.aims)), np.ones(len(problem.task.aims)))
     found = multipliers(problem, scale, nearest.variables, None, relaxed=True)
     weights = {what: abs(weight) for (_, what), weight in found.items() if isinstance(what, Limit)}

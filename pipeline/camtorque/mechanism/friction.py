@@ -91,12 +91,7 @@ def jamming_friction(path: Kinematics) -> tuple[float, float]:
 
 
 def refuse_jammed(path: Kinematics, friction: Friction) -> None:
-    """Refuse a guide friction at which the follower jams.
-
-    Raises
-    ------
-    Refusal : mu |tan phi| reaches 1 on the rise
-    """
+    """Refuse a guide friction at which the follower jams: mu |tan phi| reaches 1 on the rise."""
     limit, theta = jamming_friction(path)
     if friction.guide >= limit:
         raise Refusal(

@@ -224,14 +224,8 @@ def missing_finding(n_missing: int, where: str) -> tuple[Finding, ...]:
     """Return the finding of samples that are no numbers."""
     if not n_missing:
         return ()
-    return (
-        Finding(
-            "trigger_drop_out",
-            "warning",
-            f"{counted(n_missing, 'sample is', 'samples are')} missing (not a number)",
-            where,
-        ),
-    )
+    text = f"{counted(n_missing, 'sample is', 'samples are')} missing (not a number)"
+    return (Finding("trigger_drop_out", "warning", text, where),)
 
 
 def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
