@@ -9,7 +9,7 @@ clocks, physics_clock  loggers -> one clock, from pulses or from torque and pres
 jumps, lags, silence   clocks that jump; cycles that come late; turns that no pulse shows
 timebase, phase        all of the above for a recording; which turn of a crank wheel is which of the cam
 angle, resample        pulses -> cam angle -> uniform grid; resample_compiled: the same over long channels
-measured, channels     which channels are aligned; one pass over each
+channels               which channels are aligned; one pass over each
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say
 quality                which cycles are used, and why not; edges that jitter
 budget, summary        angle error budget; plain numbers for a file

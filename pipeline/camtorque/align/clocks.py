@@ -63,16 +63,12 @@ class Clock:
     def to_reference(self, time: Array) -> Array:
         """Return times of the logger on the clock of the reference [s]."""
         rate = 1.0 + 1e-6 * self.fit.skew_ppm
-        if not self.breaks:
-            return (time - self.fit.offset_s) / rate
         borders = self.fit.offset_s + rate * np.array(self.breaks) + 0.5 * (np.array(self.steps[:-1]) + self.steps[1:])
         return (time - self.fit.offset_s - np.array(self.steps)[np.searchsorted(borders, time)]) / rate
 
     def from_reference(self, time: Array) -> Array:
         """Return times of the reference on the clock of the logger [s]."""
         straight = self.fit.offset_s + (1.0 + 1e-6 * self.fit.skew_ppm) * time
-        if not self.breaks:
-            return straight
         return straight + np.array(self.steps)[np.searchsorted(self.breaks, time)]
 
 

@@ -71,12 +71,11 @@ def mark_jumps(
 
 def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
     """Flag the pulse at the end of each odd interval; on a wheel, pitch errors repeat and are taken off first."""
-    period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
-    noises = TOOTH_NOISES if n > 1 else EDGE_NOISES
-    quantum = noises * edge_noise / np.median(period) if period.size else 0.0
     jump = np.zeros(train.time.size, dtype=bool)
+    period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
     if period.size < 5:
         return jump
+    quantum = (TOOTH_NOISES if n > 1 else EDGE_NOISES) * edge_noise / np.median(period)
     if n > 1:
         tooth = train.step[1:] % n
         period = period / _usual_by_tooth(period, tooth)

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.angle import cam_angle
-from camtorque.align.channels import Turns, align_channels
-from camtorque.align.measured import Measured
+from camtorque.align.channels import Measured, Turns, align_channels
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
 from camtorque.align.timebase import TimeBase

@@ -89,17 +89,17 @@ def _coil_with_gap(
 ) -> tuple[Edges, PulseTrain]:
     """Return the crossings at the teeth of a coil; those between the teeth show the gap in the wrong place."""
     trials: dict[str, tuple[float, Edges, PulseTrain]] = {}
-    refusal: Refusal | None = None
+    refusals = []
     for edge in (spec.edge, TURNED[spec.edge]):
         edges = find_crossings(channel, edge, options.block_samples)
         try:
             train = number_teeth(edges.time, spec, channel.where, index)
         except Refusal as found:
-            refusal = refusal or found
+            refusals.append(found)
         else:
             trials[edge] = (mark_misfit(train, spec) / (1.0 if edge == spec.edge else CLEARLY), edges, train)
     if not trials:
-        raise refusal or Refusal(channel.where)
+        raise refusals[0]
     best = min(trials, key=lambda edge: trials[edge][0])
     _, edges, train = trials[best]
     if best == spec.edge:

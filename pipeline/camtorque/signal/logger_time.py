@@ -19,10 +19,8 @@ def _pauses(channel: Channel) -> tuple[Array, Array]:
 
 def sample_times(channel: Channel, position: Array) -> Array:
     """Return the times of sample positions on the logger's clock [s]."""
-    time = channel.start_time + position / channel.sample_rate
-    if not channel.breaks:
-        return time
     breaks, pauses = _pauses(channel)
+    time = channel.start_time + position / channel.sample_rate
     return time + np.r_[0.0, pauses][np.searchsorted(breaks, position, side="right")]
 
 
