@@ -1,13 +1,32 @@
-"""A load case of a design: one speed, and the pressure on the plunger over lift."""
+"""Load cases of a design: speed and pressure on the plunger over lift, from the [[load]] of its file.
+
+A pressure is a trapezoid over lift, a file carried by the lift, or that of a fitted chamber.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from camtorque.records import Array, ReadOnly
+from camtorque.config.pump import PressureCurve, PumpConfig
+from camtorque.config.tables import Table
+from camtorque.design.fitted import FittedPump
+from camtorque.design.quantities import MILLIMETRE
+from camtorque.design.schema import LOAD, read_values
+from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.predict import cam_of, pressure_at
+from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.units import RPM, angle_grid, did_you_mean
+
+WAYS = (("pressure_bar", "closes_mm", "spills_mm", "ramp_mm"), ("pressure_file",), ("recording",))
+"""Keys of the ways to a pressure, of which a load takes one."""
+Corners = tuple[Array, Array, Array, Array, Array]
+"""Lifts and pressures of a load on the rise and on the return, and lifts at which it is evaluated exactly."""
 
 
 @dataclass(frozen=True)
@@ -71,3 +90,82 @@ class Load(ReadOnly):
         corners, share = self.share
         grid = np.unique(np.clip(np.concatenate([[0.0, lift], corners]), 0.0, lift))
         return float(np.trapezoid(np.interp(grid, corners, share), grid))
+
+
+def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> list[Load]:
+    """Return one load per speed of a [[load]] table."""
+    one = table.values.get("speed_rpm")
+    given = {**table.values, "speed_rpm": [one]} if isinstance(one, int | float) else table.values
+    values = read_values(Table(given, table.file, table.header), LOAD)
+    named = [next(key for key in way if table.has(key)) for way in WAYS if any(map(table.has, way))]
+    if len(named) > 1:
+        raise Refusal(
+            f"{table.where(named[0])}: found {' and '.join(named)} in one load, expected one of them; leave the other "
+            "out, or write a [[load]] for each"
+        )
+    stated = values["pressure_bar"] is not None or values["pressure_file"] is not None
+    if values["recording"] or (fitted is not None and not stated):
+        return [_fitted_load(table, values["recording"], speed, fitted) for speed in values["speed_rpm"]]
+    if values["pressure_file"] is not None:
+        curve = _carried(read_pressure_curve(values["pressure_file"]), cam_of(config), table)
+    else:
+        curve = _trapezoid(table, values)
+    return [Load(f"{speed / RPM:g} rpm", speed, *curve) for speed in values["speed_rpm"]]
+
+
+def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump | None) -> Load:
+    """Return the fitted chamber pressure of a recording as a load."""
+    where = table.where("recording")
+    if fitted is None:
+        raise Refusal(f"{where}: found {recording!r} without a fit, expected one; name it with --from RESULT")
+    if recording and recording not in fitted.recordings:
+        raise Refusal(
+            f"{where}: {recording!r} is no recording of {fitted.path}{did_you_mean(recording, fitted.recordings)}; "
+            f"there are {', '.join(fitted.recordings)}"
+        )
+    stroke = fitted.stroke(recording, speed)
+    corners = _carried(stroke.pressure, fitted.law, table)
+    theta, lift = _from_rest(fitted.law)
+    rise = slice(0, int(np.argmax(lift)) + 1)
+    share = np.interp(theta[rise], stroke.pressure.theta, stroke.delivering, period=2.0 * np.pi)
+    delivering = np.interp(corners[0], np.maximum.accumulate(lift[rise]), share)
+    name = f"{speed / RPM:g} rpm, {stroke.recording}"
+    return Load(name, speed, *corners, source=stroke.recording, delivering=delivering)
+
+
+def _trapezoid(table: Table, values: Mapping[str, Any]) -> Corners:
+    """Return a pressure that comes and goes over lift on the rise; nothing on the return."""
+    for name in ("pressure_bar", "spills_mm"):
+        if values[name] is None:
+            raise Refusal(f"{table.where(name)}: this key is missing; give it, or a pressure_file, or a fit (--from)")
+    closes, spills, ramp = (values[name] for name in ("closes_mm", "spills_mm", "ramp_mm"))
+    if spills < closes + ramp:
+        raise Refusal(
+            f"{table.where('spills_mm')}: found {spills / MILLIMETRE:g} mm, expected at least {ramp / MILLIMETRE:g} mm "
+            f"(ramp_mm) above closes_mm, {closes / MILLIMETRE:g} mm"
+        )
+    lifts = np.array([closes, closes + ramp, spills, spills + ramp])
+    shape = values["pressure_bar"] * np.array([0.0, 1.0, 1.0, 0.0])
+    return lifts, shape, np.array([0.0, 1.0]), np.zeros(2), lifts
+
+
+def _carried(curve: PressureCurve, law: CamLaw, table: Table) -> Corners:
+    """Return a curve over the angle of a cam as pressure over lift: it belongs to the stroke."""
+    theta, lift = _from_rest(law)
+    pressure, peak = pressure_at(curve, theta), int(np.argmax(lift))
+    highest = np.minimum(lift[int(np.argmax(pressure))], lift[peak])
+    grid = np.unique(np.append(np.linspace(0.0, lift[peak], 400), highest))
+    rise, back = np.maximum.accumulate(lift[: peak + 1]), np.maximum.accumulate(lift[:peak:-1])
+    if rise.size < 3 or back.size < 3:
+        raise Refusal(f"{table.where('pressure_file')}: its cam has no rise and return to carry it by")
+    up, down = (np.interp(grid, y, p) for y, p in ((rise, pressure[: peak + 1]), (back, pressure[:peak:-1])))
+    return grid, up, grid, down, grid[[int(np.argmax(up))]]
+
+
+def _from_rest(law: CamLaw) -> tuple[Array, Array]:
+    """Return a revolution that begins where the return ends, (3600,): angles [rad] and lift [m]."""
+    theta = angle_grid(3600)
+    lift = law.evaluate(theta)
+    top = int(np.argmax(lift))
+    shift = -int(np.argmin(np.where(lift < 1e-3 * lift[top], (theta - theta[top]) % (2.0 * np.pi), np.inf)))
+    return np.roll(theta, shift), np.roll(lift, shift)

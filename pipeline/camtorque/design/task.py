@@ -14,8 +14,7 @@ from camtorque.config.keys import Key
 from camtorque.config.pump import PumpConfig
 from camtorque.config.tables import Table, check_schema, read_toml
 from camtorque.design.fitted import FittedPump, fitted_friction, same_pump
-from camtorque.design.load_tables import loads_of
-from camtorque.design.loads import Load
+from camtorque.design.loads import Load, loads_of
 from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
