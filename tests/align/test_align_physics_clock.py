@@ -103,6 +103,13 @@ def test_logger_with_nothing_in_common_is_refused() -> None:
         align(pressure_only)
 
 
+@pytest.mark.parametrize("samples", [1, 9, 10, 300])
+def test_a_few_samples_without_a_trigger_are_refused(samples: int) -> None:
+    recording = edited(without(make(RIG), "trigger_b"), "pressure", lambda values: values[:samples])
+    with pytest.raises(Refusal, match="found 0 whole revolutions in common with logger 'A'"):
+        align(recording)
+
+
 def test_too_short_a_recording_is_refused() -> None:
     with pytest.raises(Refusal, match=r"revolutions in common .* expected at least 5"):
         align(without(make(replace(RIG, duration=0.5, clocks={})), "trigger_b"))

@@ -309,3 +309,11 @@ def test_side_of_the_trigger_is_told_in_the_budget(side: str, words: str) -> Non
     trigger = replace(recording.config.trigger, side=side)
     cycles = align(replace(recording, config=replace(recording.config, trigger=trigger)))
     assert words in next(row.text for row in cycles.angle_errors if row.source == "shaft twist")
+
+
+@pytest.mark.parametrize(
+    "wheel", [Wheel(turns=2, duration=0.08), Wheel(teeth=4, missing=1, duration=0.15)], ids=["crank", "four teeth"]
+)
+def test_a_log_of_less_than_a_turn_is_refused(wheel: Wheel):
+    with pytest.raises(Refusal, match=r"the pulses cover [01]\.?\d* turns of the cam without a whole one"):
+        align(wheel_recording(wheel))

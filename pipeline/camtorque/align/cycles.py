@@ -43,13 +43,15 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
 
     Raises
     ------
-    Refusal : nothing to align, no pulses, no complete cycle, swapped torque and pressure
+    Refusal : nothing to align, no pulses, no whole turn, no complete cycle, swapped torque and pressure
     """
     options = options or AlignOptions()
     channels = measured(recording)
     base = settled_phase(recording, time_base(recording, channels.reference, options), channels, options)
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
     turns = Turns(angle, base.clocks, options)
+    if not turns.cycles.size:
+        raise _no_turn(recording, base)
     complete = turns.covered((channels.main or channels.other).values())
     aligned = align_channels(channels.main, turns, complete)
     table = _table(turns, complete, aligned, base.edge_noise)
@@ -69,6 +71,15 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
     return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found))))
+
+
+def _no_turn(recording: Recording, base: TimeBase) -> Refusal:
+    turned = (base.train.step[-1] - base.train.step[0]) / base.pulses_per_cycle
+    return Refusal(
+        f"{recording.config.id}: the pulses cover {turned:.2g} turns of the cam without a whole one from the zero of "
+        "the lift table on, expected at least one; record longer, or check pulses_per_rev and revolutions_per_cycle in "
+        "[trigger]"
+    )
 
 
 def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow, ...]) -> Refusal:
@@ -147,7 +158,7 @@ def _table(turns: Turns, complete: Mask, aligned: dict[str, AlignedChannel], edg
         slipped=np.zeros(cycles.size, dtype=bool),
         aligned=aligned,
         options=options,
-        edge_change=EDGE_NOISES * edge_noise / float(np.median(period)) if period.size else 0.0,
+        edge_change=EDGE_NOISES * edge_noise / float(np.median(period)),
     )
 
 

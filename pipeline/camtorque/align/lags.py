@@ -69,8 +69,7 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
     time : (n_cycles,) when each begins [s]
     edge_noise : standard error of one trigger edge [s]
     """
-    edge = SAMPLES_WIDE * edge_noise * float(np.median(table.speed)) if table.speed.size else 0.0
-    least = max(LEAST_MOVE * DEGREE, edge)
+    least = max(LEAST_MOVE * DEGREE, SAMPLES_WIDE * edge_noise * float(np.median(table.speed)))
     slipped, wander = np.zeros(table.index.size, dtype=bool), dict[str, float]()
     findings: list[Finding] = []
     for quantity, item in table.aligned.items():

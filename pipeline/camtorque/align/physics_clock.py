@@ -93,6 +93,8 @@ def _coarse_offset(pair: Pair) -> tuple[float, float]:
     Second comes the sign of the torque: -1 where it is inverted, so that it follows the pressure best against it.
     """
     (own_time, own), (known_time, known) = _decimated(pair.tied), _decimated(pair.known)
+    if min(own.size, known.size) < 2:
+        _refuse_few(pair, 0)
     known = known * np.maximum(_velocity_at(pair, known_time), 0.0)
     own, known = _even(own_time, own), _even(known_time, known)
     raw = _correlation(own - own.mean(), known - known.mean())
