@@ -142,7 +142,7 @@ def judged(wheel: Wheel, recording: Recording) -> Judged:
     """Compare the angle of every pulse that was used with the truth."""
     base = time_base(recording, "DAQ", AlignOptions())
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
-    truth = wheel.true_angle(angle.time)
+    truth = wheel.true_angle(base.train.time)
     error = (angle.angle - truth + np.pi) % TWO_PI - np.pi
     places = base.places
     assert places is not None

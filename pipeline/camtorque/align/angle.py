@@ -24,23 +24,18 @@ class CamAngle:
 
     Attributes
     ----------
-    angle, time : (n,) unwrapped cam angle of each pulse [rad] and its time on the reference clock [s]
+    train : pulses on the reference clock
+    angle : (n,) unwrapped cam angle of each [rad]
     polynomials : (n - 1, 4) time in powers of the angle since the interval's first pulse
-    repaired, broken, jumped : (n,) of the pulse train
-    repair_error_deg : expected error of a repaired pulse
     zero_step_angle : cam angle of the pulse of step zero [rad]
     places : what the turns have in common; None for one pulse per turn, or too few turns
     """
 
+    train: PulseTrain
     angle: Array
-    time: Array
     polynomials: Array
-    repaired: Mask
-    broken: Mask
-    jumped: Mask
-    repair_error_deg: float = 0.0
-    zero_step_angle: float = 0.0
-    places: Places | None = None
+    zero_step_angle: float
+    places: Places | None
 
     def time_at(self, angle: NDArray[np.floating]) -> Array:
         """Return the times of unwrapped cam angles [s]."""
@@ -53,7 +48,7 @@ class CamAngle:
         """
         first = int(np.ceil((self.angle[0] - BEYOND) / TURN - 1e-9))
         last = int(np.floor((self.angle[-1] + BEYOND) / TURN + 1e-9))
-        jump = np.flatnonzero(self.jumped[1:])
+        jump = np.flatnonzero(self.train.jumps[1:])
         # a cycle that touches the pulse before or after the jump is one that was recorded in part
         begins = np.floor(self.angle[jump] / TURN + 1e-9).astype(np.int64) + 1
         ends = np.ceil(self.angle[jump + 1] / TURN - 1e-9).astype(np.int64) - 1
@@ -90,8 +85,5 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, places: Places | Non
     angle: Array = np.asarray(zero + train.step * pitch, dtype=np.float64)
     if places is not None:
         angle = angle + places.place[train.step % n]
-    jumped = np.zeros(angle.size, dtype=bool) if train.jumped is None else train.jumped
-    left, right = hermite_slopes(angle, train.time, (train.broken | jumped)[1:])
-    polynomials = interval_polynomials(angle, train.time, left, right)
-    error_deg = 360.0 / n * train.repair_error
-    return CamAngle(angle, train.time, polynomials, train.repaired, train.broken, jumped, error_deg, zero, places)
+    left, right = hermite_slopes(angle, train.time, (train.broken | train.jumps)[1:])
+    return CamAngle(train, angle, interval_polynomials(angle, train.time, left, right), zero, places)

@@ -54,7 +54,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
         raise _no_turn(recording, base)
     complete = turns.covered((channels.main or channels.other).values())
     aligned = align_channels(channels.main, turns, complete)
-    table = _table(turns, complete, aligned, base.edge_noise)
+    table = _table(turns, complete, aligned, base)
     rows = {quantity: item.rows for quantity, item in aligned.items()}
     checked = check_quantities(rows, table.undamaged, recording, base.train.time)
     findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
@@ -141,13 +141,13 @@ def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
     return replace(found, findings=(*found.findings, *told), level_drifts=drifts)
 
 
-def _table(turns: Turns, complete: Mask, aligned: dict[str, AlignedChannel], edge_noise: float) -> CycleTable:
-    angle, cycles, options = turns.angle, turns.cycles, turns.options
+def _table(turns: Turns, complete: Mask, aligned: dict[str, AlignedChannel], base: TimeBase) -> CycleTable:
+    angle, cycles, options, train = turns.angle, turns.cycles, turns.options, base.train
     period = turns.times[2] - turns.times[0]
-    jump = angle.touched(cycles, angle.jumped)
-    unproven = angle.touched(cycles, angle.broken)
-    if angle.repair_error_deg > options.repaired_angle_deg:
-        unproven |= angle.touched(cycles, angle.repaired, pulses_before=1)
+    jump = angle.touched(cycles, train.jumps)
+    unproven = angle.touched(cycles, train.broken)
+    if 360.0 / base.pulses_per_cycle * train.repair_error > options.repaired_angle_deg:
+        unproven |= angle.touched(cycles, train.repaired, pulses_before=1)
     return CycleTable(
         index=cycles,
         speed=TURN / period,
@@ -158,7 +158,7 @@ def _table(turns: Turns, complete: Mask, aligned: dict[str, AlignedChannel], edg
         slipped=np.zeros(cycles.size, dtype=bool),
         aligned=aligned,
         options=options,
-        edge_change=EDGE_NOISES * edge_noise / float(np.median(period)),
+        edge_change=EDGE_NOISES * base.edge_noise / float(np.median(period)),
     )
 
 

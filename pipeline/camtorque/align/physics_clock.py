@@ -128,7 +128,7 @@ def _correlation(own: Array, known: Array) -> Array:
 
 def _velocity_at(pair: Pair, time: Array) -> Array:
     grid = lift_velocity(pair.table, N_THETA)
-    theta = np.interp(time, pair.angle.time, pair.angle.angle, left=np.nan, right=np.nan)
+    theta = np.interp(time, pair.angle.train.time, pair.angle.angle, left=np.nan, right=np.nan)
     return np.nan_to_num(np.interp(theta, np.arange(N_THETA) * TURN / N_THETA, grid, period=TURN))
 
 

@@ -234,13 +234,12 @@ def _pattern(train: PulseTrain, n: int) -> tuple[Integers, Array, float, int] | 
 
 def _turns(train: PulseTrain, n: int) -> tuple[Array, Integers]:
     """Return (turns, teeth) times, nan where a turn is not whole, and the teeth that most turns show."""
-    jumped = np.zeros(train.time.size, dtype=bool) if train.jumped is None else train.jumped
     turn, tooth = train.step // n, train.step % n
     first = int(turn[0])
     times = np.full((int(turn[-1]) - first + 1, n), np.nan)
     sound = ~train.repaired
     times[turn[sound] - first, tooth[sound]] = train.time[sound]
-    times[np.unique(turn[train.broken | jumped]) - first] = np.nan
+    times[np.unique(turn[train.broken | train.jumps]) - first] = np.nan
     shown = np.flatnonzero(np.isfinite(times).sum(axis=0) > 0.5 * times.shape[0])
     return times[:, shown], shown
 

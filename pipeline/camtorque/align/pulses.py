@@ -56,6 +56,11 @@ class PulseTrain:
     by_index: bool = False
     phase_open: bool = False
 
+    @property
+    def jumps(self) -> Mask:
+        """``jumped``, or none before it was looked for."""
+        return np.zeros(self.time.size, dtype=bool) if self.jumped is None else self.jumped
+
 
 @dataclass(frozen=True)
 class TriggerTrain:
