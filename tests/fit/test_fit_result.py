@@ -41,7 +41,9 @@ from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncerta
 from camtorque.fit.work import carried, sureness, work_at
 from camtorque.laws.chain import binned
 from camtorque.laws.driveline import cam_side_inertia
+from camtorque.mechanism.sections import dwell, flank, section_law
 from camtorque.records import Refusal
+from camtorque.units import DEGREE
 from fit_cases import bridged, quick, quick_data, quick_prepared
 from scipy.stats import chi2
 
@@ -198,6 +200,30 @@ def record(fit):
     return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
 
 
+@pytest.mark.parametrize(("base_pressure", "lost"), [(0.0, False), (-1.0e5, True)])
+def test_a_follower_that_rests_on_its_cam_without_a_force_has_not_left_it(fit, monkeypatch, base_pressure, lost):
+    rise, fall = flank("polynomial_4567", 60.0 * DEGREE, 8e-3), flank("polynomial_4567", 55.0 * DEGREE, -8e-3)
+    law = section_law([rise, dwell(20.0 * DEGREE), fall, dwell(225.0 * DEGREE)])
+
+    def unloaded(fit, torque, pressure):
+        model = model_on_grid(fit, torque, pressure)
+        theta = model.output.motion.theta
+        pushed = np.where(law.evaluate(theta, 0) > 0.0, 2e7, base_pressure)
+        output = replace(model.output, pressure=pushed)
+        return replace(model, output=output, plunger_force=np.zeros(theta.size))
+
+    monkeypatch.setattr(result_room, "model_on_grid", unloaded)
+    monkeypatch.setattr(result_room, "lift_law", lambda table: law)
+    prepared = quick_prepared(*LAND)
+    config = prepared.recording.config
+    config = replace(config, pump_sheet=replace(config.pump, spring_preload=0.0))
+    recording = replace(prepared.recording, config=config)
+    record = fitted_torque(fit, recording, prepared.cycles, prepared.rigid, prepared.means)
+    assert np.min(record.forces.contact_normal) == 0.0
+    assert record.contact_lost is lost
+    assert [found.code for found in record.findings].count("contact_lost") == lost
+
+
 def test_losses_close_to_no_percent_of_no_input(fit, monkeypatch):
     prepared = quick_prepared(*LAND)
     fitted = model_on_grid(fit, prepared.means.torque, prepared.means.pressure)
@@ -231,7 +257,11 @@ def test_a_search_that_ended_early_is_told_where_values_may_still_move(fit):
         gradient = against.copy()
         gradient[free] = matrix @ step
         early = replace(fit, solution=replace(fit.solution, converged=False, gradient=gradient))
-        return [item.text for item in fit_findings(early, 1.0, np.ones(8), None) if item.code == "not_converged"]
+        return [
+            item.text
+            for item in fit_findings(early, 1.0, np.zeros(8, dtype=bool), None)
+            if item.code == "not_converged"
+        ]
 
     assert told(0.4) == []
     (text,) = told(2.0)

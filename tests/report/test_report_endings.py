@@ -152,6 +152,8 @@ def test_a_follower_that_leaves_the_cam_is_told_with_its_angle_and_the_pull() ->
     assert stays.take_off is None
     assert flight_text(stays) == ()
     assert not sweep_row(stays, (flat,))["contact_lost"]
+    rests = replace(stays, contact=np.array([0.0, 50.0, 90.0, 0.0]))
+    assert rests.take_off is None, "a follower without preload rests on its base circle"
     flies = replace(stays, contact=np.array([-20.0, 5.0, -1.0, -146.0]), contact_std=np.full(4, 3.0))
     assert flies.take_off == pytest.approx(2.0), "a pull across the zero of the angle is one pull"
     (text,) = flight_text(flies)

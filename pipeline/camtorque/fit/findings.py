@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
@@ -13,7 +14,7 @@ from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
-from camtorque.records import Array, CamTable, Finding, ParameterEstimate
+from camtorque.records import CamTable, Finding, ParameterEstimate
 from camtorque.units import LOGARITHM, short
 
 RARE = 3.0902
@@ -128,13 +129,15 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     return (Finding("lift_scatter", "info", text),)
 
 
-def fit_findings(fit: Fit, least_guide: float, contact: Array, unexplained: float | None) -> tuple[Finding, ...]:
+def fit_findings(
+    fit: Fit, least_guide: float, lost: NDArray[np.bool_], unexplained: float | None
+) -> tuple[Finding, ...]:
     """Return what is odd about a fit.
 
     Parameters
     ----------
     least_guide : least 1 - mu tan(phi) sign(y')
-    contact : (n,) contact force, 0 where the cam would have to pull [N]
+    lost : (n,) where the cam would have to pull the follower
     unexplained : rms that the fit leaves [% of the peak], None where that is as it should be
     """
     result = _met_findings(fit, unexplained)
@@ -147,8 +150,8 @@ def fit_findings(fit: Fit, least_guide: float, contact: Array, unexplained: floa
             "motor; the fit holds it as ripple of the drive, the same all around"
         )
         result.append(Finding("drive_ripple", "info", text, "torque"))
-    if np.min(contact) <= 0.0:
-        angle = float(360.0 / contact.size * int(np.argmin(contact)))
+    if np.any(lost):
+        angle = 360.0 / lost.size * int(np.argmax(lost))
         result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))
     if least_guide < 0.5:
         text = f"mu tan(phi) reaches {1.0 - least_guide:.2f}; the guide jams at 1"

@@ -32,6 +32,7 @@ from camtorque.laws.chain import (
 )
 from camtorque.laws.fluid import specific_volume
 from camtorque.laws.valve import SEAT_FLOW
+from camtorque.mechanism.contact import pulls
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import BAR
 
@@ -111,7 +112,7 @@ class Forecast(ReadOnly):
     @property
     def take_off(self) -> float | None:
         """Cam angle at which the follower leaves the cam in its longest pull, None where it stays on it [rad]."""
-        pulled = np.any([one.contact <= 0.0 for one in self.both or (self,)], axis=0)
+        pulled = np.any([pulls(one.contact) for one in self.both or (self,)], axis=0)
         starts = np.flatnonzero(pulled & ~np.roll(pulled, 1))
         if not starts.size:  # a cam that pulls all around has no begin
             return float(self.theta[0]) if pulled[0] else None

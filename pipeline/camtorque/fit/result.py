@@ -41,6 +41,7 @@ from camtorque.laws.causes import (
 )
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
+from camtorque.mechanism.contact import pulls
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
@@ -88,6 +89,7 @@ def fitted_torque(
     tables = closed_form_tables(config.pump, smooth, motion.theta, mounting, friction)
     pushed = fitted.output.pressure + fitted.plunger_force / config.pump.plunger_area
     forces = forces_of(config.pump, tables, pushed, motion.rate, motion.second)
+    lost = pulls(tables.evaluate("contact_normal", pushed, motion.rate, motion.second))
     stds = pressure_stds(fit, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
@@ -105,7 +107,7 @@ def fitted_torque(
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=None if stds is None else stds[0], chamber_peak=_chamber_peak(fitted, stds),
         chamber_return_start=return_start(fitted, stds), true_angle=motion.theta, forces=forces,
-        contact_lost=bool(np.min(forces.contact_normal) <= 0.0), losses=_losses(fit, fitted, means),
+        contact_lost=bool(np.any(lost)), losses=_losses(fit, fitted, means),
         losses_stderr=sure.work, gap_stderr=sure.gap,
         metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
@@ -114,7 +116,7 @@ def fitted_torque(
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
-            *fit_findings(fit, fitted.output.least_guide, forces.contact_normal, None if explained else left),
+            *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),
         details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
