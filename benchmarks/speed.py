@@ -29,12 +29,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "fit")]
 
 from camtorque.align import AlignOptions, align  # noqa: E402
-from camtorque.fit import single  # noqa: E402
+from camtorque.fit import joint_solver, single  # noqa: E402
 from camtorque.fit.minima import Halves  # noqa: E402
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem  # noqa: E402
 from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
-from camtorque.fit.solver import WHOLE, lifts_at, normal_equations, solve, try_at  # noqa: E402
+from camtorque.fit.solver import WHOLE, lift_at, normal_equations, solve, try_at  # noqa: E402
 from camtorque.fit.starts import coarse, refined  # noqa: E402
 from camtorque.fit.valley import swept  # noqa: E402
 from camtorque.ingest import read_recording  # noqa: E402
@@ -70,7 +70,7 @@ def all_residuals(problem: Problem) -> Callable[[np.ndarray], np.ndarray]:
     """Return weighted residuals and priors of all free parameters at once, as a general solver wants them."""
     item, steps = problem.data[0], problem.steps
     means, stds = problem.priors
-    lifts = lifts_at(problem, problem.start)[0]
+    lifts = lift_at(problem, problem.start)
     shrunk = 1.0 - 1.0 / np.sqrt(1.0 + lifts.strength**2)
 
     def residual(scaled: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def all_residuals(problem: Problem) -> Callable[[np.ndarray], np.ndarray]:
 
 def peer_lines(problem: Problem) -> Iterator[str]:
     """Yield the fit of one recording by this package and by general solvers, from one start."""
-    lifts = lifts_at(problem, problem.start)
+    lifts = lift_at(problem, problem.start)
     own, found = once(lambda: solve(problem, None, WHOLE, lifts))
     yield "| solver, same start, same residuals | processor time | ratio | chi-square reached |"
     yield "|---|---|---|---|"
@@ -112,10 +112,10 @@ def peer_lines(problem: Problem) -> Iterator[str]:
 
 def trial_lines(problem: Problem) -> Iterator[str]:
     """Yield what a trial, exact and numerical derivatives cost."""
-    z, lifts = problem.start, lifts_at(problem, problem.start)
+    z, lifts = problem.start, lift_at(problem, problem.start)
     trial = try_at(problem, z, lifts)
     plain = seconds(lambda: try_at(problem, z, lifts))
-    exact = seconds(lambda: normal_equations(problem, trial, lifts))
+    exact = seconds(lambda: normal_equations(problem, trial.z, trial.residual, lifts))
     numerical = 2.0 * problem.n_nonlinear * plain
     yield "| step | processor time | ratio |"
     yield "|---|---|---|"
@@ -132,7 +132,7 @@ def grid_lines(problem: Problem) -> Iterator[str]:
     yield "|---|---|---|---|"
     for grid, n_theta in ((600, 900), (1200, 1800), (1800, 3600), (3600, 7200)):
         moved = stepped(coarse(item, grid))
-        lifts = lifts_at(moved, moved.start)
+        lifts = lift_at(moved, moved.start)
         cost = seconds(partial(try_at, moved, moved.start, lifts))
         cycles = bridged(CASE, n_theta)[1]
         means = seconds(partial(single.mean_cycles, cycles))
@@ -146,10 +146,10 @@ def recording_lines(problem: Problem) -> Iterator[str]:
     yield "|---|---|---|---|"
     for count in (1, 2, 5, 10, 20):
         joint = build_problem([replace(item, name=f"r{k}") for k in range(count)])
-        lifts = lifts_at(joint, joint.start)
+        task = joint_solver.joint_task(joint, joint.start, 0.0)
 
-        def one_pass(j: Problem = joint, z: Any = lifts) -> None:
-            normal_equations(j, try_at(j, j.start, z), z)
+        def one_pass(task: joint_solver.Task = task) -> None:
+            joint_solver.linearised(task, joint_solver.try_at(task, task.problem.start))
 
         cost = seconds(one_pass, 2)
         yield f"| {count} | {joint.size} | {1e3 * cost:.0f} ms | {1e3 * cost / count:.1f} ms |"

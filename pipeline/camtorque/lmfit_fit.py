@@ -183,7 +183,7 @@ def own_fit(recording: Recording | Path | str) -> OwnFit:
     item = recording if isinstance(recording, Recording) else read_recording(Path(recording))
     cycles = align(item)
     best = prepare(item, cycles, rigid_torque(item, cycles)).candidates[0]
-    return OwnFit(best.problem, best.solution.z, best.solution.lifts[0])
+    return OwnFit(best.problem, best.solution.z, best.solution.lift)
 
 
 def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:

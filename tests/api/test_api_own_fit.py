@@ -14,7 +14,7 @@ from camtorque import cli
 from camtorque.commands import fit as command
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import build_problem
-from camtorque.fit.solver import lifts_at, try_at
+from camtorque.fit.solver import lift_at, try_at
 from camtorque.fit.starts import refined
 from camtorque.lmfit_fit import OwnFit, changed, read_changes
 from camtorque.mechanism.spectral import spectral_law
@@ -35,7 +35,7 @@ def own() -> OwnFit:
     first = build_problem([data])
     data = refined(data, first.values(first.start, 0)[0])
     problem = build_problem([data])
-    own = OwnFit(problem, problem.start, lifts_at(problem, problem.start)[0])
+    own = OwnFit(problem, problem.start, lift_at(problem, problem.start))
     model = -own._left(problem.start)[0] / data.weight + data.torque
     noise = np.random.default_rng(11).normal(0.0, 1.0, data.torque.size) / data.weight
     problem = build_problem([replace(data, torque=model + noise)])
@@ -50,7 +50,7 @@ def some_free(own: OwnFit) -> lmfit.Parameters:
 
 
 def test_the_residual_is_that_of_the_fit(own: OwnFit) -> None:
-    trial = try_at(own.problem, own.problem.start, (own.lift,))
+    trial = try_at(own.problem, own.problem.start, own.lift)
     parameters = own.parameters()
     for name, value in zip(own.names, trial.z / own.units, strict=True):
         parameters[name].set(value=value)

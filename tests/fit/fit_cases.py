@@ -11,7 +11,7 @@ from camtorque.fit.minima import Candidate, Halves, followed
 from camtorque.fit.prepare import fit_data, mean_cycles, other_half
 from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.single import Prepared
-from camtorque.fit.solver import lifts_at, solve
+from camtorque.fit.solver import lift_at, solve
 from camtorque.fit.starts import Start
 from camtorque.fit.valley import NO_VALLEY
 from camtorque.mechanism.lift_laws import lift_law
@@ -88,8 +88,8 @@ def quick(run_key: tuple, n_theta: int = 1800, iterations: int = 40) -> Candidat
     """Return the minimum next to the truth, without a search."""
     data = quick_data(run_key, n_theta)
     problem = build_problem([data])
-    lifts = lifts_at(problem, problem.start)
-    return followed(data, Start(data, lifts, solve(problem, None, Effort(1), lifts).chi_square), Effort(iterations))
+    lift = lift_at(problem, problem.start)
+    return followed(data, Start(data, lift, solve(problem, None, Effort(1), lift).chi_square), Effort(iterations))
 
 
 def quick_prepared(*run_key) -> Prepared:

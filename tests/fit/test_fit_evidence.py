@@ -153,7 +153,7 @@ def test_a_constant_torque_is_friction_or_damping_and_nobody_knows_which(scenes)
     found = quick(key)
     data = [replace(item, torque=item.torque + 1.0) for item in found.problem.data]
     problem = build_problem(data)
-    solution = solve(problem, found.solution.z, Effort(25), found.solution.lifts)
+    solution = solve(problem, found.solution.z, Effort(25), found.solution.lift)
     odd_even = mean_cycles(bridged(key)[1]).odd_even
     rows = {row.name: row for row in loss_evidence(problem, solution, covariance(problem, solution), odd_even)}
     assert {rows["friction"].verdict, rows["damping"].verdict} == {"cannot tell"}
@@ -180,7 +180,7 @@ def test_what_an_unexplained_recording_does_not_need_may_be_what_is_missing(scen
 def test_a_residual_beyond_the_cycles_leaves_a_recording_unexplained():
     found = quick(("closed_volume", 0, 1000.0))
     peak = float(np.max(found.data.torque))
-    far = replace(found.solution, residuals=(found.solution.residuals[0] + 0.01 * peak * found.data.weight,))
+    far = replace(found.solution, residual=found.solution.residual + 0.01 * peak * found.data.weight)
     assert explains(found.data, found.solution, 1e-3 * peak)
     assert not explains(found.data, far, 1e-3 * peak)
     assert explains(found.data, far, 4e-3 * peak)  # within three times what odd and even cycles differ
@@ -192,15 +192,15 @@ def test_line_pressure_on_the_plunger_is_told_from_a_chamber():
     assert none.verdict == "cannot tell"
     assert none.text == "not compared"
     data = replace(found.data, structure="line", chain=replace(found.data.chain, uses_chamber=False))
-    residual = found.solution.residuals[0] + 3.0
+    residual = found.solution.residual + 3.0
     problem = build_problem([data])
     z = found.solution.z[[found.problem.index(name) for name in problem.names]]
-    worse = replace(found.solution, z=z, chi_square=found.solution.chi_square + 600.0, residuals=(residual,))
+    worse = replace(found.solution, z=z, chi_square=found.solution.chi_square + 600.0, residual=residual)
     line = replace(found, data=data, problem=problem, solution=worse)
     row = chamber_evidence((found, line), 1.0)
     assert row.verdict == "needed"
     assert row.size == pytest.approx(float(np.sqrt(np.mean((3.0 / data.weight) ** 2))))
-    slight = replace(worse, residuals=(found.solution.residuals[0] + 5e-4 * np.max(data.torque) * data.weight,))
+    slight = replace(worse, residual=found.solution.residual + 5e-4 * np.max(data.torque) * data.weight)
     assert chamber_evidence((found, replace(line, solution=slight)), 1.0).verdict == "cannot tell"
     even = replace(line, solution=replace(worse, chi_square=found.solution.chi_square))
     alike = chamber_evidence((even, found), 1.0)

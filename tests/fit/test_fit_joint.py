@@ -14,7 +14,6 @@ from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.common_rows import common_error, with_common_rows
-from camtorque.fit.descent import Effort
 from camtorque.fit.drift import (
     Drift,
     contradiction,
@@ -55,9 +54,7 @@ from camtorque.fit.leftout import (
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem, in_structure, with_rows, with_starts
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
-from camtorque.fit.solver import solve
 from camtorque.fit.starts import ends_at
-from camtorque.fit.uncertainty import covariance
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
@@ -65,6 +62,7 @@ from camtorque.process.threads import in_turn
 from camtorque.records import Metrics, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.fit_file import campaign_fit_document, known_covariance, known_lift, known_shown
+from dense_solver import dense_covariance, dense_solve
 from fit_cases import quick_prepared, rig
 
 SPEEDS = (700.0, 900.0, 1200.0)
@@ -340,9 +338,9 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     found = left_out_values(joint, shares(problem, solution), index)
     rest = build_problem(started_at(problem, solution.z)[:2])
     task = joint_task(problem, solution.z, 0.0)
-    alone = solve(rest, rest.start, Effort(12), (task.lift(0), task.lift(1)))
+    alone = dense_solve(rest, rest.start, 12, (task.lift(0), task.lift(1)))
     names = problem.names
-    std = covariance(rest, alone).std
+    std = dense_covariance(rest, alone.data_hessian, alone.data_chi_square, alone.lift_share).std
     for name in ("trigger_offset", "dead_volume", "shaft_compliance", "port_closing_lift"):
         k = rest.index(name)
         assert abs(found[names.index(name)] - alone.z[k]) < 1.0 * std[k], name
@@ -483,7 +481,7 @@ def test_many_recordings_are_solved_as_few_are(prepared):
     data = with_common_rows([common_error(item.data, 3) for item in prepared])
     problem = build_problem(data)
     task = joint_task(problem, problem.start, 0.02)
-    whole = solve(problem, problem.start, Effort(4), tuple(map(task.lift, range(3))), 0.02)
+    whole = dense_solve(problem, problem.start, 4, tuple(map(task.lift, range(3))), 0.02)
     blocks = solve_many(problem, problem.start, 4, 0.02)
     assert (blocks.iterations, blocks.evaluations) == (whole.iterations, whole.evaluations)
     np.testing.assert_allclose(blocks.z, whole.z, rtol=1e-6, atol=1e-9 * problem.steps.max())
@@ -540,9 +538,7 @@ def test_the_inverse_of_an_arrow_is_told_without_the_whole_matrix():
 def test_the_joint_covariance_is_that_of_the_whole_matrix(joint, solved):
     problem, solution = solved
     data = dense(replace(solution.hessian, diagonal=np.zeros(problem.size)))
-    lift = SimpleNamespace(shrink=solution.lift_share)
-    everything = SimpleNamespace(data_hessian=data, lifts=(lift,), data_chi_square=solution.data_chi_square)
-    whole = covariance(problem, everything)
+    whole = dense_covariance(problem, data, solution.data_chi_square, solution.lift_share)
     assert joint.covariance.freedom == pytest.approx(whole.freedom, rel=1e-6)
     assert joint.covariance.inflation == pytest.approx(whole.inflation, rel=1e-6)
     scale = np.outer(whole.std, whole.std)

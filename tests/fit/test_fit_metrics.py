@@ -64,7 +64,7 @@ def test_gap_is_taken_where_the_rigid_model_is_loaded():
 def test_a_stretch_that_was_left_out_is_met_no_better_than_one_that_was_fitted():
     found = quick(("closed_volume", 0, 1000.0))
     blocks = block_cross_validation(found.problem, found.solution, covariance(found.problem, found.solution))
-    left = found.solution.lifts[0].beside(found.solution.residuals[0]) / found.data.weight
+    left = found.solution.left / found.data.weight
     fitted = np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(left, 18)])
     assert blocks.shape == (18,)
     assert np.all(blocks > 0.95 * fitted)  # weights differ within a stretch

@@ -57,7 +57,7 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
     found = ways(wrong, halves)[0]
     # with outlet and shaft turned (the outlet alone ends at 300); a round that gains less than `SHARE` is the last one
     assert found.value < 1.3 * best.value
-    assert found.solution.lifts is not wrong.solution.lifts  # of its own contact force
+    assert found.solution.lift is not wrong.solution.lift  # of its own contact force
 
 
 def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):

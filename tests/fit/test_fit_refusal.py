@@ -18,7 +18,7 @@ def overflowing(*_, **__):
 
 def test_starts_that_all_overflow_are_refused(monkeypatch):
     data = quick_data(LAND)
-    start = Start(data, quick(LAND).solution.lifts, 1.0)
+    start = Start(data, quick(LAND).solution.lift, 1.0)
     for room in (search, single):
         monkeypatch.setattr(room, "followed", overflowing)
     halves = minima.Halves(data, data)

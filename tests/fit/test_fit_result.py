@@ -88,7 +88,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     std = np.sqrt(np.diag(narrow.deviation))
     root = np.linalg.cholesky(narrow.deviation / np.outer(std, std) + 1e-10 * np.eye(std.size))
     draws = fit.solution.z + rng.standard_normal((200, std.size)) @ root.T * std
-    lifts = np.zeros(fit.solution.lifts[0].coefficients(fit.solution.residuals[0]).size)
+    lifts = np.zeros(fit.solution.lift.coefficients(fit.solution.residual).size)
     means = (case.means.torque, case.means.pressure)
     models = [modelled(fit.problem, z, 0, lifts, fit.measured, means) for z in draws]
     works = [work_at(fit.problem.data[0].chain, *fit.problem.values(z, 0)) for z in draws]
@@ -152,7 +152,7 @@ def test_structures_that_exchange_two_losses_leave_their_sum_sure():
         chain = SimpleNamespace(theta=np.zeros(2))
         return SimpleNamespace(
             problem=SimpleNamespace(names=("friction", "damping")), data=SimpleNamespace(chain=chain),
-            solution=SimpleNamespace(z=np.array(z), outputs=[SimpleNamespace(pressure=np.array(pressure))]),
+            solution=SimpleNamespace(z=np.array(z), output=SimpleNamespace(pressure=np.array(pressure))),
         )  # fmt: skip
 
     found = (minimum([4.0, 2.0], [5.0, 5.0]), minimum([1.0, 5.0], [6.0, 5.0]), minimum([9.0, 9.0], [0.0, 0.0]))
@@ -236,10 +236,10 @@ def test_losses_close_to_no_percent_of_no_input(fit, monkeypatch):
 
 
 def test_what_else_fits_is_measured_beside_the_lift_correction(fit):
-    (best, *rest), lift = fit.candidates, fit.candidates[0].solution.lifts[0]
+    (best, *rest), lift = fit.candidates, fit.candidates[0].solution.lift
     strongest = int(np.argmax(lift.strength))
-    asked = best.solution.residuals[0] + 20.0 * lift.vectors[:, strongest]
-    off = replace(best, solution=replace(best.solution, residuals=(asked,)))
+    asked = best.solution.residual + 20.0 * lift.vectors[:, strongest]
+    off = replace(best, solution=replace(best.solution, residual=asked))
     (before, *_), (after, *_) = (alternatives(replace(fit, candidates=(item, *rest)), 0.0) for item in (best, off))
     assert 20.0 * (1.0 - lift.shrink[strongest]) < 3.0
     assert after.rms_nm == pytest.approx(before.rms_nm, rel=0.3)
@@ -484,8 +484,8 @@ def test_a_minimum_that_falls_on_the_other_half_comes_last(monkeypatch):
 
 def test_minima_are_compared_once_each_and_every_structure_has_one():
     data, found = quick_data(LAND), quick(LAND)
-    start = Start(coarse(found.data), found.solution.lifts, found.value)
-    spill = Start(replace(start.data, structure="spill"), (no_lift(),), 1e5)
+    start = Start(coarse(found.data), found.solution.lift, found.value)
+    spill = Start(replace(start.data, structure="spill"), no_lift(), 1e5)
     moved = found.solution.z + np.where(
         np.arange(found.problem.size) == 0, 2.0 * covariance(found.problem, found.solution).std, 0.0
     )
@@ -516,7 +516,7 @@ def test_recordings_that_cannot_be_fitted_are_refused():
 
 def test_what_the_lift_table_explains_is_no_doubt():
     found = quick(LAND)
-    modes, residual = found.solution.lifts[0], found.solution.residuals[0]
+    modes, residual = found.solution.lift, found.solution.residual
     asked = modes.asked(residual)
     # the whitened square is what is left beside the correction, and what the correction costs
     left = residual - modes.vectors @ (modes.strength * asked)

@@ -19,7 +19,7 @@ LAND = ("closed_volume", 0, 1000.0)
 @pytest.fixture(scope="module")
 def found():
     minimum = quick(LAND)
-    start = Start(quick_data(LAND), minimum.solution.lifts, minimum.value)
+    start = Start(quick_data(LAND), minimum.solution.lift, minimum.value)
     other = replace(start, data=replace(start.data, structure="spill"), chi_square=2.0 * minimum.value)
     return search.Found({"land": [start], "spill": [other]}, ((start, minimum),))
 
@@ -67,7 +67,7 @@ def test_a_scan_finds_the_coupling_that_a_start_has_lost(found):
     problem = build_problem([there.data])
     torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque
     lost = with_starts(replace(there.data, torque=torque), {"coupling_compliance": 0.0})
-    best = swings.with_couplings(Start(lost, there.lifts, 0.0))[0]
+    best = swings.with_couplings(Start(lost, there.lift, 0.0))[0]
     assert best.rows["coupling_resonance"].start == pytest.approx(soft["coupling_resonance"], rel=0.2)
 
 
@@ -110,6 +110,6 @@ def test_a_start_whose_cam_is_too_light_finds_the_shaft_that_rings_alike(found):
     problem = build_problem([there.data])
     torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque
     lost = with_starts(replace(there.data, torque=torque), MIRRORED)
-    best = swings.with_heavier_cams(Start(lost, there.lifts, 0.0))[0]
+    best = swings.with_heavier_cams(Start(lost, there.lift, 0.0))[0]
     for name in ("shaft_compliance", "half_place"):
         assert best.rows[name].start == pytest.approx(shaft[name], rel=0.3), name

@@ -14,7 +14,7 @@ from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.search import Found, load_anew
 from camtorque.fit.single import FitOptions, fit_prepared
-from camtorque.fit.solver import lifts_at, try_at
+from camtorque.fit.solver import lift_at, no_lift, try_at
 from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
@@ -159,7 +159,7 @@ def test_intervals_do_not_depend_on_the_grid_of_the_cycles(n_theta):
 
 def start_of(found):
     """Return a minimum as a start."""
-    return Start(found.data, found.solution.lifts, found.value)
+    return Start(found.data, found.solution.lift, found.value)
 
 
 def test_a_small_residual_narrows_the_intervals_as_far_as_it_tells():
@@ -272,20 +272,20 @@ def test_search_finds_the_structure_and_the_truth_from_nothing():
 def test_weights_of_the_search_are_as_large_as_the_residual():
     data = with_starts(quick_data(LAND), {"dead_volume": 2.0e-6, "shaft_compliance": 400.0e-6})
     problem = build_problem([data])
-    lifts = lifts_at(problem, problem.start)
-    far = try_at(problem, problem.start, lifts)
+    lift = lift_at(problem, problem.start)
+    far = try_at(problem, problem.start, lift)
     assert far.data_chi_square > 100.0 * INDEPENDENT
     weighed = reweighted(problem, far)
-    again = try_at(weighed, far.z, lifts)  # the linear parameters give way to their priors a little
+    again = try_at(weighed, far.z, lift)  # the linear parameters give way to their priors a little
     assert INDEPENDENT <= again.data_chi_square < 1.5 * INDEPENDENT
     near = quick(LAND)
-    trial = try_at(near.problem, near.solution.z, near.solution.lifts)
+    trial = try_at(near.problem, near.solution.z, near.solution.lift)
     assert reweighted(near.problem, trial).data[0].weight == pytest.approx(near.data.weight)
 
 
 def test_the_load_is_begun_anew_on_the_shaft_that_was_found():
     data = with_starts(quick_data(LAND), {"coupling_resonance": 365.0, "dead_volume": 2.0e-6})
-    start = Start(coarse(data), (), 1.0)
+    start = Start(coarse(data), no_lift(), 1.0)
     found = Found({"land": [start], "spill": [], "line": []}, ((start, replace(quick(LAND), data=data)),))
     begun = load_anew(found, coarse(quick_data(LAND)))
     assert set(begun) == {"land", "spill"}

@@ -92,7 +92,7 @@ def test_a_wider_valley_moves_the_others_along_it():
 
 def test_the_pressure_follows_its_parameters():
     found = quick(LAND)
-    tangents = found.solution.outputs[0].pressure_tangents
+    tangents = found.solution.output.pressure_tangents
     jacobian, places = pressure_jacobian(found.problem, tangents)
     assert jacobian.shape == (tangents.shape[0], len(places))
     names = [found.problem.names[k] for k in places]

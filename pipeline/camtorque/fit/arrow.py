@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.problem import Places
 from camtorque.records import Array, ReadOnly
 
 Mask = NDArray[np.bool_]
-Places = NDArray[np.int64]
 SMALLEST_EIGENVALUE = 1.0e-12
 """Relative to the largest one; what is weaker is no direction in which a step promises anything."""
 REGULARISED = 1.0e-12

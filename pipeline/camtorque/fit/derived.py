@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
-from camtorque.fit.single import Fit
+from camtorque.fit.single import Fit, FittedParameters
 from camtorque.fit.uncertainty import COVERAGE, knowledge, secant_steps
 from camtorque.laws.chain import SHIFT_NAMES, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
@@ -21,7 +21,7 @@ SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
 """Quantity -> SI per unit, unit, symbol, meaning, and its exponents of the parameters of `SHAFT`."""
 
 
-def derived_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
+def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
     """Return inertia on the cam's side and damping of the shaft: log-normal, of a relative deviation to first order."""
     values, _ = fit.problem.values(fit.solution.z, 0)
     compliance, resonance, ratio = (values[name] for name in SHAFT)

@@ -32,7 +32,7 @@ from camtorque.fit.problem import Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
 from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
-from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
+from camtorque.laws.chain import SHIFT_NAMES, ChainOutput, derivative_by
 from camtorque.process.second_process import in_two
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
 
@@ -163,7 +163,7 @@ def _refitted(problem: Problem, solution: Solution, cov: Covariance, name: str) 
     kept = dict(zip(problem.names, solution.z, strict=True))
     start = np.array([kept[name] for name in fewer.names])
     try:
-        found = solve(fewer, start, Effort(25), solution.lifts)
+        found = solve(fewer, start, Effort(25), solution.lift)
     except (FloatingPointError, np.linalg.LinAlgError):
         return np.nan  # so far from the data without it that the tangents overflow
     return laplace(fewer, found, cov.inflation)
@@ -173,7 +173,7 @@ def _size(
     problem: Problem, solution: Solution, posterior: Gaussian, chosen: Array, name: str
 ) -> tuple[float, tuple[float, float], str]:
     """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
-    output, inside = solution.outputs[0], posterior.within
+    output, inside = solution.output, posterior.within
     lower, upper = problem.bounds
     root = np.linalg.cholesky(inside.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
     normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
@@ -187,12 +187,10 @@ def _size(
 
 
 def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) -> Array:
-    own, chain = problem.places[0]
-    both = np.column_stack([output.derivative, output.linear])  # type: ignore[list-item]
-    if name != "driveline":
-        columns = both[:, [chain[int(np.flatnonzero(own == k)[0])] for k in chosen]]
-        return columns - np.mean(columns, axis=0) if name in VARYING else columns
     names = [problem.parameters[k].row.name for k in chosen]
+    if name != "driveline":
+        columns = derivative_by(output, names)
+        return columns - np.mean(columns, axis=0) if name in VARYING else columns
     shifts = output.motion.shifts[0][:, [SHIFT_NAMES.index(member) for member in names]]
     return np.asarray(shifts - np.mean(shifts, axis=0))
 

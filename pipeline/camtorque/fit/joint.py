@@ -48,7 +48,7 @@ from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift
 from camtorque.fit.single import SWITCHING, switching_shift
-from camtorque.fit.solver import approach, lifts_at, try_at
+from camtorque.fit.solver import approach, lift_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, ParameterEstimate, Refusal
@@ -209,7 +209,7 @@ def started_at(problem: Problem, z: Array) -> list[FitData]:
 def own_fitted(item: FitData, held: Mapping[str, float]) -> tuple[float, FitData]:
     """Return chi-square and recording where some iterations in the parameters that are not held lead."""
     problem = build_problem([item], held)
-    modes = lifts_at(problem, problem.start, SEARCH_LIFT_CUT)
+    modes = lift_at(problem, problem.start, SEARCH_LIFT_CUT)
     trial = approach(problem, try_at(problem, problem.start, modes), OWN_ITERATIONS, modes, 0.0)
     return trial.chi_square, started_at(problem, trial.z)[0]
 
@@ -223,13 +223,13 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
     rough = replace(item, lift_basis=item.lift_basis.thinned())
     problem = build_problem([rough], held)
-    lifts = lifts_at(problem, problem.start, SEARCH_LIFT_CUT)
+    lift = lift_at(problem, problem.start, SEARCH_LIFT_CUT)
     tried: list[FitData] = []
     for structure in structures:
         other = in_structure(rough, structure)
         tried += [rough] if structure == item.structure and structure in END_OF else []
         tried += [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)] if structure in END_OF else [other]
-    values = [chi_square_at_start(trial, lifts, held) for trial in tried]
+    values = [chi_square_at_start(trial, lift, held) for trial in tried]
     likely = [tried[k] for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
     fitted = [attempted(own_fitted, start, held) or (np.inf, start) for start in likely]
     best = min(fitted, key=lambda pair: pair[0])[1]

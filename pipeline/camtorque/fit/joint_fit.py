@@ -17,8 +17,8 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import parameter_estimates
-from camtorque.fit.single import Fit
-from camtorque.fit.solver import Solution
+from camtorque.fit.single import FittedParameters
+from camtorque.fit.solver import Minimum
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
 from camtorque.records import Array, Metrics, ParameterEstimate, ReadOnly
 
@@ -47,8 +47,8 @@ class JointFit(ReadOnly):
     covariance: JointCovariance
     shifts: Mapping[str, Array]
 
-    def recording(self, index: int) -> Fit:
-        """Return one recording with the shared parameters as a fit of its own; it holds no curve."""
+    def recording(self, index: int) -> FittedParameters:
+        """Return the parameters of one recording and the shared ones as those of a fit of its own."""
         places, matrix = self.covariance.arrow.of(index)
         order = np.argsort(places)
         places, matrix = places[order], matrix[np.ix_(order, order)]
@@ -57,15 +57,14 @@ class JointFit(ReadOnly):
             (self.problem.data[index],), tuple(replace(s, recording=min(s.recording, 0)) for s in parameters),
             int(np.sum(places < self.problem.n_nonlinear)), self.problem.fixed,
         )  # fmt: skip
-        cov, nothing = self.covariance, np.zeros((0, 0))
-        known = Covariance(matrix, cov.prior_std[places], cov.inflation, cov.freedom, nothing)
-        light = Solution(
-            self.solution.z[places], self.solution.chi_square, self.solution.data_chi_square, nothing, nothing,
-            self.solution.gradient[places], (), (), (), self.solution.iterations, self.solution.evaluations,
-            self.solution.converged,
+        cov, found = self.covariance, self.solution
+        known = Covariance(matrix, cov.prior_std[places], cov.inflation, cov.freedom, np.zeros((0, 0)))
+        minimum = Minimum(
+            found.z[places], found.chi_square, found.data_chi_square, found.gradient[places], found.iterations,
+            found.evaluations, found.converged,
         )  # fmt: skip
         shifts = {name: shift[:, places] for name, shift in self.shifts.items()}
-        return Fit(small, light, known, matrix, shifts, nothing, (), (), (), np.zeros(0), 0.0)
+        return FittedParameters(small, minimum, known, matrix, shifts)
 
 
 @dataclass(frozen=True)

@@ -12,20 +12,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.arrow import Arrow, Places
+from camtorque.fit.arrow import Arrow
 from camtorque.fit.descent import Descent, Effort, free_at, minimise
-from camtorque.fit.problem import Problem
-from camtorque.fit.quadratic import scaled_columns, weighted_columns
+from camtorque.fit.problem import Places, Problem
 from camtorque.fit.solver import (
     LARGEST_INFORMATION,
-    N_NONLINEAR,
     LiftModes,
+    Minimum,
     lift_modes,
+    linear_part,
+    output_at,
     smoother,
+    with_slopes,
 )
-from camtorque.laws.chain import BINS, evaluate
+from camtorque.laws.chain import evaluate
 from camtorque.process.threads import Each, in_turn
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array
 from camtorque.stacks import Shelf
 
 Smooth = Callable[[Array], Array]
@@ -35,33 +37,23 @@ HELD_PATHS = 1 << 24
 
 
 @dataclass(frozen=True)
-class JointSolution(ReadOnly):
+class JointSolution(Minimum):
     """A minimum of many recordings.
 
     Attributes
     ----------
-    z : (k,) free parameters [SI]
-    chi_square : weighted sum of squares with priors and lift; ``data_chi_square`` without the priors
     hessian : Gauss-Newton matrix of the residuals, in SI; its diagonal holds the priors
-    gradient : (k,) half the gradient of chi-square [1/SI], the part of each recording in ``parts``
+    parts : the part of each recording in the gradient
     misfits : (n,) chi-square of each recording's residual
     lift : per recording the coefficients of the lift correction [m]
     lift_share : number of values that the lift correction takes
-    iterations, evaluations, converged : as in `solver.Solution`
     """
 
-    z: Array
-    chi_square: float
-    data_chi_square: float
     hessian: Arrow
-    gradient: Array
     parts: tuple[Array, ...]
     misfits: Array
     lift: tuple[Array, ...]
     lift_share: float
-    iterations: int
-    evaluations: int
-    converged: bool
 
 
 @dataclass(frozen=True)
@@ -130,16 +122,11 @@ def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array, Array]:
 
     ``fixed`` are the free parameters with the linear ones at zero.
     """
-    problem, item, first = task.problem, task.problem.data[index], task.problem.n_nonlinear
-    values, held = problem.values(fixed, index)
-    output = evaluate(item.chain, values)
-    own, chain = problem.places[index]
-    linear = chain >= N_NONLINEAR
-    column, target = weighted_columns(
-        output.linear, chain[linear] - N_NONLINEAR, item.torque - output.torque, held, item.weight
-    )
-    both = task.smooth(np.column_stack([column * task.steps[own[linear]], target]))
-    return own[linear] - first, task.whitened(index, both), output.path
+    problem = task.problem
+    output = output_at(problem, fixed, index)
+    own, columns, target = linear_part(problem, fixed, index, output)
+    both = task.smooth(np.column_stack([columns * task.steps[own], target]))
+    return own - problem.n_nonlinear, task.whitened(index, both), output.path
 
 
 def try_at(task: Task, z: Array) -> Trial:
@@ -189,12 +176,9 @@ def bounded_quadratic(matrix: Arrow, vector: Array, lower: Array, upper: Array, 
 def _linearised(task: Task, trial: Trial, index: int) -> tuple[Array, Array, Array]:
     """Return matrix and descent vector of one recording in units of the steps, and its weighted residual (BINS,)."""
     problem, item = task.problem, task.problem.data[index]
-    values, coefficients = problem.values(trial.z, index)
-    output = evaluate(item.chain, values, coefficients, True, np.require(trial.paths[index](), requirements="W"))
-    own, chain = problem.places[index]
-    both = np.empty((BINS, own.size + 1))
-    scaled_columns(output.derivative, output.linear, chain, item.weight, task.steps[own], both)
-    both[:, -1] = item.residual(output, coefficients)
+    path = np.require(trial.paths[index](), requirements="W")
+    output, both = with_slopes(problem, trial.z, index, path)
+    both[:, -1] = item.residual(output, problem.values(trial.z, index)[1])
     both = task.smooth(both)
     product = task.whitened(index, both)
     return product[:-1, :-1], product[:-1, -1], both[:, -1].copy()
@@ -262,10 +246,10 @@ def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int,
         lifts.append(lift.coefficients(residual))
         share += float(np.sum(lift.shrink))
     return JointSolution(
-        trial.z, trial.chi_square, trial.data_chi_square,
-        Arrow(places, blocks, point.matrix.diagonal / steps**2, task.recording), point.vector / steps,
+        trial.z, trial.chi_square, trial.data_chi_square, point.vector / steps, *cost,
+        Arrow(places, blocks, point.matrix.diagonal / steps**2, task.recording),
         tuple(part / steps[p] for p, part in zip(places, point.parts, strict=True)), np.array(misfits), tuple(lifts),
-        share, *cost,
+        share,
     )  # fmt: skip
 
 

@@ -68,7 +68,7 @@ def _settled(best: Candidate, halves: Halves, power: float) -> Candidate | None:
     careful, found = best.data.weight, best
     for _ in range(ROUNDS):
         solution = found.solution
-        left = solution.lifts[0].beside(solution.residuals[0]) * (careful / found.data.weight)
+        left = solution.left * (careful / found.data.weight)
         again = _sought(halves, careful / local_factor(left) ** power, found)
         if again is None:
             return None

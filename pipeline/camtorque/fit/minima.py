@@ -62,8 +62,7 @@ class Candidate:
     @property
     def doubt(self) -> float:
         """Chi-square without what the stated error of the lift table explains: no search takes that away."""
-        lifts, residuals = self.solution.lifts, self.solution.residuals
-        return self.value - sum(lift.expected_part(part) for lift, part in zip(lifts, residuals, strict=True))
+        return self.value - self.solution.lift.expected_part(self.solution.residual)
 
 
 def attempted(fit: Callable[..., T], *arguments: object) -> T | None:
@@ -92,7 +91,7 @@ class Halves:
         chain = replace(item.data.chain, line_pressure=self.other.chain.line_pressure, shaft_torque=twisting)
         problem = build_problem([replace(item.data, torque=self.other.torque, chain=chain)])
         try:
-            there = try_at(problem, item.solution.z, item.solution.lifts).data_chi_square
+            there = try_at(problem, item.solution.z, item.solution.lift).data_chi_square
         except (FloatingPointError, np.linalg.LinAlgError):
             there = FALLEN
         return replace(item, unseen=0.5 * (there - item.solution.data_chi_square))
@@ -121,13 +120,13 @@ def followed(data: FitData, start: Start, effort: Effort = POLISH) -> Candidate:
     return at_minimum(item, effort)
 
 
-def at_minimum(item: FitData, effort: Effort = POLISH, lifts: tuple[LiftModes, ...] | None = None) -> Candidate:
+def at_minimum(item: FitData, effort: Effort = POLISH, lift: LiftModes | None = None) -> Candidate:
     """Return a recording at the minimum that its own start leads to.
 
-    ``lifts`` is its lift correction where that is known from a minimum nearby, else that of the start is taken.
+    ``lift`` is its lift correction where that is known from a minimum nearby, else that of the start is taken.
     """
     problem = build_problem([item])
-    solution = solve(problem, None, effort, lifts)
+    solution = solve(problem, None, effort, lift)
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
     item = with_starts(item, starts)
     return Candidate(item, build_problem([item]), solution)
@@ -140,7 +139,7 @@ def lost_torque(found: Candidate) -> Array:
     """
     chain = found.data.chain
     values, coefficients = found.problem.values(found.solution.z, 0)
-    torques, _ = cam_torques(chain, values, found.solution.outputs[0], coefficients, np.zeros(chain.theta.size))
+    torques, _ = cam_torques(chain, values, found.solution.output, coefficients, np.zeros(chain.theta.size))
     return filtered_out_torque(chain, values, torques)
 
 

@@ -35,7 +35,7 @@ class Modelled:
 def model_on_grid(fit: Fit, torque: Array, pressure: Array) -> Modelled:
     """Return the model of a recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
     solution = fit.solution
-    lifts = solution.lifts[0].coefficients(solution.residuals[0])
+    lifts = solution.lift.coefficients(solution.residual)
     return modelled(fit.problem, solution.z, 0, lifts, fit.measured, (torque, pressure))
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.fit.single import Fit
-from camtorque.fit.solver import Trial, normal_equations
+from camtorque.fit.solver import normal_equations
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput
 from camtorque.records import Array
@@ -62,7 +62,7 @@ def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
 def _tooth(fit: Fit) -> Array:
     """Return the information that the angle between two teeth brings."""
     problem = fit.problem
-    turned = tooth_shifts(problem.data[0].chain, fit.solution.outputs[0])
+    turned = tooth_shifts(problem.data[0].chain, fit.solution.output)
     row = np.array([turned.get(parameter.row.name, 0.0) for parameter in problem.parameters])
     return np.outer(row, row) / TOOTH_STD**2
 
@@ -73,8 +73,7 @@ def _joined(fit: Fit, information: Array, factor: float) -> Array:
     item = problem.data[0]
     other = replace(item, chain=replace(item.chain, speed=item.chain.speed * factor))
     moved = replace(problem, data=(other,))
-    trial = Trial(fit.solution.z, (), fit.solution.residuals, fit.solution.chi_square, fit.solution.data_chi_square)
-    scaled, _, _ = normal_equations(moved, trial, fit.solution.lifts)
+    scaled, _, _ = normal_equations(moved, fit.solution.z, fit.solution.residual, fit.solution.lift)
     steps = problem.steps
     added = scaled / np.outer(steps, steps) / fit.covariance.inflation
     own = np.array([parameter.row.role == "own" for parameter in problem.parameters])

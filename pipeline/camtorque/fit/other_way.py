@@ -75,7 +75,7 @@ def ways(best: Candidate, halves: Halves) -> list[Candidate]:
     for _ in range(ROUNDS):
         before = found[0]
         effort = replace(beside(before.value), basin=before.basin)
-        follow = partial(at_minimum, effort=effort, lifts=before.solution.lifts)
+        follow = partial(at_minimum, effort=effort, lift=before.solution.lift)
         ends = in_two(partial(halves.minimum, follow), turned(before))
         others = (end for end in ends if end and not before.basin.holds(end.solution))
         found = sorted([*found, *others], key=lambda item: item.value)

@@ -18,7 +18,7 @@ from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
 from camtorque.fit.problem import FitData, build_problem
 from camtorque.fit.residual import mean_square_about
 from camtorque.fit.single import Prepared
-from camtorque.fit.solver import lifts_at
+from camtorque.fit.solver import lift_at
 from camtorque.laws import ripple
 from camtorque.laws.chain import BINS, COLUMN_NAMES, coefficients_of, derivative_by, evaluate
 from camtorque.process.second_process import in_two
@@ -209,7 +209,7 @@ def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
 def mean_covariance(item: FitData, start: Candidate) -> Array:
     """Return the covariance of what the laws and the lift table leave, (BINS, BINS) [(N m)^2]."""
     problem = build_problem([start.data])
-    lift = lifts_at(problem, start.solution.z)[0]
+    lift = lift_at(problem, start.solution.z)
     modes = lift.vectors * lift.strength / item.weight[:, None]
     return np.asarray(np.diag(1.0 / item.weight**2) + modes @ modes.T)
 

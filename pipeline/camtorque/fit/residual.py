@@ -41,7 +41,7 @@ def explains(item: FitData, solution: Solution, odd_even: float, room: float = 1
 
     ``room``: factor by which the residual may still grow.
     """
-    left = room * solution.lifts[0].beside(solution.residuals[0]) / item.weight
+    left = room * solution.left / item.weight
     return is_explained(left, odd_even, float(np.max(item.torque)))
 
 
@@ -51,15 +51,13 @@ def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance
     Each block's residual without it is ``(I - J_b C J_b')^-1 r_b``, exact where the model is linear. Where one block
     alone tells a parameter the matrix is nearly singular: the size of such an error says no more than that.
     """
-    item, output = problem.data[0], solution.outputs[0]
+    item, output = problem.data[0], solution.output
     own, chain = problem.places[0]
     jacobian = np.column_stack([output.derivative, output.linear])[:, chain] * item.weight[:, None]  # type: ignore[list-item]
-    lift = solution.lifts[0]
+    lift, left = solution.lift, solution.left
     scale = cov.prior_std[own]
     columns = np.column_stack([jacobian * scale, lift.vectors * lift.strength])
     matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
-    residual = solution.residuals[0]
-    left = lift.beside(residual)
     errors = []
     for place in np.array_split(np.arange(BINS), round(360.0 / BLOCK_DEG)):
         block = columns[place]

@@ -21,7 +21,7 @@ from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
-from camtorque.fit.single import Fit
+from camtorque.fit.single import Fit, FittedParameters
 from camtorque.fit.uncertainty import (
     confidence,
     confounded_with,
@@ -124,7 +124,7 @@ def fitted_torque(
     )  # fmt: skip
 
 
-def parameter_estimates(fit: Fit) -> tuple[ParameterEstimate, ...]:
+def parameter_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
     """Return the parameters of a recording, then what the structure leaves out."""
     problem, total, told = fit.problem, fit.std, fit.unbounded_std
     statistical, correlation = fit.statistical_std, correlation_of(fit.deviation)
@@ -153,10 +153,10 @@ def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
         if rows and probability < WORTH_TELLING:
             continue
         trigger = item.problem.index("trigger_offset")
-        residual = item.solution.lifts[0].beside(item.solution.residuals[0]) / item.data.weight
+        residual = item.solution.left / item.data.weight
         rows.append(Alternative(
             STRUCTURES[item.data.structure], probability, float(np.sqrt(np.mean(residual**2))),
-            nominal + float(item.solution.z[trigger]), float(np.max(item.solution.outputs[0].pressure)),
+            nominal + float(item.solution.z[trigger]), float(np.max(item.solution.output.pressure)),
         ))  # fmt: skip
     return tuple(rows)
 

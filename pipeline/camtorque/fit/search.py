@@ -143,7 +143,7 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
     if structure == "spill" and start.data.structure != "spill":
         rest = expected(item, ("spill_width", "spill_span"))
     tried = [with_starts(item, {**end, **rest}) for end in ends_at(item, SCAN_SHARES)]
-    return sorted(tried, key=lambda trial: chi_square_at_start(trial, (no_lift(),)))[:SCAN_KEPT]
+    return sorted(tried, key=lambda trial: chi_square_at_start(trial, no_lift()))[:SCAN_KEPT]
 
 
 def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:

@@ -18,7 +18,7 @@ from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
-from camtorque.fit.solver import Solution
+from camtorque.fit.solver import Minimum, Solution
 from camtorque.fit.structures import chamber_evidence, structure_probabilities, structure_spread
 from camtorque.fit.uncertainty import (
     Covariance,
@@ -75,27 +75,19 @@ class Prepared:
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Everything that the fit of a recording consists of.
+class FittedParameters:
+    """Values of the parameters that act in a recording, and how sure they are.
 
     ``deviation`` is how far the parameters lie from what is stated, within their bounds (`deviation_within`), (k, k)
     [SI^2]; ``covariance`` that of the Gaussian that knows of no bounds, and of a joint fit the deviation, too.
-    ``shifts`` are further deviations by source, (m, k) each [SI]: one standard deviation in each of m directions;
-    ``pressure_shifts`` those of the chamber pressure, (m, n) [Pa]; ``probabilities`` of the candidates; ``measured``
-    the mean torque on the grid of the fit, (n,) [N m]; ``pressure_gain_std`` relative.
+    ``shifts`` are further deviations by source, (m, k) each [SI]: one standard deviation in each of m directions.
     """
 
     problem: Problem
-    solution: Solution
+    solution: Minimum
     covariance: Covariance
     deviation: Array
     shifts: Mapping[str, Array]
-    pressure_shifts: Array
-    candidates: tuple[Candidate, ...]
-    probabilities: tuple[float, ...]
-    evidence: tuple[LossEvidence, ...]
-    measured: Array
-    pressure_gain_std: float
 
     @property
     def std(self) -> Array:
@@ -111,6 +103,23 @@ class Fit:
     def unbounded_std(self) -> Array:
         """Total standard uncertainty without the bounds, (k,) [SI]: what the data tell, which bounds do not."""
         return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
+
+
+@dataclass(frozen=True)
+class Fit(FittedParameters):
+    """Everything that the fit of a recording consists of.
+
+    ``pressure_shifts`` are further deviations of the chamber pressure, (m, n) [Pa]; ``probabilities`` of the
+    candidates; ``measured`` the mean torque on the grid of the fit, (n,) [N m]; ``pressure_gain_std`` relative.
+    """
+
+    solution: Solution
+    pressure_shifts: Array
+    candidates: tuple[Candidate, ...]
+    probabilities: tuple[float, ...]
+    evidence: tuple[LossEvidence, ...]
+    measured: Array
+    pressure_gain_std: float
 
 
 def variance_of(shifts: Mapping[str, Array], size: int) -> Array:
@@ -212,7 +221,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     relaxed = relaxed_variant(best)
     shifts["what the delivery valve does as it opens"] = (relaxed.solution.z - solution.z)[None]
-    pressures.append(relaxed.solution.outputs[0].pressure - solution.outputs[0].pressure)
+    pressures.append(relaxed.solution.output.pressure - solution.output.pressure)
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
     shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))[None]
@@ -235,7 +244,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
 
 def pressure_moved(best: Candidate, shift: Array) -> Array:
     """Return how far a shift of the parameters (k,) [SI] moves the chamber pressure, (n,) [Pa]."""
-    tangents = best.solution.outputs[0].pressure_tangents
+    tangents = best.solution.output.pressure_tangents
     assert tangents is not None
     jacobian, places = pressure_jacobian(best.problem, tangents)
     return np.asarray(jacobian @ shift[places])
@@ -268,13 +277,13 @@ def pressure_gain_shift(best: Candidate, relative_std: float) -> Array:
     if not relative_std:
         return np.zeros(best.problem.size)
     chain = replace(best.data.chain, line_pressure=best.data.chain.line_pressure * (1.0 + relative_std))
-    moved = attempted(at_minimum, replace(best.data, chain=chain), Effort(4), best.solution.lifts) or best
+    moved = attempted(at_minimum, replace(best.data, chain=chain), Effort(4), best.solution.lift) or best
     return moved.solution.z - best.solution.z
 
 
 def relaxed_variant(best: Candidate) -> Candidate:
     """Return the fit that does not trust the law of the delivery valve just after it opens."""
-    item, output = best.data, best.solution.outputs[0]
+    item, output = best.data, best.solution.output
     chain = item.chain
     values, _ = best.problem.values(best.solution.z, 0)
     if not chain.uses_chamber:

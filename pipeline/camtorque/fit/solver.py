@@ -1,4 +1,4 @@
-"""Separable least squares for one recording or a few: exact derivatives, bounds, priors, one test of convergence.
+"""Separable least squares for one recording: exact derivatives, bounds, priors, one test of convergence.
 
 At each trial of the non-linear parameters the linear ones are solved within their bounds (variable projection; Golub
 & Pereyra, Inverse Problems 19 (2003), Kaufman's form of the derivative). The correction of the lift table enters as
@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.descent import Descent, Effort, free_at, minimise, promised
-from camtorque.fit.problem import FitData, Problem
+from camtorque.fit.problem import FitData, Places, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
 from camtorque.laws.chamber import NO_PATH
@@ -117,29 +117,25 @@ def lift_modes(
 class Trial:
     """The problem at one point with the best linear parameters.
 
-    ``residuals`` are weighted (and smoothed); ``outputs`` are without the derivative, or none where they are not known.
+    ``residual`` is weighted (and smoothed); ``output`` is without the derivative.
     """
 
     z: Array
-    outputs: tuple[ChainOutput, ...]
-    residuals: tuple[Array, ...]
+    output: ChainOutput
+    residual: Array
     chi_square: float
     data_chi_square: float
 
 
 @dataclass(frozen=True)
-class Solution(ReadOnly):
-    """A minimum.
+class Minimum(ReadOnly):
+    """Where a descent ended, of one recording or of many.
 
     Attributes
     ----------
     z : (k,) free parameters [SI]
     chi_square : weighted sum of squares with priors and lift; ``data_chi_square`` without the priors
-    hessian : (k, k) Gauss-Newton matrix in SI units of the parameters, priors included; ``data_hessian`` without
     gradient : (k,) half of how much chi-square falls with each parameter [1/SI]
-    outputs : per recording the chain with its derivative
-    residuals : per recording (BINS,) measured - model without lift correction, weighted
-    lifts : per recording the modes of the lift correction
     iterations, evaluations : what it cost
     converged : whether an undamped step promises nothing more
     """
@@ -147,15 +143,34 @@ class Solution(ReadOnly):
     z: Array
     chi_square: float
     data_chi_square: float
-    hessian: Array
-    data_hessian: Array
     gradient: Array
-    outputs: tuple[ChainOutput, ...]
-    residuals: tuple[Array, ...]
-    lifts: tuple[LiftModes, ...]
     iterations: int
     evaluations: int
     converged: bool
+
+
+@dataclass(frozen=True)
+class Solution(Minimum):
+    """A minimum of one recording.
+
+    Attributes
+    ----------
+    hessian : (k, k) Gauss-Newton matrix in SI units of the parameters, priors included; ``data_hessian`` without
+    output : the chain with its derivative
+    residual : (BINS,) measured - model without lift correction, weighted
+    lift : the modes of the lift correction
+    """
+
+    hessian: Array
+    data_hessian: Array
+    output: ChainOutput
+    residual: Array
+    lift: LiftModes
+
+    @property
+    def left(self) -> Array:
+        """What the residual leaves beside the lift correction that it asks for, (BINS,), weighted."""
+        return self.lift.beside(self.residual)
 
 
 def smoother(width: float) -> Callable[[Array], Array]:
@@ -166,108 +181,109 @@ def smoother(width: float) -> Callable[[Array], Array]:
     return lambda values: filtered(values, response)
 
 
-def outputs_at(problem: Problem, z: Array) -> tuple[ChainOutput, ...]:
-    """Return the chain of every recording at z, whose linear parameters it does not depend on."""
-    return tuple(evaluate(item.chain, problem.values(z, index)[0]) for index, item in enumerate(problem.data))
+def output_at(problem: Problem, z: Array, index: int = 0) -> ChainOutput:
+    """Return the chain of a recording at z, whose linear parameters it does not depend on."""
+    return evaluate(problem.data[index].chain, problem.values(z, index)[0])
+
+
+def linear_part(problem: Problem, fixed: Array, index: int, output: ChainOutput) -> tuple[Places, Array, Array]:
+    """Return the places of a recording's linear parameters, their weighted columns, and what is left to explain.
+
+    ``fixed`` are the free parameters with the linear ones at zero.
+    """
+    item, (own, chain) = problem.data[index], problem.places[index]
+    linear = chain >= N_NONLINEAR
+    held = problem.values(fixed, index)[1]
+    rest = item.torque - output.torque
+    return own[linear], *weighted_columns(output.linear, chain[linear] - N_NONLINEAR, rest, held, item.weight)
 
 
 def try_at(
     problem: Problem,
     z: Array,
-    lifts: tuple[LiftModes, ...],
+    lift: LiftModes,
     smooth: Callable[[Array], Array] | None = None,
-    known: tuple[ChainOutput, ...] | None = None,
+    known: ChainOutput | None = None,
 ) -> Trial:
-    """Evaluate all recordings at z and solve for the linear parameters.
+    """Evaluate a recording at z and solve for the linear parameters.
 
     Parameters
     ----------
     z : (k,) free parameters; the linear ones are only where the active set starts
-    lifts : lift correction of each recording
     smooth : smoothing of the residual
-    known : `outputs_at` the same z, where another smoothing, weight or lift correction has asked for them
+    known : `output_at` the same z, where another smoothing, weight or lift correction has asked for it
     """
     first = problem.n_nonlinear
     (means, stds), (lower, upper) = problem.priors, problem.bounds
     scale = problem.steps[first:]
     inverse = (scale / stds[first:]) ** 2
-    matrix, vector = np.diag(inverse + 1e-9), inverse * means[first:] / scale
     fixed = z.copy()
     fixed[first:] = 0.0
-    outputs = outputs_at(problem, fixed) if known is None else known
-    targets, columns, places = [], [], []
-    for index, (item, output) in enumerate(zip(problem.data, outputs, strict=True)):
-        _, held = problem.values(fixed, index)
-        own, chain = problem.places[index]
-        linear = chain >= N_NONLINEAR
-        place = own[linear] - first
-        column, target = weighted_columns(
-            output.linear, chain[linear] - N_NONLINEAR, item.torque - output.torque, held, item.weight
-        )
-        if smooth is not None:
-            column, target = smooth(column), smooth(target)
-        both = lifts[index].gram(np.column_stack([column * scale[place], target]))
-        matrix[place[:, None], place] += both[:-1, :-1]
-        vector[place] += both[:-1, -1]
-        targets.append(target)
-        columns.append(column)
-        places.append(place)
+    output = output_at(problem, fixed) if known is None else known
+    _, columns, target = linear_part(problem, fixed, 0, output)
+    if smooth is not None:
+        columns, target = smooth(columns), smooth(target)
+    both = lift.gram(np.column_stack([columns * scale, target]))
+    matrix = np.diag(inverse + 1e-9) + both[:-1, :-1]
+    vector = inverse * means[first:] / scale + both[:-1, -1]
     near = np.minimum(np.maximum(z[first:], lower[first:]), upper[first:]) / scale
     c = bounded_quadratic(matrix, vector, lower[first:] / scale, upper[first:] / scale, near) * scale
     fixed[first:] = c
-    residuals = tuple(t - column @ c[p] for t, column, p in zip(targets, columns, places, strict=True))
-    chi = sum(float(lift.product(r, r)) for lift, r in zip(lifts, residuals, strict=True))
-    return Trial(fixed, outputs, residuals, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi)
+    residual = target - columns @ c
+    chi = float(lift.product(residual, residual))
+    return Trial(fixed, output, residual, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi)
+
+
+def with_slopes(problem: Problem, z: Array, index: int, known: Array = NO_PATH) -> tuple[ChainOutput, Array]:
+    """Return a recording's chain with its derivative, and weighted columns by its parameters in units of the steps.
+
+    The last of the columns (BINS, m + 1) is zero; ``known`` is the path of an output at the same z.
+    """
+    item, (own, chain) = problem.data[index], problem.places[index]
+    values, coefficients = problem.values(z, index)
+    output = evaluate(item.chain, values, coefficients, True, known)
+    columns = np.empty((BINS, own.size + 1))
+    scaled_columns(output.derivative, output.linear, chain, item.weight, problem.steps[own], columns)
+    return output, columns
 
 
 def normal_equations(
-    problem: Problem, trial: Trial, lifts: tuple[LiftModes, ...], smooth: Callable[[Array], Array] | None = None
-) -> tuple[Array, Array, tuple[ChainOutput, ...]]:
-    """Return Gauss-Newton matrix and descent vector (J^T r) without priors in units of the steps, and the outputs."""
-    k = problem.size
-    matrix, vector = np.zeros((k, k)), np.zeros(k)
-    outputs = []
-    for index, item in enumerate(problem.data):
-        values, coefficients = problem.values(trial.z, index)
-        known = trial.outputs[index].path if trial.outputs else NO_PATH
-        output = evaluate(item.chain, values, coefficients, True, known)
-        own, chain = problem.places[index]
-        both = np.empty((BINS, own.size + 1))
-        scaled_columns(output.derivative, output.linear, chain, item.weight, problem.steps[own], both)
-        if smooth is not None:
-            both = smooth(both)
-        both[:, -1] = trial.residuals[index]
-        product = lifts[index].gram(both)
-        matrix[own[:, None], own] += product[:-1, :-1]
-        vector[own] += product[:-1, -1]
-        outputs.append(output)
-    return matrix, vector, tuple(outputs)
+    problem: Problem, z: Array, residual: Array, lift: LiftModes, smooth: Callable[[Array], Array] | None = None,
+    known: Array = NO_PATH,
+) -> tuple[Array, Array, ChainOutput]:  # fmt: skip
+    """Return Gauss-Newton matrix and descent vector (J^T r) without priors in units of the steps, and the output."""
+    output, both = with_slopes(problem, z, 0, known)
+    if smooth is not None:
+        both = smooth(both)
+    both[:, -1] = residual
+    product = lift.gram(both)
+    return product[:-1, :-1], product[:-1, -1], output
 
 
 @dataclass(frozen=True)
 class Point:
-    """Normal equations at a trial in units of the steps: with and without the priors, descent vector, outputs."""
+    """Normal equations at a trial in units of the steps: with and without the priors, descent vector, output."""
 
     matrix: Array
     data_matrix: Array
     vector: Array
-    outputs: tuple[ChainOutput, ...]
+    output: ChainOutput
 
 
 def solve(
     problem: Problem,
     start: Array | None = None,
     effort: Effort = WHOLE,
-    lifts: tuple[LiftModes, ...] | None = None,
+    lift: LiftModes | None = None,
     smoothing: float = 0.0,
 ) -> Solution:
-    """Return a minimum of chi-square.
+    """Return a minimum of chi-square of one recording.
 
     Parameters
     ----------
     start : (k,) where to start, None for the starts of the rows
     effort : how far the descent is followed
-    lifts : lift correction of each recording, None to take it from the start
+    lift : lift correction, None to take it from the start
     smoothing : standard deviation of the residual's smoothing [rad]
 
     Raises
@@ -275,41 +291,43 @@ def solve(
     FloatingPointError : a tangent has run away
     """
     z = np.clip(problem.start if start is None else start, *problem.bounds)
-    outputs = outputs_at(problem, z)
-    modes = lifts_at(problem, z, known=outputs) if lifts is None else lifts
-    descent, first = _descent(problem, modes, smoothing), try_at(problem, z, modes, smoother(smoothing), outputs)
+    output = output_at(problem, z)
+    modes = lift_at(problem, z, known=output) if lift is None else lift
+    descent, first = _descent(problem, modes, smoothing), try_at(problem, z, modes, smoother(smoothing), output)
     ended = minimise(descent, first, effort)
     trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
     outer = np.outer(problem.steps, problem.steps)
     return Solution(
-        trial.z, trial.chi_square, trial.data_chi_square, point.matrix / outer, point.data_matrix / outer,
-        point.vector / problem.steps, point.outputs, trial.residuals, modes, *ended.cost,
+        trial.z, trial.chi_square, trial.data_chi_square, point.vector / problem.steps, *ended.cost,
+        point.matrix / outer, point.data_matrix / outer, point.output, trial.residual, modes,
     )  # fmt: skip
 
 
-def approach(problem: Problem, start: Trial, iterations: int, lifts: tuple[LiftModes, ...], smoothing: float) -> Trial:
+def approach(problem: Problem, start: Trial, iterations: int, lift: LiftModes, smoothing: float) -> Trial:
     """Return where some iterations towards a minimum lead: what a search needs of it.
 
-    ``start`` is of the same recordings, which may have had other weights; the other parameters are those of `solve`.
+    ``start`` is of the same recording, which may have had other weights; the other parameters are those of `solve`.
     """
-    first = try_at(problem, start.z, lifts, smoother(smoothing), start.outputs)
-    return minimise(_descent(problem, lifts, smoothing), first, Effort(iterations, SEARCH_GAIN)).trial
+    first = try_at(problem, start.z, lift, smoother(smoothing), start.output)
+    return minimise(_descent(problem, lift, smoothing), first, Effort(iterations, SEARCH_GAIN)).trial
 
 
-def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -> Descent[Trial, Point]:
+def _descent(problem: Problem, lift: LiftModes, smoothing: float) -> Descent[Trial, Point]:
     bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
     smooth = smoother(smoothing)
     inverse = (steps / stds) ** 2
 
     def linearise(trial: Trial) -> Point:
-        data_matrix, vector, outputs = normal_equations(problem, trial, modes, smooth)
+        data_matrix, vector, output = normal_equations(
+            problem, trial.z, trial.residual, lift, smooth, trial.output.path
+        )
         if not np.max(np.abs(data_matrix)) < LARGEST_INFORMATION:
             raise FloatingPointError("the derivative of the chain is not finite")
         matrix = data_matrix + np.diag(inverse)
-        return Point(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, outputs)
+        return Point(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, output)
 
     return Descent[Trial, Point](
-        try_at=lambda point: try_at(problem, point, modes, smooth),
+        try_at=lambda point: try_at(problem, point, lift, smooth),
         linearise=linearise,
         step=lambda point, at, damping: _step(problem, point, at, damping),
         promise=lambda point, at: promised(point.matrix, point.vector, free_at(at, point.vector, *bounds)),
@@ -317,15 +335,10 @@ def _descent(problem: Problem, modes: tuple[LiftModes, ...], smoothing: float) -
     )
 
 
-def lifts_at(
-    problem: Problem, z: Array, cut: float = LIFT_CUT, known: tuple[ChainOutput, ...] | None = None
-) -> tuple[LiftModes, ...]:
-    """Return the lift correction of every recording for the contact force at z; ``known`` as in `try_at`."""
-    outputs = outputs_at(problem, z) if known is None else known
-    return tuple(
-        lift_modes(item, output, problem.values(z, index)[0], cut=cut)
-        for index, (item, output) in enumerate(zip(problem.data, outputs, strict=True))
-    )
+def lift_at(problem: Problem, z: Array, cut: float = LIFT_CUT, known: ChainOutput | None = None) -> LiftModes:
+    """Return the lift correction of a recording for the contact force at z; ``known`` as in `try_at`."""
+    output = output_at(problem, z) if known is None else known
+    return lift_modes(problem.data[0], output, problem.values(z, 0)[0], cut=cut)
 
 
 def _step(problem: Problem, point: Point, z: Array, damping: float) -> tuple[Array, float]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from camtorque.fit.prepare import INDEPENDENT, on_grid
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
-from camtorque.fit.solver import LiftModes, Trial, approach, lifts_at, no_lift, outputs_at, smoother, try_at
+from camtorque.fit.solver import LiftModes, Trial, approach, lift_at, no_lift, output_at, smoother, try_at
 from camtorque.laws.chain import evaluate, with_substeps
 from camtorque.laws.chamber import integrate
 from camtorque.process.second_process import in_two
@@ -55,7 +55,7 @@ class Start:
     """A recording whose rows start where a short fit ended, its lift correction and chi-square there."""
 
     data: FitData
-    lifts: tuple[LiftModes, ...]
+    lift: LiftModes
     chi_square: float
 
 
@@ -78,17 +78,10 @@ def ends_at(item: FitData, shares: tuple[float, ...]) -> list[dict[str, float]]:
     return [{name: float(place)} for place in places]
 
 
-def chi_square_at_start(
-    item: FitData, lifts: tuple[LiftModes, ...] | None, held: Mapping[str, float] | None = None
-) -> float:
-    """Return the chi-square of a recording where it starts.
-
-    ``lifts`` is its lift correction, None for that of the start; ``held`` as in `build_problem`.
-    """
+def chi_square_at_start(item: FitData, lift: LiftModes, held: Mapping[str, float] | None = None) -> float:
+    """Return the chi-square of a recording where it starts; ``held`` as in `build_problem`."""
     problem = build_problem([item], held)
-    outputs = outputs_at(problem, problem.start)
-    modes = lifts_at(problem, problem.start, known=outputs) if lifts is None else lifts
-    return try_at(problem, problem.start, modes, known=outputs).chi_square
+    return try_at(problem, problem.start, lift).chi_square
 
 
 def candidates(data: FitData, structure: str) -> list[FitData]:
@@ -140,19 +133,19 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
             if parameter.row.name in SET or (core and parameter.row.name not in CORE)}  # fmt: skip
     data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
-    first = outputs_at(problem, problem.start)
-    lifts = (no_lift(),) if smoothing_deg > 2.0 else lifts_at(problem, problem.start, SEARCH_LIFT_CUT, first)
+    first = output_at(problem, problem.start)
+    lift = no_lift() if smoothing_deg > 2.0 else lift_at(problem, problem.start, SEARCH_LIFT_CUT, first)
     width = smoothing_deg * DEGREE
     smooth = smoother(width)
     try:
-        trial = try_at(problem, problem.start, lifts, smooth, first)
+        trial = try_at(problem, problem.start, lift, smooth, first)
         for _ in range(REWEIGHTINGS):
-            near = approach(reweighted(problem, trial), trial, iterations // REWEIGHTINGS, lifts, width)
-            trial = try_at(problem, near.z, lifts, smooth, near.outputs)
+            near = approach(reweighted(problem, trial), trial, iterations // REWEIGHTINGS, lift, width)
+            trial = try_at(problem, near.z, lift, smooth, near.output)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None  # a start so far off that its tangents overflow
     starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, trial.z, strict=True)}
-    return Start(with_starts(data, starts), lifts, trial.chi_square)
+    return Start(with_starts(data, starts), lift, trial.chi_square)
 
 
 def reweighted(problem: Problem, trial: Trial) -> Problem:

@@ -72,7 +72,7 @@ def structure_spread(candidates: Sequence[Candidate], probabilities: tuple[float
             continue
         values = dict(zip(item.problem.names, item.solution.z.tolist(), strict=True))
         delta = np.array([values.get(name, z) - z for name, z in zip(names, best.solution.z, strict=True)])
-        moved = item.solution.outputs[0].pressure - best.solution.outputs[0].pressure
+        moved = item.solution.output.pressure - best.solution.output.pressure
         shifts.append(np.sqrt(probability) * delta)
         pressures.append(np.sqrt(probability) * moved)
     return np.array(shifts), np.array(pressures)
@@ -88,7 +88,7 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
         return LossEvidence("chamber", np.nan, "cannot tell", False, np.nan, (np.nan, np.nan), "N m", "not compared")
     factor = (line.value - chamber.value) / inflation - np.log(INDEPENDENT) * 4.0
     weight = line.data.weight
-    size = float(np.sqrt(np.mean(((line.solution.residuals[0] - chamber.solution.residuals[0]) / weight) ** 2)))
+    size = float(np.sqrt(np.mean(((line.solution.residual - chamber.solution.residual) / weight) ** 2)))
     trusted = size > DISCREPANCY * np.max(np.abs(line.data.torque))
     # both sides are fitted: absence does not rest on widths of priors as that of a loss does, and needs no more
     verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < -NEEDED else "cannot tell"

@@ -147,18 +147,18 @@ def scanned(best: Start, swings: Iterable[Mapping[str, float]], place: str) -> l
     problem = build_problem([best.data])
     output = evaluate(best.data.chain, problem.values(problem.start, 0)[0])
     kept: list[Mapping[str, float]] = []
-    for swing in sorted(swings, key=lambda swing: _behind(problem, best.lifts, output, swing)):
+    for swing in sorted(swings, key=lambda swing: _behind(problem, best.lift, output, swing)):
         ratios = [swing[place] / other[place] for other in kept]
         if len(kept) < SCANNED_KEPT and all(max(ratio, 1.0 / ratio) > APART for ratio in ratios):
             kept.append(swing)
     return [with_starts(best.data, swing) for swing in kept]
 
 
-def _behind(problem: Problem, lifts: tuple[LiftModes, ...], output: ChainOutput, swing: Mapping[str, float]) -> float:
+def _behind(problem: Problem, lift: LiftModes, output: ChainOutput, swing: Mapping[str, float]) -> float:
     """Return chi-square with another driveline behind what the start does on the cam."""
     z = problem.start
     for name, value in swing.items():
         z[problem.index(name)] = value
     z = np.clip(z, *problem.bounds)
     behind = with_transfer(problem.data[0].chain, output, problem.values(z, 0)[0])
-    return try_at(problem, z, lifts, known=(behind,)).chi_square
+    return try_at(problem, z, lift, known=behind).chi_square

@@ -77,10 +77,8 @@ def covariance(problem: Problem, solution: Solution) -> Covariance:
     """Return the covariance at a minimum; a parameter at its bound keeps the width that it has without it."""
     before = prior_std(problem)
     matrix = inverse(solution.data_hessian + np.diag(1.0 / before**2))
-    lift_share = sum(float(np.sum(lift.shrink)) for lift in solution.lifts)
-    taken = float(np.sum(matrix * solution.data_hessian)) + lift_share
-    total = INDEPENDENT * len(problem.data)
-    freedom = max(total - taken, LEAST_FREEDOM * len(problem.data))
+    taken = float(np.sum(matrix * solution.data_hessian)) + float(np.sum(solution.lift.shrink))
+    freedom = max(INDEPENDENT - taken, LEAST_FREEDOM)
     return _scaled(solution, before, max(1.0, solution.data_chi_square / freedom), freedom)
 
 

@@ -126,7 +126,7 @@ def _stepped(best: Candidate, halves: Halves, step: float) -> Iterator[Point]:
         if not row.lower <= angle <= row.upper:
             return
         there = with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}})
-        end = halves.minimum(at_minimum, there, A_STEP, best.solution.lifts)
+        end = halves.minimum(at_minimum, there, A_STEP, best.solution.lift)
         if end is None:
             return
         item = end.data
